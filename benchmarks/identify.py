@@ -5,7 +5,7 @@ log of each, fits everything that the ensemble draws and a log can tell, and loo
 of the file, and those that are there already are not done again. ``--write FILE`` puts the table between the file's two
 marks.
 
-A number that its log cannot tell is one that an oracle, a filter at the true values, could not tell either.
+A parameter that its log does not determine is one that an oracle, a filter at the true values, does not determine, too.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
 
 
 def invisible(log: Log, truth: Experiment, unknowns: tuple[UnknownParameter, ...]) -> set[str]:
-    """What a log cannot tell, by the information at the true values."""
+    """What a log does not determine, by the information at the true values."""
     fitting = PredictionErrorMethod(sections_of([log], truth), truth, unknowns)
     values = leaves(truth)
     information = fitting.information(np.array([float(values[unknown.key]) for unknown in unknowns]))
@@ -94,7 +94,7 @@ def table(records: list[dict[str, Any]]) -> str:
         named += sum(number["unseen"] and number["named"] for number in each)
         told = [number for number in each if not number["unseen"]]
         if not told:
-            rows.append([f"`{key}`", "0", "", "", "", "never told"])
+            rows.append([f"`{key}`", "0", "", "", "", "determined by no log"])
             continue
         inside = sum(abs(number["off"]) < Z for number in told)
         between = binomtest(inside, len(told)).proportion_ci(SHARE, "exact")
@@ -103,12 +103,19 @@ def table(records: list[dict[str, Any]]) -> str:
             f"`{key}`", f"{len(told)}", f"{inside / len(told):.1%}", f"{between.low:.1%} to {between.high:.1%}",
             f"{spread:.2f}", "",
         ])  # fmt: skip
-    headings = ["number", "logs that tell it", "within 95 %", "of which, with 95 %", "error over deviation (RMS)", ""]
+    headings = [
+        "parameter",
+        "logs that determine it",
+        "coverage of 95 % intervals",
+        "its 95 % interval",
+        "RMS error / std. deviation",
+        "",
+    ]
     seconds = float(np.median([record["seconds"] for record in fitted])) if fitted else float("nan")
     refused, settled = len(records) - len(fitted), sum(record["converged"] for record in fitted)
     notes = (
-        f"{len(records)} logs of {DURATION:g} s, {refused} refused, {settled} fits at rest, {seconds:.3g} s a log "
-        f"(median). Numbers that their log cannot tell: {unseen}, of which named: {named}."
+        f"{len(records)} logs of {DURATION:g} s, {refused} refused, {settled} converged, {seconds:.3g} s a log "
+        f"(median). Parameters that their log does not determine: {unseen}, of which named: {named}."
     )
     return f"{markdown(headings, rows)}\n\n*{notes}*"
 

@@ -139,7 +139,7 @@ def table(folder: Path) -> str:
     names = [
         "moved mass (kg)", "by the authors' method (kg)", "motor's lag (ms)",
         *(f"friction at {speed:g} m/s, found / by the authors' method (N)" for speed in SPEEDS),
-        "torque that nobody recorded", "fit at rest",
+        "unrecorded torque, over the recorded one", "converged",
     ]  # fmt: skip
     return markdown(HEADINGS, list(zip(names, *columns, strict=True)))
 

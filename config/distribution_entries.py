@@ -40,20 +40,17 @@ def is_entry(value: Any) -> bool:
 
 
 def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
-    """How a value is drawn, from its entry in a file.
-
-    Args:
-        key: what is drawn.
-        entry: the content of the entry, e.g. ``{"uniform": [0.9, 1.1], "of": "nominal"}``.
-        experiment: the nominal values.
+    """How a key is drawn, from its entry in a file, e.g. ``{"uniform": [0.9, 1.1], "of": "nominal"}``.
 
     Raises:
         ConfigurationError: the key names nothing or cannot be drawn, or the entry is no distribution of its values.
     """
     leaf = leaf_of(key, experiment)
     _check_leaf(leaf, experiment)
-    _check_words(key, entry)
-    distribution = _of_kind(key, entry) if "kind" in entry else _in_short(key, entry)
+    try:
+        distribution = _distribution(entry)
+    except (ConfigurationError, ValueError) as error:  # either by a distribution of a user's own
+        raise ConfigurationError(f"{key}: {error}") from error
     if isinstance(distribution, Choice):
         distribution = _checked(leaf, distribution, relative="of" in entry)
     drawn = Drawn(distribution, relative="of" in entry, together=entry.get("together"))
@@ -77,45 +74,35 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
         raise ConfigurationError(f"{leaf.key}: cannot be drawn, no part of this experiment has such a number")
 
 
-def _check_words(key: str, entry: Any) -> None:
+def _distribution(entry: Any) -> Distribution:
+    """A distribution from the content of its entry."""
     if not isinstance(entry, dict) or sum(shape in entry for shape in (*SHAPES, "kind")) != 1:
-        raise ConfigurationError(f'{key}: must be one distribution, e.g. {{ uniform = [0.9, 1.1], of = "nominal" }}')
-    allowed = (*_names(key, entry["kind"]), *OPTIONS) if "kind" in entry else (*SHAPES, "within", *OPTIONS)
+        raise ConfigurationError('must be one distribution, e.g. { uniform = [0.9, 1.1], of = "nominal" }')
+    part: Any = DISTRIBUTIONS.find(entry["kind"]) if "kind" in entry else None
+    allowed = (*(tuple(field.name for field in fields(part)) if part else (*SHAPES, "within")), *OPTIONS)
     for word in entry:
         if word not in (*allowed, "kind"):
-            raise ConfigurationError(f"{key}: {unknown('word', word, allowed)}")
+            raise ConfigurationError(unknown("word", word, allowed))
     if "of" in entry and entry["of"] != "nominal":
-        raise ConfigurationError(f'{key}: of = {entry["of"]!r}: must be "nominal"')
+        raise ConfigurationError(f'of = {entry["of"]!r}: must be "nominal"')
     if not isinstance(entry.get("together", ""), str):
-        raise ConfigurationError(f"{key}: together = {entry['together']!r}: must be a text, the name of a group")
+        raise ConfigurationError(f"together = {entry['together']!r}: must be a text, the name of a group")
+    return _of_kind(part, entry) if part else _in_short(entry)
 
 
-def _names(key: str, kind: Any) -> tuple[str, ...]:
-    """Names of the numbers of a kind of distribution."""
-    try:
-        return tuple(field.name for field in fields(DISTRIBUTIONS.find(kind)))  # pyright: ignore[reportArgumentType]
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{key}: {error}") from error
-
-
-def _of_kind(key: str, entry: Mapping[str, Any]) -> Distribution:
-    """A distribution from its kind and its numbers."""
-    part = DISTRIBUTIONS.find(entry["kind"])
-    hints = get_type_hints(part, include_extras=True)
-    given: dict[str, Any] = {}
-    for field in fields(part):  # pyright: ignore[reportArgumentType]
+def _of_kind(part: Any, entry: Mapping[str, Any]) -> Distribution:
+    """A distribution from its numbers."""
+    hints, given = get_type_hints(part, include_extras=True), {}
+    for field in fields(part):
         if field.name in entry:
-            given[field.name] = _number(f"{key}: {field.name}", hints[field.name], entry[field.name])
+            given[field.name] = _number(field.name, hints[field.name], entry[field.name])
         elif field.default is MISSING and field.default_factory is MISSING:
-            raise ConfigurationError(f"{key}: kind = \"{part.kind}\": must have '{field.name}' beside it")
-    try:
-        made = part(**given)
-    except (ConfigurationError, ValueError) as error:  # what a distribution of a user's own says of its numbers
-        raise ConfigurationError(f"{key}: {error}") from error
+            raise ConfigurationError(f"kind = \"{part.kind}\": must have '{field.name}' beside it")
+    made = part(**given)
     for rule in getattr(made, "rules", ()):
         if not rule.holds(made):
             name = rule.fields[0]
-            raise ConfigurationError(f"{key}: {name} = {getattr(made, name):g}: {rule.wanted(made, '')}")
+            raise ConfigurationError(f"{name} = {getattr(made, name):g}: {rule.wanted(made, '')}")
     return made
 
 
@@ -135,38 +122,38 @@ def _checked(leaf: Leaf, choice: Choice, *, relative: bool) -> Choice:
     return choice if relative else Choice(tuple(validated(leaf, value) for value in choice.values))
 
 
-def _in_short(key: str, entry: Mapping[str, Any]) -> Distribution:
+def _in_short(entry: Mapping[str, Any]) -> Distribution:
     """A built-in distribution from its short form."""
     if "within" in entry and "normal" not in entry:
-        raise ConfigurationError(f"{key}: within: must stand beside normal only")
+        raise ConfigurationError("within: must stand beside normal only")
     if "choice" in entry:
         values = entry["choice"]
         return Choice(tuple(values) if isinstance(values, list) else values)
     if "uniform" in entry:
-        return Uniform(*_bounds(key, "uniform", entry["uniform"]))
-    mean, sigma = _pair(key, "normal", entry["normal"])
+        return Uniform(*_bounds("uniform", entry["uniform"]))
+    mean, sigma = _pair("normal", entry["normal"])
     if not sigma > 0:
-        raise ConfigurationError(f"{key}: normal = [{mean:g}, {sigma:g}]: the standard deviation must be > 0")
+        raise ConfigurationError(f"normal = [{mean:g}, {sigma:g}]: the standard deviation must be > 0")
     if "within" not in entry:
         around = f"[{mean - 2 * sigma:g}, {mean + 2 * sigma:g}]"
-        raise ConfigurationError(f"{key}: normal: must have bounds beside it, e.g. within = {around}")
-    low, high = _bounds(key, "within", entry["within"])
+        raise ConfigurationError(f"normal: must have bounds beside it, e.g. within = {around}")
+    low, high = _bounds("within", entry["within"])
     if not low <= mean <= high:
-        raise ConfigurationError(f"{key}: within = [{low:g}, {high:g}]: must hold the mean {mean:g}")
+        raise ConfigurationError(f"within = [{low:g}, {high:g}]: must hold the mean {mean:g}")
     return Normal(mean, sigma, low, high)
 
 
-def _pair(key: str, word: str, value: Any) -> tuple[float, float]:
+def _pair(word: str, value: Any) -> tuple[float, float]:
     ends = numbers_of(value) if isinstance(value, list) else ()
     if len(ends) != 2 or not all(type(end) is float and math.isfinite(end) for end in ends):
-        raise ConfigurationError(f"{key}: {word} = {shown(value)}: must be two finite numbers, [a, b]")
+        raise ConfigurationError(f"{word} = {shown(value)}: must be two finite numbers, [a, b]")
     return ends
 
 
-def _bounds(key: str, word: str, value: Any) -> tuple[float, float]:
-    low, high = _pair(key, word, value)
+def _bounds(word: str, value: Any) -> tuple[float, float]:
+    low, high = _pair(word, value)
     if not low < high:
-        raise ConfigurationError(f"{key}: {word} = [{low:g}, {high:g}]: the first bound must be < the second")
+        raise ConfigurationError(f"{word} = [{low:g}, {high:g}]: the first bound must be < the second")
     return low, high
 
 

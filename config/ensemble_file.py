@@ -25,10 +25,7 @@ def built_in_ensembles() -> dict[str, Path]:
 
 
 def find_ensemble(name: str | PathLike[str]) -> Path:
-    """The file of an ensemble.
-
-    Args:
-        name: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
+    """The file of an ensemble: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
 
     Raises:
         ConfigurationError: it is neither.
@@ -59,12 +56,7 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
 
 
 def loads_ensemble(text: str, base: Experiment | None = None, name: str = "ensemble") -> Ensemble:
-    """An ensemble from a TOML text.
-
-    Args:
-        text: as in a file.
-        base: what the experiment's keys are set on (default: ``Experiment()``).
-        name: where the text comes from, for messages; the name of an ensemble that has none.
+    """An ensemble from a TOML text, as `load_ensemble` reads one from a file; messages, and it itself, have its name.
 
     Raises:
         ConfigurationError: it is no TOML, a key names nothing, a value or a distribution is out of range.

@@ -6,7 +6,6 @@ from os import PathLike
 from typing import Any
 
 from dualwinch.codegen.text import one_line
-from dualwinch.config.metric_entries import with_metric_kinds
 from dualwinch.config.plugins import load_entry_points
 from dualwinch.config.toml_text import Source, flattened, parse_assignment, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
@@ -16,6 +15,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.settings import describe_choices, from_folder, override, with_settings, without_digests
 
@@ -41,12 +41,7 @@ def load(
 
 
 def loads(text: str, base: Experiment | None = None, name: str = "configuration") -> Experiment:
-    """An experiment from a TOML text.
-
-    Args:
-        text: as in a file.
-        base: what the keys are set on (default: ``Experiment()``).
-        name: where the text comes from, for messages.
+    """An experiment from a TOML text, as `load` reads one from a file; messages call it by a name.
 
     Raises:
         ConfigurationError: it is no TOML, or holds an unknown key or a value out of range.
@@ -61,13 +56,7 @@ def experiment_from(
     controller: str | None = None,
     assignments: Sequence[str] | None = None,
 ) -> Experiment:
-    """The experiment that words of a command line describe.
-
-    Args:
-        case: case 1 to 4 of the paper.
-        config: a TOML file instead; neither: the defaults of every key.
-        controller: kind of the position law.
-        assignments: such as ``plant.vehicle.mass=12000``.
+    """The experiment of options: a case of the paper or a TOML file, else the defaults, with some values set on top.
 
     Raises:
         ConfigurationError: both a case and a file, or anything wrong with a key or value.
@@ -91,6 +80,49 @@ def from_table(
     with_settings(base, values, source.located)  # what is wrong with the file is said of the file
     experiment, _ = with_settings(base, without_digests(values) | settings)
     return override(experiment, settings)
+
+
+def with_metric_kinds(table: Mapping[str, Any], known: tuple[Metric, ...] = ()) -> Mapping[str, Any]:
+    """The table of a file whose key ``metrics`` is a list of kinds, with the numbers of each below its name.
+
+    In a file it is a kind, a list of kinds and of tables with a kind and numbers, or a table of tables, such as
+    ``[metrics.overshoot]``. Known metrics need not be registered.
+    """
+    if "metrics" not in table:
+        return table
+    kinds = {kind.replace("-", "_"): kind for kind in (*METRICS, *(metric.kind for metric in known))}
+    given: dict[str, Any] = {}
+    for name, numbers in _metric_entries(table["metrics"]):
+        part = name.replace("-", "_")
+        if part not in kinds:
+            METRICS.find(name)
+        if part in given:
+            raise ConfigurationError(f"metrics: '{name}' is given twice")
+        given[part] = numbers
+    rest = {key: value for key, value in table.items() if key != "metrics"}
+    return rest | {"metrics": [kinds[part] for part in given]} | {f"metrics.{part}": given[part] for part in given}
+
+
+def _metric_entries(metrics: Any) -> list[tuple[str, Mapping[str, Any]]]:
+    """Name and numbers of each."""
+    if isinstance(metrics, Mapping):
+        for name, numbers in metrics.items():
+            if not isinstance(numbers, Mapping):
+                raise ConfigurationError(f"metrics.{name} = {toml_value(numbers)}: must be a table, [metrics.{name}]")
+        return list(metrics.items())
+    wanted = 'must be a list such as ["overshoot"], or tables such as [metrics.overshoot]'
+    if isinstance(metrics, str):
+        metrics = [metrics]
+    if not isinstance(metrics, list):
+        raise ConfigurationError(f"metrics = {toml_value(metrics)}: {wanted}")
+    found: list[tuple[str, Mapping[str, Any]]] = []
+    for item in metrics:
+        kind = item.get("kind") if isinstance(item, Mapping) else item
+        if not isinstance(kind, str):
+            raise ConfigurationError(f"metrics: {item!r}: {wanted}")
+        numbers = item if isinstance(item, Mapping) else {}
+        found.append((kind, {key: value for key, value in numbers.items() if key != "kind"}))
+    return found
 
 
 WIDEST = 60

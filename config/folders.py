@@ -24,11 +24,7 @@ def check_folder(folder: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, with those above it, and check that files can be written to it.
-
-    Raises:
-        ConfigurationError: it cannot be made or written to.
-    """
+    """Make a folder, with those above it, and `check_folder`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -38,11 +34,7 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty.
-
-    Raises:
-        ConfigurationError: it cannot be made or written to.
-    """
+    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         make_folder(folder)

@@ -126,7 +126,7 @@ def _from_name(name: str) -> ModuleType:
 
 
 class _Source(InspectLoader):
-    """A loader that keeps the text it has read: what was imported can still be told when the file has changed."""
+    """A loader that keeps the text it has read: what was imported stays known when the file has changed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -194,8 +194,8 @@ def load_entry_points() -> None:
             text = " ".join(str(error).split())
             reason = text if isinstance(error, ConfigurationError) else f"{type(error).__name__}: {text}"
             owner = entry.dist.name if entry.dist else "a package without a name"
-            told = f"{owner}: its part '{entry.name}' ({GROUP}, {entry.value}) is left out: {reason}"
-            warnings.warn(told, EntryPointWarning, stacklevel=2)
+            words = f"{owner}: its part '{entry.name}' ({GROUP}, {entry.value}) is left out: {reason}"
+            warnings.warn(words, EntryPointWarning, stacklevel=2)
 
 
 def _load(entry: EntryPoint) -> None:

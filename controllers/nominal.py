@@ -39,14 +39,8 @@ def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> P
         plant: gives the rest.
         preload: sum of both tensions in N.
     """
-    plant = specified_plant(plant)
-    vehicle = plant.vehicle
-    if nominal.mass is not None:
-        vehicle = replace(vehicle, mass=nominal.mass, added_mass=0.0)
-    if nominal.drag_coefficient is not None:
-        vehicle = replace(vehicle, drag_coefficient=nominal.drag_coefficient)
-    if nominal.friction_coefficient is not None:
-        vehicle = replace(vehicle, friction_coefficient=nominal.friction_coefficient)
+    plant, believed = specified_plant(plant), {key: value for key, value in vars(nominal).items() if value is not None}
+    vehicle = replace(plant.vehicle, **believed | ({"added_mass": 0.0} if "mass" in believed else {}))
     length = plant.track.length / 2 + plant.track.rope_offset
     rope_1, rope_2 = (tangent_rope(rope, preload / 2, length) for rope in (plant.rope_1, plant.rope_2))
     return replace(plant, vehicle=vehicle, rope_1=rope_1, rope_2=rope_2)

@@ -74,15 +74,8 @@ def check_fit(
 ) -> tuple[str, ...]:
     """Refuse a fit whose unrecorded disturbances or noise are implausibly large.
 
-    Args:
-        estimate: of the logs.
-        sections: of the logs.
-        experiment: gives the winches.
-        options: thresholds.
-        unrecorded: threshold in the place of ``options.plausibility.unrecorded``.
-
     Returns:
-        Notes on disturbances above the threshold of the options but below `unrecorded`.
+        Notes on disturbances above ``options.plausibility.unrecorded`` but below `unrecorded`, if that is given.
 
     Raises:
         ConfigurationError: unrecorded torques or forces as large as recorded ones, or noise of a sensor that is far
@@ -156,8 +149,8 @@ class WhitenessTest:
         if self.white:
             return "white"
         if abs(self.torque_correlation) > abs(self.correlation):
-            return f"follows torques: {self.torque_correlation:+.2f} after {self.torque_lag} samples"
-        return f"correlated: {self.correlation:+.2f} after {self.lag} samples"
+            return f"correlated with torque steps: {self.torque_correlation:+.2f} at lag {self.torque_lag}"
+        return f"autocorrelated: {self.correlation:+.2f} at lag {self.lag}"
 
 
 def whiteness_tests(
@@ -165,10 +158,7 @@ def whiteness_tests(
 ) -> tuple[WhitenessTest, ...]:
     """Test the whitened innovations of every sensor against its past and that of the torques.
 
-    Args:
-        innovations: of each section, (samples, readings), whitened; NaN where nothing was read.
-        torques: of each section, (samples, 2).
-        options: lags and confidence.
+    Innovations are (samples, readings) of each section, NaN where nothing was read; torques (samples, 2).
     """
     found, lags = [], options.lags
     for column, name in enumerate(READINGS):
@@ -216,18 +206,14 @@ def rms_innovations(
     """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in windows of time."""
     every = np.concatenate(innovations)
     count = max(1, min(options.windows, len(every) // options.window_samples))
-    windows = np.array_split(np.arange(len(every)), count)
-    times = np.array([step * window.mean() for window in windows])
-    found = {}
-    for column, name in enumerate(READINGS):
-        values = every[:, column]
-        if np.isfinite(values).any():
-            squares = [
-                float(np.mean(kept**2)) if len(kept := part[np.isfinite(part)]) else np.nan
-                for part in (values[window] for window in windows)
-            ]
-            found[name] = np.array([times, np.sqrt(squares)])
-    return found
+    starts = np.array([window[0] for window in np.array_split(np.arange(len(every)), count)])
+    lengths = np.diff(starts, append=len(every))
+    times = step * (starts + (lengths - 1) / 2)
+    numbers = np.add.reduceat(np.isfinite(every), starts, dtype=float)
+    with np.errstate(invalid="ignore"):  # no reading in a window
+        sizes = np.sqrt(np.add.reduceat(np.nan_to_num(every) ** 2, starts) / numbers)
+    pairs = zip(READINGS, sizes.T, strict=True)
+    return {name: np.array([times, size]) for name, size in pairs if np.isfinite(size).any()}
 
 
 @dataclass(frozen=True)
@@ -247,7 +233,7 @@ class UnidentifiableDirection:
         """The direction in a sentence."""
         first, *others = self.keys
         if not others:
-            return f"{first}: these logs have next to no information on it"
+            return f"{first}: the logs contain next to no information on it"
         return f"{first}: identifiable only together with {' and '.join(others)}"
 
 
@@ -256,13 +242,7 @@ def unidentifiable_directions(
     unknowns: Sequence[UnknownParameter],
     options: DiagnosticsOptions = DEFAULTS.diagnostics,
 ) -> tuple[UnidentifiableDirection, ...]:
-    """Eigenvectors of the information matrix of which the logs know less than the priors, the worst first.
-
-    Args:
-        information: (p, p) of the logs alone.
-        unknowns: p.
-        options: thresholds.
-    """
+    """Eigenvectors of the (p, p) information of the logs of which these know less than the priors, the worst first."""
     by = np.array([each.uncertainty for each in unknowns])
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(by, by))
     found = []
@@ -324,21 +304,12 @@ class LikelihoodProfile:
 
 
 def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimate, key: str) -> LikelihoodProfile:
-    """The profile likelihood of a parameter, with R and Q as they are at the best.
-
-    Args:
-        method: of the logs.
-        estimate: the best.
-        key: of the parameter.
-    """
+    """The profile likelihood of a parameter around the best estimate, with R and Q as they are there."""
     options, unknowns = method.options.diagnostics, method.unknowns
     index = next(number for number, unknown in enumerate(unknowns) if unknown.key == key)
     covariance = covariance_of(estimate.information, unknowns)
-    unknown, deviation, coordinates = (
-        unknowns[index],
-        np.sqrt(covariance[index, index]),
-        method.coordinates(itself=index),
-    )
+    unknown, deviation = unknowns[index], np.sqrt(covariance[index, index])
+    coordinates = method.coordinates(itself=index)
 
     def maximised(at: Floats, fixed: int | None) -> tuple[Floats, float]:
         """Coordinates of the largest likelihood, and the deviance there; one coordinate may be fixed."""

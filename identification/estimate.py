@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.identification.filter import LogFilters, all_completed
 from dualwinch.identification.likelihood import Likelihood
-from dualwinch.identification.noise import NoiseEstimator, initial_noise
+from dualwinch.identification.noise import NoiseEstimator, initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
     NoiseCovariances,
+    described_disturbances,
     parameter_names,
     predicted_system,
     predictor_structure,
@@ -101,7 +102,8 @@ class PredictionErrorMethod:
     def initial_noise(self) -> NoiseCovariances:
         """R and Q to begin with."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
-        return initial_noise(readings, self._experiment, self.options.noise)
+        variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
+        return NoiseCovariances(variances, described_disturbances(self._experiment, self.options.noise))
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
@@ -253,13 +255,7 @@ class LocalOptimum:
 def multistart(
     method: PredictionErrorMethod, starts: int, seed: int, progress: Callable[[float], None]
 ) -> list[ParameterEstimate]:
-    """Estimates from several starts, the likeliest first.
-
-    Args:
-        method: of the logs.
-        starts: number of searches; the first begins at the start of the unknowns.
-        seed: of the other starts.
-        progress: called now and then with the share that is done.
+    """Estimates from several starts (`starts_of`), the likeliest first.
 
     Raises:
         ConfigurationError: the filter diverges at the first start.
@@ -293,12 +289,9 @@ def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> li
 def distinct_optima(
     estimates: Sequence[ParameterEstimate], covariance: Floats, distance: float
 ) -> tuple[LocalOptimum, ...]:
-    """The distinct optima of some estimates, the best first.
+    """The distinct optima of some estimates, the likeliest of which comes first and has the given (p, p) covariance.
 
-    Args:
-        estimates: the likeliest first.
-        covariance: (p, p) of the first.
-        distance: in standard deviations of the parameter furthest apart, from which on two optima are distinct.
+    Two are distinct where a parameter is further apart than `distance`, in standard deviations.
     """
     deviations, distinct = np.sqrt(np.diag(covariance)), list[LocalOptimum]()
     for estimate in estimates:

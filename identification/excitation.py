@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.reference import Reference, cruise_speed, own_duration
-from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.batch.threads import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
@@ -48,22 +48,10 @@ Criterion = Literal["D", "A"]
 
 
 @dataclass(frozen=True)
-class MotionLimits:
-    """Limits of a run.
-
-    Attributes:
-        farthest: position in m.
-        speed: in m/s.
-        acceleration: in m/s².
-        jerk: in m/s³.
-        tension: largest tension of a rope in N.
-        torque: largest torque of a motor in N m; infinite: any.
-    """
+class MotionLimits(MoveLimits):
+    """Limits of a run: of its moves, and farthest position in m, largest tension in N and motor torque in N m."""
 
     farthest: float
-    speed: float
-    acceleration: float
-    jerk: float
     tension: float
     torque: float = math.inf
 
@@ -100,35 +88,25 @@ def motion_limits(
     )
 
 
-def moves_in(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
-    """Number of moves of a motion of some duration in s."""
-    return int(np.clip(duration // options.time_per_move, options.fewest_moves, options.most_moves))
-
-
-def motion_dimensions(moves: int) -> int:
-    """Number of coordinates of a motion."""
-    return 2 + 2 * moves
+def motion_dimensions(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
+    """Number of coordinates of a motion of some duration in s: two, and two of each move."""
+    return 2 + 2 * int(np.clip(duration // options.time_per_move, options.fewest_moves, options.most_moves))
 
 
 def motion_of(
     shares: Floats, limits: MotionLimits, duration: float, options: ExcitationOptions = DEFAULTS.excitation
 ) -> Reference | None:
-    """The motion with some coordinates, in round numbers; None: nothing moves.
+    """The motion of a duration in s with some coordinates, in round numbers; None: nothing moves.
 
-    The duration is divided among the moves. Each goes as far towards its target as there is time, and rests for the
-    remainder: so every motion is over in time, and changes little where its coordinates do.
-
-    Args:
-        shares: (dimensions,) between 0 and 1: speed and acceleration, then of every move its target and its time.
-        limits: of the run.
-        duration: in s.
-        options: of the search.
+    These are (dimensions,) shares between 0 and 1: speed and acceleration, then of every move its target and its time.
+    Each move goes as far towards its target as there is time, and rests for the remainder: so every motion is over in
+    time, and changes little where its coordinates do.
     """
     speed, acceleration = (
-        min(_two_digits(options.slowest ** (1 - share) * largest), largest)
+        min(float(f"{options.slowest ** (1 - share) * largest:.2g}"), largest)
         for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
     )
-    own = MoveLimits(speed, acceleration, _two_digits(limits.jerk))
+    own = MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
     targets, weights = shares[2::2] * limits.farthest, shares[3::2] ** 2 + 1e-6
     points, pauses, position, late = list[float](), list[float](), 0.0, 0.0
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
@@ -172,18 +150,10 @@ def _floor(value: float) -> float:
     return float(np.floor(100 * value) / 100)
 
 
-def _two_digits(value: float) -> float:
-    return float(f"{value:.2g}")
+class ExpectedCovariance(NamedTuple):
+    """The (p, p) covariance to expect of a run's estimates, priors included; None: the run violates a limit.
 
-
-@dataclass(frozen=True, eq=False)
-class ExpectedCovariance:
-    """The covariance to expect of a run's estimates.
-
-    Attributes:
-        covariance: (p, p) of the estimates' errors, priors included; None: the run violates a limit.
-        violation: of the limit that is violated most, as a share of it; 0: none.
-        words: that limit; empty: none.
+    Then there are the limit that is violated most, in words, and by which share of it.
     """
 
     covariance: Floats | None
@@ -203,19 +173,12 @@ def expected_covariance(
     limits: MotionLimits | None,
     options: EstimationOptions = DEFAULTS,
 ) -> ExpectedCovariance:
-    """The covariance of estimates from a run's log, by the information of its simulated log.
-
-    Args:
-        experiment: of `with_motion`.
-        unknowns: the parameters to estimate.
-        limits: of the run; None: any run will do.
-        options: of the estimation.
-    """
+    """The covariance of estimates from a run's log, by the information of its simulated log; without limits, of any."""
     run = simulate(experiment)
-    violation, words = _violation(run, limits, options.excitation) if limits else (0.0, "")
     if run.outcome != "completed":
-        violation, words = 1.0, f"the run {run.outcome.replace('_', ' ')}"
-    if violation:
+        return ExpectedCovariance(None, 1.0, f"the run {run.outcome.replace('_', ' ')}")
+    violation, words = _violation(run, limits, options.excitation) if limits else (0.0, "")
+    if violation > 0:
         return ExpectedCovariance(None, violation, words)
     sections = sections_of([log_of(run)], experiment, options.resampling)
     method = PredictionErrorMethod(sections, experiment, unknowns, options, threads=1)
@@ -226,7 +189,7 @@ def expected_covariance(
 
 
 def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) -> tuple[float, str]:
-    """The limit that a run violates most: the share by which it does, and the limit in words."""
+    """The limit that a run violates most: by which share, not above 0 where it violates none; and it in words."""
     peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
     torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))
     speed, fastest = float(np.abs(run["v"]).max()), (1 + options.overshoot) * limits.speed
@@ -237,8 +200,7 @@ def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) ->
         (speed / fastest - 1, f"a speed of {speed:.3g} m/s: must be <= {fastest:.3g} m/s"),
         (slack - most, f"a rope without tension for {slack:.2%} of the run: must be <= {most:.1%}"),
     ]
-    worst = max(found, key=lambda each: each[0])
-    return worst if worst[0] > 0 else (0.0, "")
+    return max(found, key=lambda each: each[0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -309,7 +271,15 @@ class ExcitationDesign:
                 f"{before / after:.3g}" if known else "",
                 behind_number(unknown.unit).strip(),
             ])  # fmt: skip
-        return ["", "start", "± 1 s.d. so far", "± 1 s.d. now", "", "times smaller", ""], rows
+        return [
+            "parameter",
+            "start",
+            "std. deviation, present motion",
+            "this motion",
+            "relative",
+            "ratio",
+            "unit",
+        ], rows
 
     def to_record(self) -> dict[str, Any]:
         """All results, as JSON takes them; standard deviations in the unit of their parameter."""
@@ -430,26 +400,21 @@ def excite(
     )
     unknowns = unknown_parameters(names, experiment, known, options.search)
     present = expected_covariance(_present_motion(experiment, duration), unknowns, None, options)
-    size = motion_dimensions(moves_in(duration, search))
+    size = motion_dimensions(duration, search)
     strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
     nothing = ExpectedCovariance(None, np.inf, "no time for any motion")
     best: tuple[float, Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
     tried = 0
+
+    def evaluate(point: Floats) -> tuple[float, Reference | None, ExpectedCovariance]:
+        reference, there = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
+        if reference:
+            there = expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
+        return _cost(there, unknowns, criterion, search), reference, there
+
     while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
         points = [strategy.ask() for _ in range(strategy.population_size)]
-        found: list[tuple[float, Reference | None, ExpectedCovariance]] = [best] * len(points)
-
-        def evaluate(index: int, points: list[Floats] = points, found: list = found) -> None:
-            reference = motion_of(points[index], limits, duration, search)
-            there = (
-                expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
-                if reference
-                else replace(nothing, violation=2.0)
-            )
-            found[index] = _cost(there, unknowns, criterion, search), reference, there
-
-        if not run_all([lambda index=index: evaluate(index) for index in range(len(points))], threads):
-            raise KeyboardInterrupt
+        found = map_all(evaluate, points, threads)
         strategy.tell([(point, each[0]) for point, each in zip(points, found, strict=True)])
         best, tried = min([best, *found], key=lambda each: each[0]), tried + len(points)
         spent = 0.0 if seconds is None else (perf_counter() - began) / seconds

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,12 @@ from dualwinch.identification.predictor import (
 )
 from dualwinch.identification.resample import LogSection
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.batch.threads import map_all
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
+
+Found = TypeVar("Found")
 
 
 class LogFilters:
@@ -77,13 +79,13 @@ class LogFilters:
             into: earlier passes over the same sections whose arrays may be overwritten.
             how: `gains`, `rows`, `watched` of `codegen.drivers.prediction.Predictor.filter`.
         """
-        old = dict(zip(map(id, self.sections), into, strict=False))
+        known = [*into, *[None] * (len(self.sections) - len(into))]
 
-        def filtered(section: LogSection) -> FilterPass:
+        def filtered(section: LogSection, into: FilterPass | None) -> FilterPass:
             part = section.upto(samples) if samples else section
-            return self._filtered(experiment, noise, part, robust=robust, into=old.get(id(section)), **how)
+            return self._filtered(experiment, noise, part, robust=robust, into=into, **how)
 
-        return self._each(filtered)
+        return self._each(filtered, known)
 
     def _filtered(
         self, experiment: Experiment, noise: NoiseCovariances, section: LogSection, *, robust: bool = True, **how: Any
@@ -103,9 +105,10 @@ class LogFilters:
             filtered = self._filtered(experiment, noise, section, gains=False)
             return 2 * filtered.negative_log_likelihood if all_completed([filtered]) else np.inf
 
-        jobs = [lambda pair=pair: deviance(*pair) for pair in product(experiments, self.sections)]
+        pairs = list(product(experiments, self.sections))
         self.passes += len(experiments)
-        return np.array(self._all(jobs)).reshape(len(experiments), -1).sum(axis=1)
+        found = map_all(lambda pair: deviance(*pair), pairs, self._threads)
+        return np.array(found).reshape(len(experiments), -1).sum(axis=1)
 
     def predict(
         self,
@@ -116,22 +119,16 @@ class LogFilters:
         *,
         rows: bool = False,
     ) -> list[FixedGainPrediction]:
-        """Predict every section with given gains.
+        """Predict every section with given gains; experiment and noise give the initial states.
 
-        Args:
-            parameters: of `parameters`, in part replaced.
-            experiment: gives the initial state.
-            noise: likewise.
-            filtered: gains of the sections.
-            rows: whether innovations are kept.
+        Parameters are those of `parameters`, in part replaced; with `rows` the innovations are kept.
         """
-        numbered = dict(zip(map(id, self.sections), filtered, strict=True))
 
-        def predicted(section: LogSection) -> FixedGainPrediction:
+        def predicted(section: LogSection, own: FilterPass) -> FixedGainPrediction:
             data, _ = self.data(experiment, noise, section)
-            return self._predictor.predict(parameters, data, numbered[id(section)], rows=rows)
+            return self._predictor.predict(parameters, data, own, rows=rows)
 
-        return self._each(predicted)
+        return self._each(predicted, filtered)
 
     def smooth(self, experiment: Experiment, noise: NoiseCovariances) -> list[tuple[Floats, Floats, Floats]]:
         """Estimate the disturbances in every section from all its readings.
@@ -141,14 +138,13 @@ class LogFilters:
             (samples, disturbances, disturbances) their covariances.
         """
         passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
-        numbered = dict(zip(map(id, self.sections), passes, strict=True))
         parameters = self.parameters(experiment, noise)
 
-        def smoothed(section: LogSection) -> tuple[Floats, Floats, Floats]:
-            data, own = self.data(experiment, noise, section)[0], numbered[id(section)]
+        def smoothed(section: LogSection, own: FilterPass) -> tuple[Floats, Floats, Floats]:
+            data, _ = self.data(experiment, noise, section)
             return np.asarray(own.states), *self._predictor.smooth(parameters, data, own)
 
-        return self._each(smoothed)
+        return self._each(smoothed, passes)
 
     def whitened_innovations(self, experiment: Experiment, noise: NoiseCovariances) -> list[Floats]:
         """(samples, readings) whitened innovations of each section; NaN where nothing was read."""
@@ -158,11 +154,8 @@ class LogFilters:
 
     def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
         """A section with its initial state, and the covariance of that."""
-        first = np.full(section.readings.shape[1], np.nan)
-        for column in range(len(first)):
-            early = section.readings[: self._options.resampling.first_reading_samples, column]
-            known = early[np.isfinite(early)]
-            first[column] = known[0] if len(known) else np.nan
+        early = section.readings[: self._options.resampling.first_reading_samples]
+        first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
         start, covariance = initial_state(
             experiment,
             self._structure,
@@ -181,19 +174,10 @@ class LogFilters:
             variances[f"unrecorded.{name}"] = each.deviation**2 * -np.expm1(-2 * step / each.time)
         return np.array(list(variances.values()))
 
-    def _each(self, work: Callable[[LogSection], object]) -> list:
+    def _each(self, work: Callable[[LogSection, Any], Found], along: Sequence[Any]) -> list[Found]:
+        """What some work makes of every section and of what goes with it."""
         self.passes += 1
-        return self._all([lambda section=section: work(section) for section in self.sections])
-
-    def _all(self, jobs: Sequence[Callable[[], object]]) -> list:
-        found: list[object] = [None] * len(jobs)
-
-        def run(index: int) -> None:
-            found[index] = jobs[index]()
-
-        if not run_all([lambda index=index: run(index) for index in range(len(found))], self._threads):
-            raise KeyboardInterrupt
-        return found
+        return map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
 
 
 def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from dualwinch.codegen.drivers.prediction import FilterPass
@@ -59,14 +59,7 @@ class Likelihood:
         columns: Sequence[int],
         options: SearchOptions,
     ) -> None:
-        """A likelihood of the sections of `filters`.
-
-        Args:
-            filters: of the logs.
-            machine: values of the unknowns → experiment.
-            columns: indices of the unknowns among the predictor's parameters.
-            options: of the search.
-        """
+        """A likelihood; `machine` makes an experiment of values, `columns` are these among the filters' parameters."""
         self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
         self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
 
@@ -88,13 +81,7 @@ class Likelihood:
     ) -> Floats:
         """(p + 1, p + 1) normal equations: products of the derivatives by p unknowns, and of the innovations, summed.
 
-        NaN where filters diverge.
-
-        Args:
-            values: (p,) of the unknowns.
-            noise: R and Q.
-            filtered: gains of the sections.
-            start: values of the machine that gives the initial states; default: `values`.
+        NaN where filters diverge. The machine with the (p,) values, or with those of `start`, gives the initial states.
         """
         experiment = self._machine(values if start is None else start)
         parameters = self._filters.parameters(experiment, noise)
@@ -113,12 +100,7 @@ class Likelihood:
     ) -> tuple[Floats, Floats]:
         """Least squares of the whitened innovations with given gains, within bounds (trust region reflective).
 
-        Args:
-            values: (p,) where the search begins.
-            noise: R and Q.
-            filtered: gains of the sections.
-            coordinates: give bounds and priors.
-            tolerance: relative change of the sum of squares that ends the search.
+        Begins at (p,) values, and ends where the sum of squares changes by less than a relative `tolerance`.
 
         Returns:
             (p,) values, and (p, p) information of the logs.
@@ -212,35 +194,20 @@ class Likelihood:
         move = np.where(reach > least, -(plain + slopes) / curvatures, 0.0) @ directions
         move *= min(coordinates.room(at, move), 1.0)
         expected = float(np.where(reach > least, (plain + slopes) ** 2 / curvatures, 0.0).sum())
-        move, there = self._shortened(at, move, here, expected, noise, coordinates)
+        options, there = self._options, here - expected  # where next to nothing is expected, it is not checked
+        if expected >= options.small_gain:
+            for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
+                there = float(self.deviances([at + move], noise, coordinates)[0])
+                if there <= here:
+                    break
+                move = move / 2
+            else:
+                move, there = np.zeros_like(at), here
         back = np.linalg.inv(jacobian)
         known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
         information = back.T @ _positive_part(known - prior) @ back
         at = np.clip(at + move, *coordinates.bounds)
         return NewtonStep(at, there, here - there, expected, slopes, curvatures, information)
-
-    def _shortened(
-        self,
-        at: Floats,
-        move: Floats,
-        here: float,
-        expected: float,
-        noise: NoiseCovariances,
-        coordinates: SearchCoordinates,
-    ) -> tuple[Floats, float]:
-        """A move, halved while it does not lower the deviance, and the deviance at its end.
-
-        An expected fall that is next to nothing is not checked.
-        """
-        options = self._options
-        if expected < options.small_gain:
-            return move, here - expected
-        for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
-            there = float(self.deviances([at + move], noise, coordinates)[0])
-            if there <= here:
-                return move, there
-            move = move / 2
-        return np.zeros_like(at), here
 
     def _differences(
         self,
@@ -261,14 +228,12 @@ class Likelihood:
             last_slopes, last_curvatures = before.slopes, before.curvatures
             wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
         ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
-        ahead[wanted] = _finite(
-            self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
-        )
+        ahead[wanted] = self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        ahead[np.isinf(ahead)] = np.nan
         slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
         wanted &= ~(np.abs(slopes) < negligible)
-        behind[wanted] = _finite(
-            self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
-        )
+        behind[wanted] = self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        behind[np.isinf(behind)] = np.nan
         central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
         slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
         slopes = np.where(np.isfinite(central), central - plain, slopes)
@@ -279,12 +244,6 @@ class Likelihood:
 
 def _prior_deviance(at: Floats, coordinates: SearchCoordinates) -> float:
     return float(np.sum(coordinates.prior_residuals(at) ** 2))
-
-
-def _finite(values: ArrayLike) -> Floats:
-    """Values, NaN in the place of infinite ones."""
-    found = np.array(values, float)
-    return np.where(np.isinf(found), np.nan, found)
 
 
 def _positive_part(information: Floats) -> Floats:

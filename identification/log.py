@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from dualwinch.identification.predictor import READINGS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import unknown
-from dualwinch.model.recordings import csv_units, factor
+from dualwinch.model.recordings import csv_units, factor, parquet_units
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.rows import READ
 
@@ -130,14 +130,8 @@ def log_of(run: Result, name: str = "run") -> Log:
     return Log(columns["t"], arrays | {key: columns[key] for key in TORQUES}, name)
 
 
-@dataclass(frozen=True)
-class LogColumn:
-    """Where a reading is found in a file.
-
-    Attributes:
-        name: of the file's column; `OMITTED`: the reading is left out.
-        unit: of the column; None: as the file says, else the SI unit.
-    """
+class LogColumn(NamedTuple):
+    """A column of a file, `OMITTED`: none, and its unit; None: as the file says, else the SI unit."""
 
     name: str
     unit: str | None = None
@@ -206,16 +200,9 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, LogColumn] | None 
 def _check_columns(
     source: str, found: Iterable[str], columns: Iterable[str] = (), required: Sequence[str] = ()
 ) -> None:
-    """Check that torques and a position are there.
+    """Raise `ConfigurationError` where torques, a position or another required name was not found in a log.
 
-    Args:
-        source: the log or its file.
-        found: names of the readings that were found.
-        columns: names of all columns of the file; empty: it is no file.
-        required: further names that must be there.
-
-    Raises:
-        ConfigurationError: one is missing; the message names the nearest column of the file, and all.
+    The message names the nearest of all columns of its file, if it is one, and all.
     """
     found, columns = list(found), list(columns)
     spare = {name.lower(): name for name in columns if name.removesuffix(READ) not in UNIT_OF}
@@ -268,8 +255,7 @@ def _parquet(path: Path) -> Columns:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
-    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
-    return _numbers(table), {name: unit for name, unit in units.items() if unit}
+    return _numbers(table), parquet_units(table.schema)
 
 
 def _numbers(table: Any) -> dict[str, Floats]:

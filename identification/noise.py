@@ -41,12 +41,6 @@ def finest_noise(options: NoiseOptions) -> Floats:
     return np.array([finest[name] for name in READINGS])
 
 
-def initial_noise(readings: Floats, experiment: Experiment, options: NoiseOptions) -> NoiseCovariances:
-    """R and Q to begin with, by (samples, readings) of a log and an experiment's description of the disturbances."""
-    variances = initial_measurement_noise(readings, experiment.sensors, options)
-    return NoiseCovariances(variances, described_disturbances(experiment, options))
-
-
 def initial_measurement_noise(readings: Floats, sensors: Sensors, options: NoiseOptions) -> Floats:
     """Variances of all sensors to begin with, (readings,).
 
@@ -152,13 +146,7 @@ class NoiseEstimator:
     def with_measurement_noise(
         self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
     ) -> NoiseCovariances:
-        """Estimate R by expectation maximisation.
-
-        Args:
-            experiment: the machine.
-            noise: Q, and R to begin with.
-            filtered: passes through the sections with these.
-        """
+        """Estimate R by expectation maximisation, beginning with passes through the sections with this noise."""
         noise, changed = self._em_step(noise, filtered)
         for _ in range(self._options.em_steps):
             if changed < self._options.em_tolerance:

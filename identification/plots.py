@@ -59,11 +59,7 @@ def _innovation_strips(
 ) -> None:
     """A strip of colour for each sensor: white where its innovations are as large as expected.
 
-    Args:
-        innovations: reading → (2, windows) times, and root mean squares.
-        verdicts: reading → that of its whiteness test.
-        axes: to draw into.
-        shown: departure from 1 at which colours end.
+    Colours end where root mean squares depart from 1 by `shown`.
     """
     names = list(innovations)
     drawn = axes.pcolormesh(
@@ -76,7 +72,7 @@ def _innovation_strips(
         rasterized=True,
     )
     axes.grid(visible=False)
-    axes.set_yticks(range(len(names)), [f"{name}\n{verdicts.get(name, '').partition(' after')[0]}" for name in names])
+    axes.set_yticks(range(len(names)), [f"{name}\n{verdicts.get(name, '').partition(' at lag')[0]}" for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("time in motion (s)")
     axes.figure.colorbar(drawn, ax=axes, extend="both", label="innovations, RMS (1: as expected)")

@@ -230,7 +230,7 @@ def initial_state(
         experiment: gives plant, motors and sensors.
         structure: of `predictor_structure`.
         first: (readings,) the first of each sensor; NaN where there is none.
-        torques: first torque commands in N m.
+        torques: first commands in N m.
         t: time of the first sample in s.
         process: the disturbances.
         options: standard deviations.

@@ -87,7 +87,9 @@ def resampled(
     torques = np.column_stack([_held_torque(log, name, numbers, count, step, options) for name in TORQUES])
     readings = np.full((count, len(READINGS)), np.nan)
     for column, name in enumerate(READINGS):
-        if name in log.columns and not _is_difference(name, log):
+        # a drum speed beside an angle is most likely that angle's difference, half a sample late
+        is_difference = name.startswith("omega") and name.replace("omega", "theta") in log.readings
+        if name in log.columns and not is_difference:
             values = log.columns[name]
             kept = np.isfinite(values)
             fresh = _counted(values[kept]) if name in ANGLES else _without_repeats(values[kept], options.repeats)
@@ -104,11 +106,6 @@ def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Flo
     last = np.append(np.diff(numbers) > 0, True)
     own = numbers[last] * step
     return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
-
-
-def _is_difference(name: str, log: Log) -> bool:
-    """Whether it is a drum speed beside an angle: most likely that angle's difference, half a sample late."""
-    return name.startswith("omega") and name.replace("omega", "theta") in log.readings
 
 
 def _held_torque(
@@ -131,12 +128,9 @@ def _held_torque(
 
 def _without_repeats(values: Floats, repeats: int) -> Floats:
     """Readings, NaN where a sensor has repeated itself so many times or more."""
-    begins = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, int)
-    lengths = np.diff(begins, append=len(values))
-    fresh = values.copy()
-    for begin, length in zip(begins[lengths >= repeats], lengths[lengths >= repeats], strict=True):
-        fresh[begin + 1 : begin + length] = np.nan
-    return fresh
+    changed = np.diff(values, prepend=np.nan) != 0
+    lengths = np.diff(np.flatnonzero(changed), append=len(values))
+    return np.where(changed | np.repeat(lengths < repeats, lengths), values, np.nan)
 
 
 def _counted(values: Floats) -> Floats:
@@ -162,12 +156,9 @@ def _counted(values: Floats) -> Floats:
 def moving_intervals(
     readings: Floats, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
 ) -> list[slice]:
-    """Intervals of samples in which the machine moves; one of all samples where no drum sticks, or hardly any moves.
+    """Intervals of samples in which the machine moves, by (samples, readings) of `resampled`.
 
-    Args:
-        readings: (samples, readings) of `resampled`.
-        experiment: gives friction, drum radii and sample time.
-        options: what counts as standstill.
+    It is one of all samples where no drum sticks, or hardly any moves.
     """
     winches, step = (experiment.plant.winch_1, experiment.plant.winch_2), experiment.simulation.sample_time
     whole = [slice(0, len(readings))]

@@ -142,7 +142,7 @@ class IdentificationResult:
 
     @property
     def tables(self) -> list[Table]:
-        """Headings and rows of all tables: estimates, sensors, and optima and profiles where there are some."""
+        """Headings and rows of all tables: estimates, sensors, and optima and profiles if there are some."""
         found = [self._estimates_table(), self._sensors_table()]
         found += [self._optima_table()] if len(self.optima) > 1 else []
         return found + ([self._profiles_table()] if self.profiles else [])
@@ -157,21 +157,22 @@ class IdentificationResult:
                 unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}", share,
                 f"{low:.{digits}g} to {high:.{digits}g}", behind_number(unknown.unit).strip(),
             ])  # fmt: skip
-        return ["", "start", "estimate", "± 1 s.d.", "", "95 % interval", ""], rows
+        return ["parameter", "start", "estimate", "std. deviation", "relative", "95 % interval", "unit"], rows
 
     def _sensors_table(self) -> Table:
         rows, held = [], {test.name: test for test in self.held_out}
         for test in self.whiteness:
-            other = f"{held[test.name].variance:.3f}" if test.name in held else ""
-            rows.append([test.name, f"{test.count}", f"{self.noise.get(test.name, math.nan):.3g}", test.words, other])
-        return ["sensor", "readings", "noise (s.d.)", "residual", "variance held out" if held else ""], rows
+            row = [test.name, f"{test.count}", f"{self.noise.get(test.name, math.nan):.3g}", test.words]
+            rows.append(row + ([f"{held[test.name].variance:.3f}" if test.name in held else ""] if held else []))
+        headings = ["sensor", "readings", "noise (std. deviation)", "innovations"]
+        return headings + (["normalised variance, held out"] if held else []), rows
 
     def _optima_table(self) -> Table:
         rows = [
             [f"{each.searches}", f"{-each.deviance / 2:.3g}", *(f"{value:.5g}" for value in each.values)]
             for each in self.optima
         ]
-        return ["searches", "log likelihood over the best", *self.keys], rows
+        return ["searches", "log-likelihood, less the best", *self.keys], rows
 
     def _profiles_table(self) -> Table:
         rows = []
@@ -179,27 +180,27 @@ class IdentificationResult:
             ends = (*profile.interval, *self.interval(profile.key))
             low, high, by_low, by_high = (f"{end:.6g}" for end in ends)
             rows.append([profile.key, f"{low} to {high}", f"{by_low} to {by_high}"])
-        return ["", "95 % interval by its profile", "by its deviation"], rows
+        return ["parameter", "95 % interval by its profile", "by its std. deviation"], rows
 
     @property
     def notes(self) -> list[str]:
         """What a reader has to know beside the tables."""
         words = [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
-        words += [f"{key}: the logs add hardly anything to its prior" for key in self.uninformed]
+        words += [f"{key}: the logs add next to nothing to its prior" for key in self.uninformed]
         for row in range(len(self.keys)):
             for column in range(row):
                 if abs(correlation[row, column]) > self.options.diagnostics.correlated:
                     pair = f"{self.keys[column]} and {self.keys[row]}"
-                    words.append(f"{pair}: errors are correlated, {correlation[row, column]:+.3f}")
+                    words.append(f"{pair}: their errors are correlated, {correlation[row, column]:+.3f}")
         for unknown, value in zip(self.unknowns, self.values, strict=True):
             if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
-                words.append(f"{unknown.key}: lies at the end of its range; is the log of this machine?")
+                words.append(f"{unknown.key}: estimated at a bound of its range; is the log of this machine?")
         if len(self.optima) > 1:
             likelihood = -self.optima[1].deviance / 2
             words.append(f"{len(self.optima)} distinct optima; the second is less likely, exp({likelihood:.3g})")
         if not self.converged:
-            words.append("the search has not converged after its last step: deviations may be too small")
+            words.append("the search did not converge: standard deviations may be too small")
         return words
 
     def to_record(self) -> dict[str, Any]:

@@ -48,13 +48,7 @@ class SmoothedForce:
 
 
 def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterEstimate) -> SmoothedForce:
-    """Estimate the unrecorded force on the vehicle over a log, by the modified Bryson–Frazier smoother.
-
-    Args:
-        method: of the logs.
-        log: one of them.
-        estimate: of the method.
-    """
+    """Estimate the unrecorded force on the vehicle over a log, by the modified Bryson–Frazier smoother."""
     experiment, options = estimate.experiment, method.options.diagnostics
     filters = method.filters_of(sections_of([log], experiment, method.options.resampling, standstill=True))
     ((states, smoothed, covariances),) = filters.smooth(experiment, estimate.noise)

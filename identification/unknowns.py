@@ -144,22 +144,16 @@ def problem_of(
 def ensemble_priors(
     ensemble: Ensemble, experiment: Experiment, without: Sequence[str] = (), quantiles: int = 200
 ) -> dict[str, Prior]:
-    """Priors of the parameters that an ensemble draws and a log determines: mean and deviation of the draws.
+    """Priors of the parameters that an ensemble draws around nominal values and a log determines, but for some keys.
 
-    Args:
-        ensemble: gives distributions.
-        experiment: gives nominal values.
-        without: keys that are left out.
-        quantiles: of each distribution, of which mean and deviation are taken.
+    Mean and deviation are those of quantiles of each distribution.
     """
     values, known = leaves(experiment), set(estimable_keys(["*"], experiment)) - set(without)
-    shares = [(index + 0.5) / quantiles for index in range(quantiles)]
-    found = {}
+    shares, found = (np.arange(quantiles) + 0.5) / quantiles, {}
     for key, drawn in ensemble.distributions.items():
         if key in known:
-            draws = [float(drawn.value(share, values[key])) for share in shares]
-            mean = sum(draws) / quantiles
-            found[key] = Prior(mean, (sum((draw - mean) ** 2 for draw in draws) / quantiles) ** 0.5)
+            draws = np.array([float(drawn.value(share, values[key])) for share in shares.tolist()])
+            found[key] = Prior(float(draws.mean()), float(draws.std()))
     return found
 
 
@@ -203,13 +197,9 @@ class SearchCoordinates:
         itself: int | None = None,
         options: SearchOptions = DEFAULTS.search,
     ) -> None:
-        """Coordinates of p unknowns.
+        """Coordinates of p unknowns, bounded by so many prior deviations from their prior means.
 
-        Args:
-            unknowns: p.
-            within: prior deviations from its prior mean that bound an unknown.
-            itself: index of an unknown that is a coordinate itself even if it is part of a wave.
-            options: least amplitude.
+        The unknown with the index `itself` is a coordinate even if it is part of a wave.
         """
         self._unknowns, self._least = tuple(unknowns), options.least_amplitude
         self._scale = np.array([unknown.scale for unknown in unknowns])

@@ -139,15 +139,7 @@ def _decay(time: Scalar) -> tuple[Scalar, Scalar]:
 def drive(
     states: tuple[Any, Any], asked: Torques, motion: PlantState, plant: Plant, actuator: Actuator, sample_time: Scalar
 ) -> tuple[tuple[Any, Any], Torques]:
-    """Next states of both actuators, and the motor torques until then.
-
-    Args:
-        states: as the last sample left them.
-        asked: torque commands.
-        motion: of the drums at the sample.
-        plant: its gears lie between drum and motor.
-        actuator: of both motors.
-        sample_time: in s.
+    """Next states of both actuators, and the motor torques until then, by commands and motion of the drums.
 
     Raises:
         ConfigurationError: the actuator's step is none (`model.quantities.steps`).

@@ -76,12 +76,8 @@ def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> S
 def vortex_force(t: Scalar, v: Scalar, phase: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
     """Vortex force D in N along the track, added to the vehicle's equation (paper Section 4.3, E4).
 
-    Args:
-        t: time in s.
-        v: speed in m/s.
-        phase: integral of `vortex_frequency` in rad; used where ``integrated_phase`` is set.
-        disturbance: switches and coefficients. The two switches may be numbers between 0 and 1.
-        vehicle: gives drag and diameter.
+    The phase is the integral of `vortex_frequency` in rad, used where ``integrated_phase`` is set. The two switches of
+    the disturbance may be numbers between 0 and 1.
     """
     paper_phase = vortex_frequency(v, disturbance, vehicle) * t
     angle = paper_phase + disturbance.integrated_phase * (phase - paper_phase)

@@ -14,6 +14,11 @@ def transpose(a: Matrix) -> Matrix:
     return tuple(zip(*a, strict=True))
 
 
+def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    """Sum of products."""
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
 def plus(a: Matrix, b: Matrix) -> Matrix:
     """Sum of two matrices."""
     return tuple(tuple(x + y for x, y in zip(*rows, strict=True)) for rows in zip(a, b, strict=True))
@@ -24,9 +29,7 @@ def times(*factors: Matrix) -> Matrix:
     product, *others = factors
     for factor in others:
         columns = transpose(factor)
-        product = tuple(
-            tuple(sum(x * y for x, y in zip(row, column, strict=True)) for column in columns) for row in product
-        )
+        product = tuple(tuple(dot(row, column) for column in columns) for row in product)
     return product
 
 
@@ -68,9 +71,9 @@ def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
         factors: list[Scalar] = []
         scaled: list[Scalar] = []
         for j in range(i):
-            scaled.append(row[j] - sum(x * y for x, y in zip(scaled, lower[j], strict=True)))
+            scaled.append(row[j] - dot(scaled, lower[j]))
             factors.append(scaled[j] * inverses[j])
-        pivot = row[i] - sum(x * y for x, y in zip(scaled, factors, strict=True))
+        pivot = row[i] - dot(scaled, factors)
         inverses.append(1 / maximum(pivot, 1.0))
         lower.append(factors)
     return tuple(map(tuple, lower)), tuple(inverses)

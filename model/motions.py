@@ -1,6 +1,6 @@
 """Motions of a reference: setpoints with their preview, S-curves, moves through way-points, recorded motions.
 
-A setpoint alone tells how a motion goes on: with its acceleration. A part of the controller may ask for a preview,
+A setpoint alone implies that a motion goes on with its acceleration. A part of the controller may ask for a preview,
 setpoints of some times ahead. Its signals are how the motion departs from going on with its acceleration; at constant
 speed it does not, so that steady motion needs no preview.
 """
@@ -78,7 +78,7 @@ class Previewed(Setpoint):
         """Where the vehicle should be a time in s later.
 
         Raises:
-            ConfigurationError: nobody asked for that time.
+            ConfigurationError: the time is not in a preview.
         """
         if by not in self.known:
             asked = ", ".join(f"{time:g}" for time in self.known) or "none"
@@ -87,13 +87,7 @@ class Previewed(Setpoint):
 
 
 def previewed(setpoint: Setpoint, times: Sequence[float], departures: Departures | None = None) -> Previewed:
-    """A setpoint with those of some times ahead.
-
-    Args:
-        setpoint: of now.
-        times: ahead, in s.
-        departures: of those times, floats or symbols; default: the motion goes on as it is.
-    """
+    """A setpoint with those of some times ahead in s; without departures the motion goes on as it is."""
     known = {}
     for index, time in enumerate(times):
         point = later(setpoint, time)
@@ -217,13 +211,7 @@ def top_speed(distance: float, limits: MoveLimits) -> float:
 
 @lru_cache(maxsize=64)
 def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: MoveLimits) -> tuple[Move, ...]:
-    """The moves from 0 m to each of some points in turn.
-
-    Args:
-        points: positions in m; the same one twice is no move.
-        pauses: time in s at rest at each point; empty: none.
-        limits: of all moves.
-    """
+    """The moves from 0 m to each of some points in m in turn, with a pause in s at each; the same twice is no move."""
     found, t = [], 0.0
     for (start, end), pause in zip(pairwise((0.0, *points)), pauses or (0.0,) * len(points), strict=True):
         if end != start:
@@ -278,14 +266,7 @@ class RecordedMotion:
     """
 
     def __init__(self, t: Floats, x: Floats, v: Floats | None = None, a: Floats | None = None) -> None:
-        """Lay the curve.
-
-        Args:
-            t: (n,) times in s, ascending.
-            x: (n,) positions in m.
-            v: (n,) speeds in m/s.
-            a: (n,) accelerations in m/s².
-        """
+        """Lay the curve at (n,) times in s, through positions in m, speeds in m/s and accelerations in m/s²."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
         self.t, self.x, self.a = t, x, a
@@ -314,12 +295,7 @@ class RecordedMotion:
 def recorded_motion(
     recording: Recording, units: tuple[str | None, ...], derivatives: tuple[str, ...]
 ) -> RecordedMotion:
-    """The motion of a recording.
-
-    Args:
-        recording: positions, and speeds and accelerations where it has them.
-        units: of its columns; ``None``: as the file says.
-        derivatives: SI units of its columns, of ``m``, ``m/s`` and ``m/s^2`` those that there are.
+    """The motion of a recording whose columns are in some units (``None``: as the file says) of SI derivatives.
 
     Raises:
         ConfigurationError: a unit is not stated, or is of another quantity.

@@ -108,15 +108,7 @@ def vehicle_acceleration(v: Scalar, pull: Scalar, environment: DisturbanceInputs
 def derivative(
     state: PlantState, torques: Torques, environment: DisturbanceInputs, plant: Plant, t: Scalar = NEW
 ) -> PlantState:
-    """Time derivative of the state (paper Section 2.5 with E1–E3).
-
-    Args:
-        state: the plant's state.
-        torques: what the motors give (`shaft_torques`).
-        environment: what acts on the vehicle from outside.
-        plant: its parameters.
-        t: time in s.
-    """
+    """Time derivative of the state at a time in s, under the `shaft_torques` (paper Section 2.5 with E1–E3)."""
     forces, given = tensions(state, plant, t), (torques.tau_1, torques.tau_2)
     accelerations = [
         drum_acceleration(omega, force, torque, side.winch, winding(theta, side.winch).radius)

@@ -8,11 +8,11 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,25 +52,12 @@ KEPT = 32
 """Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Some columns of a file.
-
-    Attributes:
-        columns: name → (rows,) finite numbers.
-        units: name → unit, where the file says it.
-        lines: number of each row in the file, as an error names it.
-        counted: what they count, ``line`` or ``row``.
-    """
+class Table(NamedTuple):
+    """Some columns of a file: by name (rows,) finite numbers, units where the file says them, and line of each row."""
 
     columns: dict[str, NDArray[np.float64]]
     units: dict[str, str]
-    lines: Sequence[int]
-    counted: str
-
-    def position(self, row: int) -> str:
-        """Where a row stands in the file."""
-        return f"{self.counted} {self.lines[row]}"
+    lines: Sequence[int] | None
 
 
 def read_table(file: str, names: tuple[str | None, ...]) -> Table:
@@ -98,17 +85,14 @@ def read_table(file: str, names: tuple[str | None, ...]) -> Table:
 def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> Table:  # noqa: ARG001
     path = Path(file)
     table = READERS[path.suffix.lower()](path, names)
-    if len(table.lines) < 2:
-        raise ConfigurationError(f"{file}: is too short: must have two rows of numbers or more, not {len(table.lines)}")
+    rows = len(next(iter(table.columns.values())))
+    if rows < 2:
+        raise ConfigurationError(f"{file}: is too short: must have two rows of numbers or more, not {rows}")
     return table
 
 
 def chosen(file: Path, names: Sequence[str | None], header: Sequence[str]) -> list[str]:
-    """The names of the columns to be read, of those that a file has.
-
-    Raises:
-        ConfigurationError: a column that the file lacks, has twice, or that is not named where there are several.
-    """
+    """The names of the columns to be read, of those that a file has, each once and, but for the only one, named."""
     found = []
     for name in names:
         others = [column for column in header if column not in names]
@@ -148,7 +132,7 @@ def _read_csv(path: Path, names: tuple[str | None, ...]) -> Table:
     columns = np.array(rows, float).reshape(len(rows), len(wanted)).T
     units = csv_units(path)
     named = dict(zip(wanted, np.ascontiguousarray(columns), strict=True))
-    return Table(named, {name: units[name] for name in wanted if name in units}, lines, "line")
+    return Table(named, {name: units[name] for name in wanted if name in units}, lines)
 
 
 def _number(cell: str, name: str, where: str) -> float:
@@ -184,8 +168,14 @@ def _read_parquet(path: Path, names: tuple[str | None, ...]) -> Table:
     except pa.ArrowInvalid as error:
         raise ConfigurationError(f"{path}: not a Parquet file: {str(error).splitlines()[0]}") from error
     columns = {name: _column(table.column(name), name, path) for name in wanted}
-    units = {name: (schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in wanted}
-    return Table(columns, {name: unit for name, unit in units.items() if unit}, range(1, table.num_rows + 1), "row")
+    units = parquet_units(schema)
+    return Table(columns, {name: units[name] for name in wanted if name in units}, None)
+
+
+def parquet_units(schema: Any) -> dict[str, str]:
+    """Units of the columns of a Parquet file that have one."""
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
+    return {name: unit for name, unit in units.items() if unit}
 
 
 def _column(column: Any, name: str, path: Path) -> NDArray[np.float64]:
@@ -257,7 +247,7 @@ class Recording:
             si: the SI unit.
 
         Raises:
-            ConfigurationError: nobody says the unit, two say different ones, or it is of another quantity.
+            ConfigurationError: no unit is stated, two different ones are, or it is of another quantity.
         """
         said = self.units[index]
         stated = said if unit is None else unit
@@ -275,10 +265,7 @@ class Recording:
 def recorded(origin: Origin, kept: Recording | None, digest: str | None) -> Recording:
     """The recording of an origin: the kept one where it is of this origin, else read now.
 
-    Args:
-        origin: where the numbers come from.
-        kept: what was read before.
-        digest: of what was read before, or of what is expected.
+    The digest is that of the kept one, or of what is expected.
 
     Raises:
         ConfigurationError: the numbers cannot be read, or are not those expected.
@@ -302,16 +289,22 @@ def _of_file(origin: Origin, file: str) -> Recording:
         t = factor(unit, "s") * table.columns[origin.time_column]
     except ConfigurationError as error:
         raise ConfigurationError(f"{file}: column '{origin.time_column}': {error}") from error
-    late = np.flatnonzero(np.diff(t) <= 0)
-    if len(late):
-        row, times = int(late[0]) + 1, table.columns[origin.time_column]
-        raise ConfigurationError(
-            f"{file}: {table.position(row)}: {origin.time_column} = {times[row]:g}: "
-            f"must be > {times[row - 1]:g}, the time before it"
-        )
+    times, lines = table.columns[origin.time_column], table.lines
+    _check_ascending(
+        times,
+        lambda row: f"{file}: {f'line {lines[row]}' if lines else f'row {row + 1}'}: {origin.time_column}",
+    )
     return _recording(
         origin, t, tuple(table.columns[name] for name in names), names, tuple(map(table.units.get, names))
     )
+
+
+def _check_ascending(times: Floats, place: Callable[[int], str]) -> None:
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        index = int(late[0]) + 1
+        before = f"must be > {times[index - 1]:g}, the time before it"
+        raise ConfigurationError(f"{place(index)} = {times[index]:g}: {before}")
 
 
 def _listed(origin: Origin) -> Recording:
@@ -324,10 +317,7 @@ def _listed(origin: Origin) -> Recording:
         wrong = np.flatnonzero(~np.isfinite(numbers))
         if len(wrong):
             raise ConfigurationError(f"{name}[{wrong[0]}] = {numbers[wrong[0]]:g}: must be a finite number")
-    late = np.flatnonzero(np.diff(t) <= 0)
-    if len(late):
-        index = int(late[0]) + 1
-        raise ConfigurationError(f"times[{index}] = {t[index]:g}: must be > {t[index - 1]:g}, the time before it")
+    _check_ascending(t, lambda index: f"times[{index}]")
     return _recording(origin, factor(origin.time_unit or "s", "s") * t, (values,), ("values",), (None,))
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import fspath
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import annotated_types as at
 
@@ -50,54 +50,42 @@ class Reference:
         float | None,
         at.Gt(0),
         Quantity("m/s", "constant speed (uniform: 1.5, profile: 1.8, way-points: 1.8)", "paper Section 4.1"),
-        Mark.DRAWN_AHEAD,
     ] = None
-    accelerate_until: Annotated[
-        Positive, Quantity("s", "profile: end of the acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
-    ] = 18.0
-    cruise_until: Annotated[
-        Positive, Quantity("s", "profile: end of the constant speed", "paper Section 4.1"), Mark.DRAWN_AHEAD
-    ] = 29.0
-    brake_until: Annotated[
-        Positive, Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1"), Mark.DRAWN_AHEAD
-    ] = 41.0
+    accelerate_until: Annotated[Positive, Quantity("s", "profile: end of the acceleration", "paper Section 4.1")] = 18.0
+    cruise_until: Annotated[Positive, Quantity("s", "profile: end of the constant speed", "paper Section 4.1")] = 29.0
+    brake_until: Annotated[Positive, Quantity("s", "profile: end of the braking, then rest", "paper Section 4.1")] = (
+        41.0
+    )
     jerk_limit: Annotated[
         float | None,
         at.Gt(0),
         Quantity("m/s^3", "bound on the rate of the reference acceleration (default: none, it steps)", "assumption"),
-        Mark.DRAWN_AHEAD,
     ] = None
-    acceleration: Annotated[
-        Positive, Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1"), Mark.DRAWN_AHEAD
-    ] = 0.1
-    points: Annotated[
-        tuple[float, ...], at.Ge(0), Quantity("m", "way-points: positions to reach in turn, from 0"), Mark.DRAWN_AHEAD
-    ] = NONE
-    pauses: Annotated[
-        tuple[float, ...], at.Ge(0), Quantity("s", "way-points: rest at each point (default: none)"), Mark.DRAWN_AHEAD
-    ] = NONE
+    acceleration: Annotated[Positive, Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1")] = 0.1
+    points: Annotated[tuple[float, ...], at.Ge(0), Quantity("m", "way-points: positions to reach in turn, from 0")] = (
+        NONE
+    )
+    pauses: Annotated[tuple[float, ...], at.Ge(0), Quantity("s", "way-points: rest at each point (default: none)")] = (
+        NONE
+    )
     file: Annotated[str | None, Quantity("", "file: CSV or Parquet file that holds the motion"), Mark.FILE] = None
     column: Annotated[
-        str | None,
-        Quantity("", "file: column of the position (default: the only one beside those named)"),
-        Mark.DRAWN_AHEAD,
+        str | None, Quantity("", "file: column of the position (default: the only one beside those named)")
     ] = None
-    unit: Annotated[
-        str | None, Quantity("", "file: unit of the position, such as mm (default: as the file says)"), Mark.DRAWN_AHEAD
-    ] = None
-    speed_column: Annotated[
-        str | None, Quantity("", "file: column of the speed (default: the curve's own)"), Mark.DRAWN_AHEAD
-    ] = None
+    unit: Annotated[str | None, Quantity("", "file: unit of the position, such as mm (default: as the file says)")] = (
+        None
+    )
+    speed_column: Annotated[str | None, Quantity("", "file: column of the speed (default: the curve's own)")] = None
     acceleration_column: Annotated[
-        str | None, Quantity("", "file: column of the acceleration (default: the curve's own)"), Mark.DRAWN_AHEAD
+        str | None, Quantity("", "file: column of the acceleration (default: the curve's own)")
     ] = None
-    time_column: Annotated[str, Quantity("", "file: column of the times"), Mark.DRAWN_AHEAD] = "t"
-    time_unit: Annotated[
-        str | None, Quantity("", "file: unit of the times (default: as the file says, else s)"), Mark.DRAWN_AHEAD
-    ] = None
+    time_column: Annotated[str, Quantity("", "file: column of the times")] = "t"
+    time_unit: Annotated[str | None, Quantity("", "file: unit of the times (default: as the file says, else s)")] = None
     digest: Annotated[
         str | None, Quantity("", "file: of the numbers that were read; other ones are an error"), Mark.DIGEST
     ] = None
+    field_marks: ClassVar = frozenset({Mark.DRAWN_AHEAD})
+
     recording: Annotated[Recording | None, Mark.CONTENT] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,36 +34,26 @@ class Signal:
     file: Annotated[
         str | None, Quantity("", "CSV or Parquet file that holds the signal (default: none)"), Mark.FILE
     ] = None
-    column: Annotated[
-        str | None,
-        Quantity("", "its column in the file (default: the only one beside the times)"),
-        Mark.DRAWN_AHEAD,
-    ] = None
-    unit: Annotated[
-        str | None, Quantity("", "its unit, such as kN or km/h (default: as the file says)"), Mark.DRAWN_AHEAD
-    ] = None
-    scale: Annotated[float, Quantity("1", "what it is multiplied by"), Mark.DRAWN_AHEAD] = 1.0
-    interpolation: Annotated[
-        Interpolation, Quantity("", "between two times: straight lines, or the value before"), Mark.DRAWN_AHEAD
-    ] = "linear"
-    beyond: Annotated[
-        Beyond,
-        Quantity("", "before the first time and after the last: the value there, 0, or no run"),
-        Mark.DRAWN_AHEAD,
-    ] = "hold"
-    time_column: Annotated[str, Quantity("", "column of the times in the file"), Mark.DRAWN_AHEAD] = "t"
-    time_unit: Annotated[
-        str | None, Quantity("", "unit of the times (default: as the file says, else s)"), Mark.DRAWN_AHEAD
-    ] = None
-    times: Annotated[tuple[float, ...], Quantity("", "instead of a file: the times, ascending"), Mark.DRAWN_AHEAD] = (
-        NONE
+    column: Annotated[str | None, Quantity("", "its column in the file (default: the only one beside the times)")] = (
+        None
     )
-    values: Annotated[
-        tuple[float, ...], Quantity("", "instead of a file: the values at these times"), Mark.DRAWN_AHEAD
-    ] = NONE
+    unit: Annotated[str | None, Quantity("", "its unit, such as kN or km/h (default: as the file says)")] = None
+    scale: Annotated[float, Quantity("1", "what it is multiplied by")] = 1.0
+    interpolation: Annotated[Interpolation, Quantity("", "between two times: straight lines, or the value before")] = (
+        "linear"
+    )
+    beyond: Annotated[
+        Beyond, Quantity("", "before the first time and after the last: the value there, 0, or no run")
+    ] = "hold"
+    time_column: Annotated[str, Quantity("", "column of the times in the file")] = "t"
+    time_unit: Annotated[str | None, Quantity("", "unit of the times (default: as the file says, else s)")] = None
+    times: Annotated[tuple[float, ...], Quantity("", "instead of a file: the times, ascending")] = NONE
+    values: Annotated[tuple[float, ...], Quantity("", "instead of a file: the values at these times")] = NONE
     digest: Annotated[
         str | None, Quantity("", "of the numbers that were read; other ones are an error (default: any)"), Mark.DIGEST
     ] = None
+    field_marks: ClassVar = frozenset({Mark.DRAWN_AHEAD})
+
     recording: Annotated[Recording | None, Mark.CONTENT] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

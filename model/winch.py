@@ -112,12 +112,8 @@ def drum_acceleration(
 ) -> Scalar:
     """Acceleration of the drum in rad/s² (paper Section 2.4, E3).
 
-    Args:
-        omega: drum speed in rad/s.
-        tension: rope tension in N.
-        torque: motor torque in N m, before the gearbox.
-        winch: the winch.
-        radius: on which the rope leaves the drum, in m (`model.winch`; default: its drum_radius).
+    By its speed in rad/s, rope tension in N, motor torque in N m before the gearbox, and the radius in m on which the
+    rope leaves the drum (default: its drum_radius).
     """
     lever = winch.drum_radius if radius is None else radius
     drive = winch.gear_ratio * torque - lever * tension - friction_torque(omega, winch)

@@ -109,11 +109,7 @@ class CalibratingKalman(Estimator):
         return CalibratingState()
 
     def step(
-        self,
-        state: CalibratingState,
-        measurement: Measurement,
-        setpoint: Setpoint,
-        context: Context,
+        self, state: CalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: learn of the ropes, then filter the motion with what is known of them."""
         nominal, taut, found = context.nominal, TAUT * context.limits.tension_min, []

@@ -27,6 +27,7 @@ import annotated_types as at
 
 from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
+from dualwinch.model.matrix import dot
 from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
 from dualwinch.model.winch import TURN
@@ -97,7 +98,7 @@ class TrustGains:
     ] = 0.15
     slide_time: Annotated[
         Positive,
-        Quantity("s", "time constant with which the position law is told of a better calibration", "assumption"),
+        Quantity("s", "time constant with which a better calibration reaches the position law", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.1
     relearning_time: Annotated[
@@ -175,10 +176,9 @@ class EncoderPosition:
 
 def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
     """What an encoder's errors of a deviation each change, over the deviation of a reading; in the order of `NAMES`."""
-    sizes = deviations(gains)
     turns = drum.theta / TURN
     shapes = -drum.wound, -TURN / 2 * turns**2, 1.0, drum.stretch, sin(drum.theta), cos(drum.theta) - 1
-    return tuple(size / deviation * shape for size, shape in zip(sizes, shapes, strict=True))
+    return tuple(size / deviation * shape for size, shape in zip(deviations(gains), shapes, strict=True))
 
 
 def deviations(gains: DrumGains) -> tuple[Scalar, ...]:
@@ -193,9 +193,8 @@ HALF_DOUBTED = 0.3
 def doubt_odds(residual: Scalar, variance: Scalar) -> Scalar:
     """Odds against an encoder: 0 where it is believed, 1 where it is as good as the position sensor is.
 
-    Args:
-        residual: what readings and encoder disagree by, smoothed, over the deviation of a reading.
-        variance: of what is expected of a reading, over that of its noise.
+    By the smoothed residual, and by the variance of what is expected of a reading, over deviation and variance of its
+    noise.
     """
     return (maximum(absolute(residual) - sqrt(1 + variance), 0.0) / HALF_DOUBTED) ** 2
 
@@ -208,19 +207,7 @@ def calibrate(
     trusting: TrustGains,
     sample_time: Scalar,
 ) -> tuple[EncoderKnowledge, EncoderPosition]:
-    """One sample: learn of an encoder from a reading.
-
-    Args:
-        known: what is known of the encoder.
-        drum: it and its rope.
-        reading: of the position sensor.
-        gains: what is believed before, and how long.
-        trusting: when a reading is believed.
-        sample_time: in s.
-
-    Returns:
-        What is known then, and the position that the encoder gives.
-    """
+    """One sample: learn of an encoder from a reading; what is known then, and the position that the encoder gives."""
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
     says = drum.wound - drum.stretch - known.tare
@@ -231,14 +218,14 @@ def calibrate(
     doubt = odds / (1 + odds)
     fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
     expectation = expected(known.errors, row, fade)
-    surprise = (says - drum.direction * reading.x) / deviation - expectation.value
+    innovation = (says - drum.direction * reading.x) / deviation - expectation.value
     bound = trusting.gate * sqrt(1 + expectation.variance)
-    within = absolute(surprise) <= bound
-    limited = clip(surprise, -bound, bound)
+    within = absolute(innovation) <= bound
+    limited = clip(innovation, -bound, bound)
     # in doubt the gate opens: what seems to be an outlier is what there is to learn
     opened = bound * (1 + odds)
     weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
-    errors = learnt(known.errors, row, expectation, clip(surprise, -opened, opened), weight, fade)
+    errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
     after = believed(errors, row)
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
@@ -255,7 +242,7 @@ def calibrate(
 def believed(errors: Knowledge, row: Sequence[Scalar]) -> Scalar:
     """What an encoder is believed to be off by, over the deviation of a reading."""
     estimate = shrunk(errors, len(NAMES), [NAMES.index("excess")])
-    return sum(h * value for h, value in zip(row, estimate, strict=True))
+    return dot(row, estimate)
 
 
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
@@ -264,13 +251,6 @@ def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, rest
     What is learnt of the zero from then on is by how much that was wrong. The sample that follows makes it certain, as
     far as `DrumGains.tare` says: the position sensor may have another opinion of where the vehicle rests. A zero that
     this, or a rope somewhat softer than the nominal one, may explain is none.
-
-    Args:
-        known: what was known.
-        drum: it and its rope.
-        x: where the vehicle rests, in m.
-        gains: what is believed before.
-        resting: whether it does.
     """
     zero = drum.wound - drum.stretch - drum.direction * x
     none = gains.tare + 2 * gains.compliance * drum.stretch

@@ -107,12 +107,8 @@ TAUT = 0.5
 def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scalar | None = None) -> Matrix:
     """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
 
-    Worked out in units of the sample time and of the combined position noise, where all numbers are of one size.
-
-    Args:
-        gains: noise levels and bandwidth.
-        sample_time: in s.
-        position_variance: of the position that is measured, in m²; default: of all three together.
+    Worked out in units of the sample time in s and of the combined position noise, where all numbers are of one size.
+    The variance of the measured position in m² is that of all three together, if it is not given.
     """
     motion: Matrix = ((1.0, 1.0, 0.5), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
     walk = (gains.bandwidth * sample_time) ** 6
@@ -141,21 +137,15 @@ def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
 def filter_motion(
     state: KalmanState, measurement: Measurement, gains: KalmanGains, nominal: Plant, context: Context
 ) -> tuple[KalmanState, KalmanEstimate]:
-    """One sample: correct the expectation by this sample's measurements, and expect the next.
+    """One sample: correct the state, which was expected of this sample, by its measurement, and expect the next.
 
     Args:
-        state: what was expected of this sample.
+        state: what was expected.
         measurement: what was measured.
         gains: noise levels and bandwidth.
         nominal: the plant as it is believed to be by now.
-        context: tension_min tells a slack rope.
-
-    Returns:
-        The next state, and the measurement with the estimated position and speed in place of the measured ones, and
-        the disturbance to compensate.
+        context: a rope is slack far below its tension_min.
     """
-    sample_time = context.sample_time
-    gain = kalman_gain(gains, sample_time)
     position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
@@ -163,40 +153,36 @@ def filter_motion(
     from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
     from_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2)) - nominal.winch_2.drum_radius * measurement.theta_2
     taut = TAUT * context.limits.tension_min
-    surprise_x = position / total * (measurement.x - state.x)
-    surprise_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
-    surprise_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
-    surprise_v = measurement.v - state.v
-    return corrected(state, measurement, (surprise_x, surprise_v), gain, gains, nominal, sample_time)
+    of_x = position / total * (measurement.x - state.x)
+    of_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
+    of_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
+    innovations, gain = (of_x, measurement.v - state.v), kalman_gain(gains, context.sample_time)
+    return corrected(state, measurement, innovations, gain, gains, nominal, context.sample_time)
 
 
 def corrected(
     state: KalmanState,
     measurement: Measurement,
-    surprise: tuple[Scalar, Scalar],
+    innovations: tuple[Scalar, Scalar],
     gain: Matrix,
     gains: KalmanGains,
     nominal: Plant,
     sample_time: Scalar,
 ) -> tuple[KalmanState, KalmanEstimate]:
-    """The expectation of this sample corrected, and the next one.
+    """The state corrected by innovations of position in m and speed in m/s with a `kalman_gain`, and the next one.
 
-    Args:
-        state: what was expected of this sample.
-        measurement: what was measured.
-        surprise: what was not expected of the position in m, and of the speed in m/s.
-        gain: of `kalman_gain`.
-        gains: ramp and compensation.
-        nominal: gives the vehicle.
-        sample_time: in s.
+    Returns:
+        The next state, and the measurement with the estimated position and speed in place of the measured ones, and
+        the disturbance to compensate.
     """
-    (surprise_x, surprise_v), F1, F2 = surprise, measurement.F1, measurement.F2
     (x_x, x_v), (v_x, v_v), (d_x, d_v) = gain
-    x = state.x + x_x * surprise_x + x_v * surprise_v
-    v = state.v + v_x * surprise_x + v_v * surprise_v
-    learnt = d_x * surprise_x + d_v * surprise_v
+    of_x, of_v = innovations
+    x = state.x + x_x * of_x + x_v * of_v
+    v = state.v + v_x * of_x + v_v * of_v
+    learnt = d_x * of_x + d_v * of_v
     d, rate = state.d + learnt, state.rate + gains.ramp * gains.bandwidth * learnt
-    acceleration = vehicle_acceleration(v, F1 - F2, DisturbanceInputs(), nominal.vehicle) + d
+    pull = measurement.F1 - measurement.F2
+    acceleration = vehicle_acceleration(v, pull, DisturbanceInputs(), nominal.vehicle) + d
     following = KalmanState(
         x=x + sample_time * v + sample_time**2 / 2 * acceleration,
         v=v + sample_time * acceleration,
@@ -221,11 +207,7 @@ class Kalman(Estimator):
         return KalmanState()
 
     def step(
-        self,
-        state: KalmanState,
-        measurement: Measurement,
-        setpoint: Setpoint,
-        context: Context,
+        self, state: KalmanState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[KalmanState, KalmanEstimate]:
         """One sample of the filter."""
         return filter_motion(state, measurement, self.kalman, context.nominal, context)

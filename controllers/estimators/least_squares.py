@@ -28,7 +28,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dualwinch.model.matrix import Matrix, factorised, solved
+from dualwinch.model.matrix import Matrix, dot, factorised, solved
 from dualwinch.model.quantities.quantity import Mark, Quantity, vector
 from dualwinch.model.scalar import Scalar
 
@@ -64,12 +64,9 @@ class Expectation:
 
 
 def expected(known: Knowledge, regressors: Sequence[Scalar], fade: Scalar) -> Expectation:
-    """What is expected of the next sample.
+    """What is expected of the next sample, by its (n,) regressors.
 
-    Args:
-        known: what the samples before have taught.
-        regressors: of the sample (n).
-        fade: what is left of the samples' information since the last one, 0 to 1.
+    Of the information of the samples before, the share `fade` is left.
     """
     n = len(regressors)
     estimate = [known.estimate[i] for i in range(n)]
@@ -77,28 +74,22 @@ def expected(known: Knowledge, regressors: Sequence[Scalar], fade: Scalar) -> Ex
     lost = solved(factors, estimate)
     estimate = tuple(value - (1 - fade) * loss for value, loss in zip(estimate, lost, strict=True))
     gain = solved(factors, regressors)
-    return Expectation(estimate, _product(regressors, estimate), gain, _product(regressors, gain))
+    return Expectation(estimate, dot(regressors, estimate), gain, dot(regressors, gain))
 
 
 def learnt(
     known: Knowledge,
     regressors: Sequence[Scalar],
     expectation: Expectation,
-    surprise: Scalar,
+    innovation: Scalar,
     weight: Scalar,
     fade: Scalar,
 ) -> Knowledge:
-    """What is known after a sample.
+    """What is known after a sample with (n,) regressors, of which the expectation was made with the same `fade`.
 
-    Args:
-        known: what was known before it.
-        regressors: of the sample (n).
-        expectation: what was expected of it.
-        surprise: what was measured beyond the expected value, over the deviation of its noise.
-        weight: 1 for a sample of that noise, 0 for none.
-        fade: as it was for the expectation.
+    The innovation is over the deviation of the sample's noise; `weight` is 1 for a sample of that noise, 0 for none.
     """
-    step = weight * surprise / (1 + weight * expectation.variance)
+    step = weight * innovation / (1 + weight * expectation.variance)
     estimate = [value + gain * step for value, gain in zip(expectation.estimate, expectation.gain, strict=True)]
     information = [
         fade * known.information[_index(i, j)] + weight * regressors[i] * regressors[j]
@@ -129,7 +120,3 @@ def _with_prior(known: Knowledge, n: int, fade: Scalar) -> Matrix:
 def _index(row: int, column: int) -> int:
     """Where an element of the lower triangle stands."""
     return row * (row + 1) // 2 + column
-
-
-def _product(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    return sum(x * y for x, y in zip(first, second, strict=True))

@@ -42,11 +42,7 @@ class LowPass(Estimator):
         return SpeedFilterState()
 
     def step(
-        self,
-        state: SpeedFilterState,
-        measurement: Measurement,
-        setpoint: Setpoint,
-        context: Context,
+        self, state: SpeedFilterState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[SpeedFilterState, Estimate]:
         """One sample of the filter."""
         now = filter_speed(state, measurement.v, self.speed_filter_time, context.sample_time)

@@ -1,4 +1,4 @@
-"""Kalman filter that learns drums, ropes and encoder zeros under way, and knows whom to believe.
+"""Kalman filter that learns drums, ropes and encoder zeros under way, and weighs sensors by their consistency.
 
 Encoders are precise and wrong: a drum that is 0.2 % larger than believed is 9 cm off at the end of the track. The
 position sensor is coarse, may fall silent or give nonsense, and is right in the mean. The filter of
@@ -8,7 +8,7 @@ position sensor is coarse, may fall silent or give nonsense, and is right in the
 - A run starts at rest at x = 0: that sets the encoders' zeros. Where the position sensor has another opinion, it is
   right in the end.
 - A better calibration moves the expected position along with it. It says that one was elsewhere all the time, not that
-  one has moved: speed and disturbance know nothing of it, and the position law is told softly.
+  one has moved: speed and disturbance stay as they are, and the position that the law gets changes smoothly.
 - While the sensor is silent (no number, or the same for many samples) the encoders go on alone.
 - Encoders that are slack or doubted are left out, smoothly. With none left the filter lives on position and speed
   sensor, with the gain that belongs to these. Both gains depend on parameters alone.
@@ -48,7 +48,7 @@ from dualwinch.model.winch import winding
 
 @dataclass(frozen=True)
 class SensorWatch:
-    """What tells whether the position sensor is alive."""
+    """By which the position sensor is found alive or silent."""
 
     reading: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
     repeats: Annotated[Scalar, Quantity("1", "samples since it last changed"), Mark.BOOKKEEPING] = 0.0
@@ -63,12 +63,12 @@ class SelfCalibratingState:
     encoder_1: EncoderKnowledge = field(default_factory=EncoderKnowledge)
     encoder_2: EncoderKnowledge = field(default_factory=EncoderKnowledge)
     watch: SensorWatch = field(default_factory=SensorWatch)
-    pending: Annotated[Scalar, Quantity("m", "change of frame that the position law has not been told yet")] = 0.0
+    pending: Annotated[Scalar, Quantity("m", "change of frame that has not reached the position law yet")] = 0.0
 
 
 @dataclass(frozen=True)
 class SelfCalibratingEstimate(KalmanEstimate):
-    """What the filter gives, what it has learnt, and whom it believes."""
+    """What the filter gives, what it has learnt, and how far it trusts each sensor."""
 
     zero_1: Annotated[Scalar, Quantity("m", "learnt zero of encoder 1, in m of rope")] = 0.0
     zero_2: Annotated[Scalar, Quantity("m", "learnt zero of encoder 2, in m of rope")] = 0.0
@@ -95,13 +95,9 @@ LEAST_INFORMATION = 1e-6
 
 
 def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after: Scalar) -> tuple[SensorWatch, Scalar]:
-    """The watch after a reading, and whether the position sensor is alive.
+    """The watch after a reading in m, maybe no number, and whether the position sensor is alive.
 
-    Args:
-        watch: as the last sample left it.
-        reading: in m, maybe no number.
-        expected: position in m, for what the watch remembers of a reading that is none.
-        frozen_after: samples after which a reading that repeats itself is none.
+    In the place of a reading that is none the watch keeps the expected position in m.
     """
     finite = absolute(reading) <= NO_READING
     shown = where(finite, reading, expected)
@@ -116,12 +112,12 @@ class Innovation:
 
     Attributes:
         shift: by how much better calibrations move the expected position, in m.
-        surprise: what was not expected of the position then, in m.
+        residual: what is not expected of the position then, in m.
         lead: from 0, without encoders, to 1, with both.
     """
 
     shift: Scalar
-    surprise: Scalar
+    residual: Scalar
     lead: Scalar
 
 
@@ -133,16 +129,7 @@ def innovation(
     gains: KalmanGains,
     trust: TrustGains,
 ) -> Innovation:
-    """Position sensor and encoders as one measurement, with the weights of their variances.
-
-    Args:
-        expected: position in m.
-        reading: of the position sensor.
-        drums: what encoders and tensions show.
-        positions: what follows of the position, for each.
-        gains: noise levels.
-        trust: how far a reading, and an encoder, may be off.
-    """
+    """Position sensor and encoders as one measurement of the position, with the weights of their variances."""
     noise, encoder_noise = gains.position_noise, gains.encoder_noise
     sensor, both_encoders = 1 / noise**2, 2 / encoder_noise**2
     heard = where(reading.alive, sensor, 0.0)
@@ -158,11 +145,11 @@ def innovation(
         for share, position in zip(shares, positions, strict=True)
     )
     x, bound = expected + shift, trust.gate * noise
-    surprise = heard / total * clip(reading.x - x, -bound, bound)
+    residual = heard / total * clip(reading.x - x, -bound, bound)
     for share, position in zip(shares, positions, strict=True):
-        surprise += share / total * (position.x - x) / _distance(position.x - x, trust.jump)
+        residual += share / total * (position.x - x) / _distance(position.x - x, trust.jump)
     lead = encoders / (sensor + encoders) * (sensor + both_encoders) / both_encoders
-    return Innovation(shift, surprise, lead)
+    return Innovation(shift, residual, lead)
 
 
 def _distance(apart: Scalar, jump: Scalar) -> Scalar:
@@ -182,7 +169,7 @@ def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matri
 
 @dataclass(frozen=True)
 class SelfCalibratingKalman(Estimator):
-    """The filter, what it believes of drums and ropes before a run, and whom it trusts."""
+    """The filter, its prior of drums and ropes, and how far it trusts the sensors."""
 
     kalman: KalmanGains = field(default_factory=KalmanGains)
     drums: DrumGains = field(default_factory=DrumGains)
@@ -197,11 +184,7 @@ class SelfCalibratingKalman(Estimator):
         return SelfCalibratingState()
 
     def step(
-        self,
-        state: SelfCalibratingState,
-        measurement: Measurement,
-        setpoint: Setpoint,
-        context: Context,
+        self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
         """One sample: learn of the encoders, then filter the motion with what is known of them."""
         gains, sample_time = self.kalman, context.sample_time
@@ -211,17 +194,17 @@ class SelfCalibratingKalman(Estimator):
         drums, resting = _drums(measurement, x, context), state.watch.started < FIRST
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
-        told = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
+        found = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
         motion, estimate = corrected(
-            replace(state.motion, x=x + told.shift),
+            replace(state.motion, x=x + found.shift),
             measurement,
-            (told.surprise, measurement.v - state.motion.v),
-            blended_gain(gains, told.lead, sample_time),
+            (found.residual, measurement.v - state.motion.v),
+            blended_gain(gains, found.lead, sample_time),
             gains,
             context.nominal,
             sample_time,
         )
-        pending = (state.pending + told.shift) * (1 - sample_time / self.trust.slide_time)
+        pending = (state.pending + found.shift) * (1 - sample_time / self.trust.slide_time)
         following = SelfCalibratingState(motion, encoder_1, encoder_2, watch, pending)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
@@ -231,10 +214,10 @@ class SelfCalibratingKalman(Estimator):
         self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
     ) -> tuple[EncoderKnowledge, EncoderPosition]:
         known = tared(known, drum, x, self.drums, resting)
-        # rest in a known position tells as much as many readings; it sets the encoder, not the expected position
+        # rest in a known position counts as much as many readings; it sets the encoder, not the expected position
         weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
-        told = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
-        known, position = calibrate(known, drum, told, self.drums, self.trust, sample_time)
+        seen = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
+        known, position = calibrate(known, drum, seen, self.drums, self.trust, sample_time)
         return known, replace(position, shift=where(resting, 0.0, position.shift))
 
     def _learnt(

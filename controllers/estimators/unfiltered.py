@@ -4,12 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
+from dualwinch.model.actuators import NoState
 from dualwinch.model.reference import Setpoint
-
-
-@dataclass(frozen=True)
-class Stateless:
-    """State of what remembers nothing."""
 
 
 @dataclass(frozen=True)
@@ -19,16 +15,12 @@ class Unfiltered(Estimator):
     kind: ClassVar = "none"
     label: ClassVar = "no estimator"
 
-    def initial_state(self) -> Stateless:
+    def initial_state(self) -> NoState:
         """Nothing."""
-        return Stateless()
+        return NoState()
 
     def step(
-        self,
-        state: Stateless,
-        measurement: Measurement,
-        setpoint: Setpoint,
-        context: Context,
-    ) -> tuple[Stateless, Estimate]:
+        self, state: NoState, measurement: Measurement, setpoint: Setpoint, context: Context
+    ) -> tuple[NoState, Estimate]:
         """The measurement as it is."""
         return state, Estimate(**vars(measurement))

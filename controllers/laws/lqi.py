@@ -64,10 +64,7 @@ class Lqi(PositionLaw):
     def gain(self, sample_time: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Gains on the integral in 1/s³, on the position error in 1/s² and on the speed error in 1/s.
 
-        Worked out in units of the sample time, where the motion has no numbers but 1 and 1/2.
-
-        Args:
-            sample_time: in s.
+        Worked out in units of the sample time in s, where the motion has no numbers but 1 and 1/2.
         """
         T = sample_time
         motion: Matrix = ((1.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))

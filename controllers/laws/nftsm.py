@@ -82,12 +82,7 @@ class Nftsm(PositionLaw):
     ) -> tuple[Scalar, Scalar, Scalar]:
         """Force u, its saturated value u_sat (N) and the sliding variable s (m) (paper Section 3.1.4, E7, E8).
 
-        Args:
-            Z_a: anti-saturation state in N s.
-            d_hat: estimated disturbance acceleration in m/s², 0 without an observer.
-            estimate: position and speed are used, and the disturbance it knows.
-            setpoint: reference position, speed, acceleration.
-            context: nominal plant and limits.
+        By the anti-saturation state Z_a in N s and the observer's estimate d_hat in m/s², 0 without one.
         """
         gains, auxiliary = self.nftsm, self.auxiliary
         forces = nominal_forces(estimate.v, estimate.d, context.nominal)

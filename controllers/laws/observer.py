@@ -97,13 +97,8 @@ def estimate_disturbance(
 
 
 def remember(now: DisturbanceEstimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
-    """State for the next sample, once the command is known.
+    """State for the next sample: the speed error e2 in m/s, and the error acceleration ë_1 in m/s² of the command.
 
-    Args:
-        now: this sample's estimate.
-        e2: this sample's speed error in m/s.
-        error_acceleration: ë_1 in m/s² that the saturated command would give without disturbance.
+    That is what the saturated command would give without disturbance.
     """
-    return ObserverState(
-        d_hat=now.d_hat, filtered=now.filtered, e2_previous=e2, a_previous=error_acceleration, primed=1.0
-    )
+    return ObserverState(now.d_hat, now.filtered, e2, error_acceleration, 1.0)

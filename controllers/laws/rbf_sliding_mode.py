@@ -23,6 +23,7 @@ import numpy as np
 
 from dualwinch.controllers.nominal import nominal_forces
 from dualwinch.controllers.parts import Context, Estimate, PositionLaw, PositionOutput
+from dualwinch.model.matrix import dot
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Tunable, vector
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
@@ -97,7 +98,7 @@ class RbfSlidingMode(PositionLaw):
         """One sample: slide with what has been learnt, and learn from where the error is."""
         weights = [state.weights[i] for i in range(len(CENTRES))]
         basis = self.basis(estimate.v)
-        d_hat = sum(weight * value for weight, value in zip(weights, basis, strict=True))
+        d_hat = dot(weights, basis)
         e1, e2 = estimate.x - setpoint.x, estimate.v - setpoint.v
         s = e1 + e2 / self.lam
         reaching = self.eta * s + self.k * clip(s / self.phi, -1.0, 1.0)

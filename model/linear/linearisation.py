@@ -72,10 +72,11 @@ def linearise(
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
-    (system,) = linearise_sweep(
-        x, v, preload, plant, current=current, force=force, tension_min=tension_min, tension_max=tension_max, dt=dt
+    given = plant or Plant()
+    points = operating_points(
+        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )
-    return system
+    return linearise_at(points, given, dt)[0]
 
 
 def linearise_sweep(
@@ -84,22 +85,16 @@ def linearise_sweep(
     preload: ArrayLike = PRELOAD,
     plant: Plant | None = None,
     *,
-    current: float = 0.0,
-    force: float = 0.0,
-    tension_min: float = TENSION_MIN,
-    tension_max: float = TENSION_MAX,
     dt: float | None = None,
+    **outside: float,
 ) -> list[LinearSystem]:
-    """Many linearisations at once: x, v and preload are broadcast against each other (see `linearise`).
+    """Many linearisations at once: x, v and preload are broadcast against each other; other arguments as `linearise`.
 
     Raises:
         ConfigurationError: as `linearise`, for the first point that is wrong.
     """
     given = plant or Plant()
-    points = operating_points(
-        x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
-    )
-    return linearise_at(points, given, dt)
+    return linearise_at(operating_points(x, v, preload, given, **outside), given, dt)
 
 
 def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
@@ -114,11 +109,8 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
                 f"rope {1 if point.slack_1 else 2} is slack at x = {point.x:g} m, v = {point.v:g} m/s: "
                 "the plant has no linearisation there; tension_min > 0 keeps ropes taut"
             )
-    columns = [
-        [leaves(group) for group in groups]
-        for groups in ((point.state, point.torques, point.environment) for point in points)
-    ]
-    arguments = [np.array([list(groups[k].values()) for groups in columns]).T for k in range(3)]
+    groups = zip(*((point.state, point.torques, point.environment) for point in points), strict=True)
+    arguments = [np.array([list(leaves(each).values()) for each in along]).T for along in groups]
     arguments.append(np.repeat(np.array([list(numbers(plant).values())]).T, len(points), axis=1))
     jacobians = [
         np.array(np.split(side_by_side.full(), len(points), axis=1))

@@ -37,14 +37,7 @@ class Shape(NamedTuple):
 
 
 def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
-    """A mode's name in words.
-
-    Args:
-        system: whose mode it is.
-        participation: state → its share in the mode.
-        shape: state → complex amplitude.
-        plant: parameters of the plant that was linearised.
-    """
+    """A mode's name in words, by each state's share in it and complex amplitude."""
     prefix = plant_prefix(system.states)
     x = system.operating_point.get("x")
     if prefix is None or x is None or sum(participation[prefix + name] for name in describe(PlantState)) < 0.5:
@@ -54,7 +47,9 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     if max(map(abs, moved.stretches)) < RIGID * largest:
         speed, position = participation[prefix + "v"], participation[prefix + "x"]
         return "rigid drift: speed" if speed > position else "rigid drift: position"
-    springs = _springs(plant, x, system.operating_point)
+    sides = zip(plant.sides, rope_lengths(x, plant.track), ("F1", "F2"), strict=True)
+    tension = system.operating_point.get
+    springs = [side.rope.tangent(tension(name, PRELOAD / 2), length)[0] for side, length, name in sides]
     return _by_energies(moved, plant, springs)
 
 
@@ -76,19 +71,10 @@ def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") 
     )
 
 
-def _springs(plant: Plant, x: float, point: Mapping[str, float]) -> tuple[float, float]:
-    """Spring rates in N/m of both ropes at an operating point."""
-    length_1, length_2 = rope_lengths(x, plant.track)
-    tension_1, tension_2 = (point.get(name, PRELOAD / 2) for name in ("F1", "F2"))
-    return plant.rope_1.tangent(tension_1, length_1)[0], plant.rope_2.tangent(tension_2, length_2)[0]
-
-
-def _by_energies(moved: Shape, plant: Plant, springs: tuple[float, float]) -> str:
-    masses = (
-        inertia(plant.vehicle),
-        plant.winch_1.inertia / plant.winch_1.drum_radius**2,
-        plant.winch_2.inertia / plant.winch_2.drum_radius**2,
-    )
+def _by_energies(moved: Shape, plant: Plant, springs: Sequence[float]) -> str:
+    """A mode's name by the bodies and ropes, of given spring rates in N/m, that have its energy."""
+    drums_masses = (side.winch.inertia / side.winch.drum_radius**2 for side in plant.sides)
+    masses = inertia(plant.vehicle), *drums_masses
     vehicle, *drums = _taking_part(masses, moved)
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]
@@ -167,12 +153,12 @@ class Mode:
 
     @property
     def main_states(self) -> tuple[str, ...]:
-        """The states that make up the mode, the largest share first, until 90 % are told."""
-        told, names = 0.0, []
+        """The states that make up the mode, the largest share first, until they sum to 90 %."""
+        total, names = 0.0, []
         for name, share in sorted(self.participation.items(), key=lambda item: -item[1]):
             names.append(name)
-            told += share
-            if told >= 0.9:
+            total += share
+            if total >= 0.9:
                 break
         return tuple(names)
 

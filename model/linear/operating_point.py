@@ -123,20 +123,10 @@ def check_position(x: float, track: Track) -> None:
 def violations(
     v: float, forces: Sequence[float], torques: Sequence[float], plant: Plant, limits: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Limits that tensions in N and torques in N m do not respect, in words.
-
-    Args:
-        v: speed of the cruise in m/s.
-        forces: tensions F1 and F2.
-        torques: motor torques tau_1 and tau_2.
-        plant: its winches say which torque gives which tension.
-        limits: tension_min and tension_max.
-    """
-    words = []
+    """Limits tension_min and tension_max that tensions in N and torques in N m exceed at a speed in m/s, in words."""
+    words, (lower, upper) = [], limits
     motion = f"cruise at {v:g} m/s" if v else "rest"
-    lower, upper = limits
-    for number, winch in enumerate((plant.winch_1, plant.winch_2), start=1):
-        force, torque = forces[number - 1], torques[number - 1]
+    for (number, _, winch, *_), force, torque in zip(plant.sides, forces, torques, strict=True):
         if force > upper * (1 + TOLERANCE):
             words.append(f"{motion} needs {_newtons(force)} in rope {number} > tension_max = {_newtons(upper)}")
             continue

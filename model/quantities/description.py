@@ -1,7 +1,8 @@
 """The scalars of a group: each with its key, quantity, type and bounds, as a `Leaf`.
 
 A group is a frozen dataclass, of floats or of CasADi symbols, that may have further groups and parts
-(`model.quantities.part`) as fields. Its type is described with every registered part, an instance with those it has.
+(`model.quantities.part`) as fields. Its `field_marks`, if it has any, are those of fields without marks of their own.
+Its type is described with every registered part, an instance with those it has.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -206,12 +207,7 @@ def _check_base(slot: Slot, value: Any) -> None:
 def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type, Leaf]]) -> None:
     """Raise `ConfigurationError` where a part means something else by a key than others that have it.
 
-    Parts may share a group of numbers, and its keys; they may not by accident.
-
-    Args:
-        part: the part.
-        own: what it is described as.
-        others: scalars of others, each with the group that has it.
+    Parts may share a group of numbers, and its keys; they may not by accident. Others are scalars with their groups.
     """
     tables = {key[:end] for key in own for end, character in enumerate(key) if character == "."}
     for owner, leaf in others:
@@ -260,6 +256,7 @@ def _leaf(group: type, slot: Slot) -> Leaf:
         raise ConfigurationError(
             f'{name} has no Quantity; write {slot.field}: Annotated[{word}, Quantity("unit", "meaning")]'
         )
+    marks = frozenset(item for item in slot.metadata if isinstance(item, Mark))
     optional = type(None) in get_args(slot.hint)
     options = [option for option in get_args(slot.hint) if option is not type(None)]
     kind = options[0] if optional else slot.hint
@@ -277,7 +274,7 @@ def _leaf(group: type, slot: Slot) -> Leaf:
         constraints=tuple(_bounds(slot.metadata, name)),
         tunable=slot.find(Tunable),
         ratio=slot.find(TunableRatio),
-        marks=frozenset(item for item in slot.metadata if isinstance(item, Mark)),
+        marks=marks or getattr(group, "field_marks", frozenset()),
         default=None if slot.default is MISSING else slot.default,
     )
 

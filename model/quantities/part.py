@@ -29,7 +29,7 @@ from dualwinch.model.quantities.quantity import unknown
 PACKAGE = __name__.partition(".")[0]
 
 PLUGIN = "_plugin_of_dualwinch_"
-"""What the names of modules begin with that were imported from a file that somebody named."""
+"""What the names of modules begin with that were imported from a file by its path."""
 
 
 def built_in(part: type) -> bool:
@@ -68,27 +68,23 @@ def digest(part: type) -> str:
     These are the modules of its class and of the classes it is made from, and what these take from files beside them or
     from their own package. Libraries do not count.
     """
-    texts = [_text(module) or _text_of(part) for module in _modules(part)]
+    texts = [_text(module) or _text(part) for module in _modules(part)]
     if part.__module__ not in sys.modules or not all(texts):
         return ""
     digests = sorted(hashlib.sha256(text.encode()).hexdigest() for text in texts)
     return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def _text(module: ModuleType) -> str:
-    """The source of a module as it was imported, where its loader keeps that, else as it is now."""
-    read = getattr(getattr(module.__spec__, "loader", None), "get_source", None)
+def _text(defined: ModuleType | type) -> str:
+    """The source of a module as it was imported, where its loader keeps that, else as it is now; or that of a class.
+
+    A notebook's cell has a class, a notebook itself has no source.
+    """
+    spec = getattr(defined, "__spec__", None)
+    read = getattr(getattr(spec, "loader", None), "get_source", None)
     try:
-        return (read(module.__spec__.name) if read and module.__spec__ else inspect.getsource(module)) or ""
+        return (read(spec.name) if read and spec else inspect.getsource(defined)) or ""
     except (OSError, TypeError, ImportError):
-        return ""
-
-
-def _text_of(part: type) -> str:
-    """The source of a class, which a notebook's cell has; a notebook itself has none."""
-    try:
-        return inspect.getsource(part)
-    except (OSError, TypeError):
         return ""
 
 

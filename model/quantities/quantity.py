@@ -89,7 +89,7 @@ class Tunable:
     Attributes:
         lower, upper: bounds of the search, where what they follow has its default value.
         log: whether factors count, not differences.
-        standard: whether it is tuned where nobody says what to tune.
+        standard: whether it is tuned if no search space is given.
         of: what the bounds are proportional to: keys, as a product such as ``1/plant.vehicle.mass`` (a name
             without a dot stands in the gain's own table, whose name is ``{table}``), or one for each bound; empty:
             they are what they are on any machine.
@@ -392,7 +392,7 @@ def vector(values: Sequence[Scalar]) -> Any:
 def elements(value: Any) -> dict[str, Any]:
     """What its key ends in → element of a vector (``.0``, ``.1``, …) or a matrix (``.0.0``, ``.0.1``, …), row by row.
 
-    A single element has the array's own key, for as a symbol it cannot be told from a scalar.
+    A single element has the array's own key, for a symbol of one element is a scalar.
     """
     rows, columns = (*value.shape, 1)[:2]
     matrix = value.reshape(rows, columns) if isinstance(value, np.ndarray) else value

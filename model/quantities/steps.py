@@ -31,12 +31,9 @@ AS_FLOAT = ca.SX.__float__
 
 @contextmanager
 def over_symbols(name: str) -> Iterator[None]:
-    """Call a user's function over symbols in here.
+    """Call a user's function over symbols in here; messages call it by a name, e.g. ``mine: its step``.
 
     The float of a symbol is an error in here. CasADi gives NaN, of which `math` makes more, without a word.
-
-    Args:
-        name: what the function is called in messages, e.g. ``mine: its step``.
 
     Raises:
         ConfigurationError: the function asks a symbol for its value.
@@ -79,13 +76,7 @@ def started(part: Any) -> Any:
 
 
 def stepped(part: Any, state: Any, gives: type, *inputs: Any) -> tuple[Any, Any]:
-    """The next state of a part and its output.
-
-    Args:
-        part: whose step it is.
-        state: as the last sample left it.
-        gives: what its output is.
-        inputs: further arguments of its step.
+    """The next state of a part and its output, which is of the type `gives`; inputs are the step's further arguments.
 
     Raises:
         ConfigurationError: it asks a symbol for its value, or gives anything but a state like the one it was given and

@@ -20,13 +20,7 @@ def readable_unit(unit: str) -> str:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table of texts.
-
-    Args:
-        header: name of each column.
-        rows: the cells of each row.
-        numbers: indices of the columns that hold numbers, and stand to the right.
-    """
+    """A table of texts; columns of numbers, by their indices, stand to the right."""
     sides = ["right" if column in numbers else "left" for column in range(len(header))]
 
     def cells(tag: str, texts: Sequence[str]) -> str:

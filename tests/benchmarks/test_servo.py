@@ -82,7 +82,7 @@ def test_the_table_says_what_each_fit_came_to(tmp_path: Path, capsys: pytest.Cap
     assert float(rows["moved mass (kg)"][2].split()[0]) == pytest.approx(MASS, rel=0.005)
     assert rows["motor's lag (ms)"][:2] == ["", ""]
     assert float(rows["motor's lag (ms)"][2].split()[0]) == pytest.approx(1e3 * LAG, rel=0.02)
-    unexplained = [int(cell.rstrip("%")) for cell in rows["torque that nobody recorded"]]
+    unexplained = [int(cell.rstrip("%")) for cell in rows["unrecorded torque, over the recorded one"]]
     assert unexplained[2] < unexplained[1]
     assert capsys.readouterr().out.strip() == "\n".join(_table(document))
 

@@ -1,5 +1,7 @@
 """Steps by the likelihood itself: its slopes beside differences, where they lead, what they say of the logs."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -90,5 +92,11 @@ def test_a_fit_that_should_get_better_and_does_not_has_not_converged(
     fitting = PredictionErrorMethod(sections_of([logged(RIGHT)], RIGHT), RIGHT, UNKNOWNS, options)
     start = np.array([unknown.start for unknown in UNKNOWNS]) * [1, 1, 3]
     assert fitting.run(start, noise=fitting.initial_noise()).converged
-    monkeypatch.setattr(Likelihood, "_shortened", lambda _, at, *given: (np.zeros_like(at), given[1]))
+    deviances = Likelihood.deviances
+
+    def worse(likelihood: Likelihood, points: list[np.ndarray], *given: Any) -> np.ndarray:
+        """The end of a step, a single point, is never likelier than its beginning."""
+        return deviances(likelihood, points, *given) if len(points) > 1 else np.array([np.inf])
+
+    monkeypatch.setattr(Likelihood, "deviances", worse)
     assert not fitting.run(start, noise=fitting.initial_noise()).converged

@@ -52,7 +52,7 @@ def test_optima_that_differ_are_two() -> None:
     assert "optima" not in repr(one)
     two = replace(one, optima=(one.optima[0], replace(one.optima[0], values=(2e4,), deviance=12.0)))
     assert "2 distinct optima; the second is less likely, exp(-6)" in repr(two)
-    assert "log likelihood over the best" in repr(two)
+    assert "log-likelihood, less the best" in repr(two)
 
 
 def test_starts_lie_within_what_is_known_and_what_is_possible() -> None:

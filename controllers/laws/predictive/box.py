@@ -8,7 +8,7 @@ solution. From sample to sample little changes: the guess of the last one is mos
 
 from collections.abc import Sequence
 
-from dualwinch.model.matrix import Matrix
+from dualwinch.model.matrix import Matrix, dot
 from dualwinch.model.scalar import Scalar
 
 
@@ -38,17 +38,13 @@ def least_in_box(
         low, high = [side < -0.5 for side in sides], [side > 0.5 for side in sides]
         free = [1 - low[i] - high[i] for i in n]
         held = [low[i] * lower[i] + high[i] * upper[i] for i in n]
-        slope = [linear[i] + _dot(quadratic[i], held) for i in n]
+        slope = [linear[i] + dot(quadratic[i], held) for i in n]
         moved = _solved_where_free(quadratic, [-free[i] * slope[i] for i in n], free)
         values = [held[i] + moved[i] for i in n]
-        push = [-(slope[i] + _dot(quadratic[i], moved)) for i in n]
+        push = [-(slope[i] + dot(quadratic[i], moved)) for i in n]
         left = [1.0 * (values[i] > upper[i]) - 1.0 * (values[i] < lower[i]) for i in n]
         sides = [free[i] * left[i] + high[i] * (push[i] > 0) - low[i] * (push[i] < 0) for i in n]
     return values, list(sides)
-
-
-def _dot(row: Sequence[Scalar], column: Sequence[Scalar]) -> Scalar:
-    return sum(x * y for x, y in zip(row, column, strict=True))
 
 
 def _solved_where_free(a: Matrix, b: Sequence[Scalar], free: Sequence[Scalar]) -> list[Scalar]:
@@ -60,10 +56,10 @@ def _solved_where_free(a: Matrix, b: Sequence[Scalar], free: Sequence[Scalar]) -
     for i in range(n):
         row: list[Scalar] = []  # of L D
         for j in range(i):
-            row.append(free[i] * free[j] * a[i][j] - _dot(row, factors[j]))
+            row.append(free[i] * free[j] * a[i][j] - dot(row, factors[j]))
         factors.append([value * inverse for value, inverse in zip(row, inverses, strict=True)])
-        inverses.append(1 / (a[i][i] - _dot(row, factors[i])))
-        x.append(b[i] - _dot(factors[i], x))
+        inverses.append(1 / (a[i][i] - dot(row, factors[i])))
+        x.append(b[i] - dot(factors[i], x))
     x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]
     for i in reversed(range(n)):
         x[i] = x[i] - sum(factors[k][i] * x[k] for k in range(i + 1, n))

@@ -121,14 +121,10 @@ class Mpc(PositionLaw):
         setpoint: Setpoint,
         context: Context,
     ) -> Program:
-        """The quadratic program of a sample.
+        """The quadratic program of a sample after one with a force in N.
 
-        Args:
-            force: of the last sample, in N.
-            motion: position in m, speed in m/s and disturbance acceleration in m/s², as observed.
-            d_known: disturbance acceleration in m/s² that the estimator knows.
-            setpoint: with its preview.
-            context: nominal plant, limits and sample time.
+        The motion is position in m, speed in m/s and disturbance acceleration in m/s², as observed; `d_known` is the
+        acceleration in m/s² that the estimator knows.
         """
         x, v, d = motion
         forces = nominal_forces(v, d_known, context.nominal)

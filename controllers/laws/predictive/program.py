@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.matrix import Matrix, plus, times, transpose
+from dualwinch.model.matrix import Matrix, dot, plus, times, transpose
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, maximum, minimum, power, sqrt
 
@@ -143,14 +143,9 @@ def cost_of_changes(predicted: Prediction, weights: Weights) -> Matrix:
 def slope_of_cost(
     predicted: Prediction, weights: Weights, now: VehicleMotion, ahead: Sequence[Setpoint], lost: Sequence[Scalar]
 ) -> Column:
-    """(n,) slope of the cost where the force stays as it is.
+    """(n,) slope of the cost where the force stays as it is, by the motion now and the (n,) setpoints ahead.
 
-    Args:
-        predicted: the horizon.
-        weights: of the errors.
-        now: where the vehicle is and how it moves.
-        ahead: setpoints at the ends of the stages.
-        lost: (n,) acceleration in m/s² that resistance takes there, beyond what it takes now.
+    Lost are (n,) accelerations in m/s² that resistance takes there, beyond what it takes now.
     """
     t, n = predicted.times.tolist(), range(len(ahead))
     e = [
@@ -166,18 +161,14 @@ def slope_of_cost(
     count = predicted.weights[:, None]
     of_e = _times((count * predicted.of_position).T, [weights.position * value for value in e])
     of_w = _times((count * predicted.of_speed).T, [weights.speed * value for value in w])
-    beyond = [sum(x * y for x, y in zip(row, last, strict=True)) for row in at_end]
+    beyond = [dot(row, last) for row in at_end]
     return tuple(sum(values) for values in zip(of_e, of_w, beyond, strict=True))
 
 
 def room(predicted: Prediction, a: Scalar, limit: Scalar, rate: Scalar) -> tuple[Column, Column]:
     """(n,) lowest and highest change of acceleration at the ends of stages that force and rate allow.
 
-    Args:
-        predicted: the horizon.
-        a: acceleration in m/s² that the force gives now.
-        limit: largest acceleration in m/s² that it can give.
-        rate: largest change of that in m/s³.
+    The force gives an acceleration a now, at most `limit`, in m/s², and that changes by at most `rate` in m/s³.
     """
     reach = [rate * t for t in predicted.times.tolist()]
     return tuple(maximum(-limit - a, -by) for by in reach), tuple(minimum(limit - a, by) for by in reach)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.identification.excitation import MotionLimits, motion_dimensions, motion_limits, motion_of, moves_in
+from dualwinch.identification.excitation import MotionLimits, motion_dimensions, motion_limits, motion_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import own_duration, setpoint
 from dualwinch.simulation.experiment import Experiment
@@ -20,7 +20,7 @@ ROOM = MotionLimits(farthest=40.0, speed=1.5, acceleration=0.25, jerk=0.5, tensi
 @given(seed=st.integers(0, 2**32 - 1), duration=st.floats(15, 120))
 @settings(max_examples=50)
 def test_motions_keep_to_their_limits_and_are_over_in_time(seed: int, duration: float) -> None:
-    shares = np.random.default_rng(seed).random(motion_dimensions(moves_in(duration)))
+    shares = np.random.default_rng(seed).random(motion_dimensions(duration))
     reference = motion_of(shares, ROOM, duration)
     if reference is None:
         return
@@ -35,7 +35,7 @@ def test_motions_keep_to_their_limits_and_are_over_in_time(seed: int, duration: 
 
 
 def test_where_nothing_moves_there_is_no_motion() -> None:
-    slow = np.zeros(motion_dimensions(2))
+    slow = np.zeros(motion_dimensions(0.1))
     slow[2::2] = 1.0
     assert motion_of(slow, ROOM, 0.1) is None
 
