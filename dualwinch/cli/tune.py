@@ -294,6 +294,8 @@ def check_options(options: StudyOptions) -> None:
     for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
         if count is not None and count < 1:
             raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
+    if options.time is not None:
+        seconds_from(options.time)
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.storage and is_database(str(options.storage))):

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -183,11 +184,17 @@ def commands(parent: Any, name: str = "dualwinch") -> Iterator[tuple[str, Any]]:
             yield from commands(parent[word], f"{name} {word}")
 
 
+def options_of(function: Any) -> Iterator[tuple[str, Any]]:
+    """Every option of a function with its type, those of its groups of options too."""
+    for option, hint in get_type_hints(function, include_extras=True).items():
+        yield from options_of(hint) if is_dataclass(hint) else [(option, hint)]
+
+
 def test_every_option_that_is_a_whole_number_is_read_as_one() -> None:
     """Cyclopts would round 1.5."""
     found: dict[str, bool] = {}
     for command, function in commands(app):
-        for option, hint in get_type_hints(function, include_extras=True).items():
+        for option, hint in options_of(function):
             kinds = {hint, *get_args(hint), *(inner for part in get_args(hint) for inner in get_args(part))}
             if int in kinds:
                 found[f"{command} {option}"] = WHOLE in getattr(hint, "__metadata__", ())
