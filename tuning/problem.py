@@ -20,7 +20,7 @@ from dualwinch.tuning.constraints import Constraint, MarginStatistic
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
-TRAINING, VALIDATION, TEST, SEARCH = "training", "validation", "test", "search"
+TRAINING, VALIDATION, CHANCE, TEST, SEARCH = "training", "validation", "chance constraint", "test", "search"
 """Names of the random streams of a study; no two share a draw, whatever the seed (`TuningProblem.stream`)."""
 
 STEADY = "steady_"
@@ -65,7 +65,7 @@ class TuningProblem:
     choices: tuple[str, ...] = field(default=(), compare=False)
 
     def stream(self, name: str) -> int:
-        """The seed of a named random stream: `TRAINING`, `VALIDATION`, `TEST` or `SEARCH`, maybe with a number."""
+        """The seed of a named random stream: `TRAINING` to `SEARCH`, maybe with a number."""
         return named_seed(self.seed, name)
 
     def check(self) -> None:

@@ -12,7 +12,7 @@ from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.tuning.problem import TEST, TRAINING, VALIDATION
+from dualwinch.tuning.problem import CHANCE, TEST, TRAINING, VALIDATION
 from dualwinch.tuning.result import (
     TuningResult,
     contenders,
@@ -20,6 +20,7 @@ from dualwinch.tuning.result import (
     headline,
     margin_places,
     number,
+    tested,
     where,
     widen,
     worth,
@@ -43,7 +44,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [worth(tuned), headline(tuned), *problem.choices, *contenders(tuned)]
+    lines += [worth(tuned), headline(tuned), tested(tuned), *problem.choices, *contenders(tuned)]
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
@@ -81,10 +82,11 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
     problem, verdict, sizes = tuned.problem, tuned.verdict, tuned.verdict.sizes
     content = {
         **facts,
-        "seeds": {name: problem.stream(name) for name in (TRAINING, VALIDATION, TEST)},
+        "seeds": {name: problem.stream(name) for name in (TRAINING, VALIDATION, CHANCE, TEST)},
         "scenarios": {
             TRAINING: len(tuned.training.scenarios),
             VALIDATION: sizes.draws + sizes.second_draws if verdict.has_test_set else 0,
+            CHANCE: verdict.chance.draws if verdict.chance else 0,
             TEST: verdict.scored.scenarios if verdict.has_test_set else 0,
         },
         "selection": problem.selection.to_record(),
@@ -108,6 +110,14 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             "trial": verdict.best.number if verdict.improved else None,
             "repaired": tuned.repaired,
             "start_kept": verdict.obstacle or None,
+            "chance_constraint": verdict.chance.to_dict() if verdict.chance else None,
+            "test_violations": verdict.test_violations if verdict.has_test_set else None,
+            "test_violation_interval": list(verdict.violation_interval(problem.selection.confidence))
+            if verdict.has_test_set
+            else None,
+            "test_mean_interval": verdict.mean_interval(problem.objectives[0].metric, problem.selection.confidence)
+            if verdict.has_test_set and problem.objectives[0].kind == "mean"
+            else None,
             "contradiction": verdict.contradiction or None,
             "settings": tuned.gains,
             "at_bounds": dict(gains_at_bounds(tuned)),

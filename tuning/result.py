@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
@@ -96,7 +97,15 @@ class TuningResult:
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         headings, rows = statistics_table(self)
-        words = [headline(self), endings(self), authority(self), widen(self), *self.problem.choices, *contenders(self)]
+        words = [
+            headline(self),
+            tested(self),
+            endings(self),
+            authority(self),
+            widen(self),
+            *self.problem.choices,
+            *contenders(self),
+        ]
         gains = [[key, f"{value:.6g}" if isinstance(value, float) else str(value)] for key, value in self.gains.items()]
         return page(
             worth(self),
@@ -153,7 +162,7 @@ def where(tuned: TuningResult) -> str:
     if not tuned.verdict.has_test_set:
         return "in the tuned experiment"
     all_sizes, sizes = tuned.problem.selection.sizes, tuned.verdict.sizes
-    fewer = f" ({all_sizes.test} with more time)" if sizes.draws < all_sizes.draws else ""
+    fewer = f" ({all_sizes.test} with more time)" if sizes.test < all_sizes.test else ""
     return f"in {tuned.verdict.scored.scenarios} test scenarios{fewer}"
 
 
@@ -170,11 +179,31 @@ def headline(tuned: TuningResult) -> str:
 
 
 def worth(tuned: TuningResult) -> str:
-    """What was gained, and what that rests on."""
-    gained = comparison(tuned) if tuned.verdict.improved else "no improvement: the start is kept"
-    if tuned.verdict.contradiction:
-        gained = f"{tuned.verdict.contradiction}: {gained}"
-    return f"{gained}; {assumptions(tuned.problem.ensemble)}"
+    """What was gained, with which probability the bounds are satisfied, and on which assumptions."""
+    verdict = tuned.verdict
+    gained = comparison(tuned) if verdict.improved else "no improvement: the start is kept"
+    if verdict.contradiction:
+        gained = f"{verdict.contradiction}: {gained}"
+    chance = [verdict.chance.words] if verdict.chance else []
+    return "; ".join([gained, *chance, assumptions(tuned.problem.ensemble)])
+
+
+def tested(tuned: TuningResult) -> str:
+    """The test set's mean of the first objective, and its share of violations, with intervals; empty without one."""
+    verdict, objective = tuned.verdict, tuned.problem.objectives[0]
+    if not verdict.has_test_set:
+        return ""
+    level, words = tuned.problem.selection.confidence, list[str]()
+    if objective.kind == "mean" and (mean := verdict.mean_interval(objective.metric, level)):
+        words.append(
+            f"{objective.name} = {mean[0]:.4g} ({mean[1]:.4g} to {mean[2]:.4g}){behind_number(objective.unit)}"
+        )
+    low, high = verdict.violation_interval(level)
+    words.append(
+        f"{verdict.test_violations} of {verdict.scored.scenarios} scenarios violate a bound on the worst case "
+        f"({100 * low:.3g} to {100 * high:.3g} %)"
+    )
+    return f"test set, with {100 * level:g} % intervals: {'; '.join(words)}"
 
 
 def contenders(tuned: TuningResult) -> list[str]:

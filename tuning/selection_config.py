@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields
 from typing import Any
 
+from dualwinch.model.errors import ConfigurationError
+
 
 @dataclass(frozen=True)
 class SampleSizes:
@@ -17,6 +19,8 @@ class SampleSizes:
         second_candidates, second_draws: those that go on to the second validation set, and its size.
         further_draws: of the third validation set, where the chosen candidate alone is checked for peaks.
         test: scenarios of the test set.
+        chance: fresh draws of the chance constraint; the default is what the probabilities of `SelectionConfig` need
+            (`tuning.scoring.chance.draws_needed`).
     """
 
     candidates: int = 16
@@ -29,13 +33,16 @@ class SampleSizes:
     second_draws: int = 192
     further_draws: int = 1500
     test: int = 200
+    chance: int = 600
 
     @property
     def rollouts(self) -> int:
         """Estimated number of rollouts of validation and test, the start's and the paper's included."""
         scenarios = self.draws + self.vertices + self.hard_draws
         first = max(self.screening_rollouts, self.candidates * scenarios // 2) + 2 * scenarios
-        return first + (self.second_candidates + 2) * self.second_draws + self.further_draws + 3 * self.test
+        return (
+            first + (self.second_candidates + 2) * self.second_draws + self.further_draws + self.chance + 3 * self.test
+        )
 
     def scaled(self, share: float, least: "SampleSizes") -> "SampleSizes":
         """A share of all sizes, none below `least` unless it is so already."""
@@ -82,7 +89,9 @@ class SelectionConfig:
         repair_least: smallest change of the reserve.
         repair_back_off: distance from its bound that a repaired peak keeps in the further draws.
         repair_steps: shares of the wanted change of the reserve that are tried, the largest feasible one is taken.
-        sizes, least_sizes: of validation and test, and the smallest where time is short.
+        violation: ε, the largest probability that a draw violates a bound on the worst case.
+        confidence: 1 − β, of the chance constraint and of the intervals of the test set.
+        sizes, least_sizes: of validation, chance constraint and test, and the smallest where time is short.
         size_steps: number of shares of `sizes` that are considered.
         time_share, time_least: time in s for preparing, validation and test, as a share of the search or at least.
         time_share_left, time_least_left: the same for validation and test alone, where preparing took all of that.
@@ -119,13 +128,21 @@ class SelectionConfig:
     repair_least: float = 0.001
     repair_back_off: float = 0.006
     repair_steps: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
+    violation: float = 0.005
+    confidence: float = 0.95
     sizes: SampleSizes = field(default_factory=SampleSizes)
-    least_sizes: SampleSizes = SampleSizes(16, 0, 8, 4, 1, 25, 2, 8, 250, 32)
+    least_sizes: SampleSizes = SampleSizes(16, 0, 8, 4, 1, 25, 2, 8, 250, 32, 100)
     size_steps: int = 20
     time_share: float = 0.3
     time_least: float = 3.0
     time_share_left: float = 0.2
     time_least_left: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Raise `ConfigurationError` where a probability is none."""
+        for name, value in (("violation", self.violation), ("confidence", self.confidence)):
+            if not 0 < value < 1:
+                raise ConfigurationError(f"{name} = {value:g}: must be > 0 and < 1, i.e. between 0 and 100 %")
 
     def time_beside(self, search: float, spent: float) -> float:
         """Time in s for validation and test.

@@ -22,6 +22,7 @@ from dualwinch.tuning.constraints import (
     objectives_from,
 )
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.scoring.chance import draws_needed
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
@@ -45,6 +46,8 @@ def tuning_problem(
     scenarios: int | None = None,
     seed: int = 0,
     held: Collection[str] = (),
+    violation: float | None = None,
+    confidence: float | None = None,
     selection: SelectionConfig | None = None,
 ) -> TuningProblem:
     """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
@@ -68,6 +71,8 @@ def tuning_problem(
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
+        violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: 0.005.
+        confidence: with which the choice supports that; default: 0.95.
         selection: hyper-parameters of training set, ranking and choice.
 
     Raises:
@@ -113,11 +118,21 @@ def tuning_problem(
         constraints=bounded,
         scenarios=count if drawn else 1,
         seed=seed,
-        selection=selection or SelectionConfig(),
+        selection=_chance_constrained(selection or SelectionConfig(), violation, confidence),
         choices=tuple(chosen),
     )
     problem.check()
     return problem
+
+
+def _chance_constrained(config: SelectionConfig, violation: float | None, confidence: float | None) -> SelectionConfig:
+    """A configuration with other probabilities, and with as many fresh draws as they need."""
+    if violation is None and confidence is None:
+        return config
+    asked = {"violation": violation, "confidence": confidence}
+    config = replace(config, **{name: value for name, value in asked.items() if value is not None})
+    draws = draws_needed(config.violation, config.confidence)
+    return replace(config, sizes=replace(config.sizes, chance=draws))
 
 
 def _names_estimator(config: Path | None) -> bool:

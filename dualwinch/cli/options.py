@@ -165,6 +165,23 @@ def seconds_from(text: str, option: str = "--time") -> float:
     return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
 
 
+def share_from(text: str | None, option: str) -> float | None:
+    """A share such as ``0.5%`` or ``0.005``; ``None`` where none is given.
+
+    Raises:
+        ConfigurationError: it is no number between 0 and 1.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    if text is None:
+        return None
+    parts = re.fullmatch(r"\s*(\d*\.?\d+)\s*(%?)\s*", text)
+    share = float(parts[1]) / (100 if parts[2] else 1) if parts else 0.0
+    if not 0 < share < 1:
+        raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as 0.5%")
+    return share
+
+
 def use_parts(plugins: list[str] | None) -> None:
     """Register parts that are not built in: those of installed packages, and those of given files and modules.
 

@@ -18,7 +18,7 @@ from cyclopts import App, Parameter
 from rich.text import Text
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, seconds_from
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, seconds_from, share_from
 from dualwinch.cli.output import FigureColumn, FigureTable, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
@@ -121,6 +121,13 @@ def tune(
             negative="",
         ),
     ] = None,
+    violation: Annotated[
+        str | None,
+        Parameter(help="Largest probability that a draw of the ensemble violates a bound, e.g. 1% (default 0.5%)."),
+    ] = None,
+    confidence: Annotated[
+        str | None, Parameter(help="Confidence with which fresh draws support that, e.g. 99% (default 95%).")
+    ] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     options: StudyOptions = STUDY,
 ) -> None:
@@ -148,6 +155,8 @@ def tune(
             constraints=constraint,
             scenarios=scenarios,
             seed=seed,
+            violation=share_from(violation, "--violation"),
+            confidence=share_from(confidence, "--confidence"),
         )
         run_study(problem, options, line)
 
@@ -360,6 +369,7 @@ def print_study(tuned: TuningResult) -> None:
         headline,
         margin_places,
         statistics_table,
+        tested,
         widen,
         worth,
     )
@@ -380,8 +390,8 @@ def print_study(tuned: TuningResult) -> None:
     for constraint in verdict.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
-    for place in margin_places(tuned):
-        say(place)
+    for words in filter(None, (tested(tuned), *margin_places(tuned))):
+        say(words)
     if at_bounds := widen(tuned):
         say(at_bounds)
     say(endings(tuned))

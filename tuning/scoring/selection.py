@@ -7,8 +7,10 @@
 3. The feasible ones that improve on the start are ranked with back-off; the first of them are run, beside the start, in
    the second validation set, and ranked again. The first is the choice.
 4. Its peaks are checked in further draws, and repaired where they are near their bound.
-5. The test set is evaluated once, for the choice, the start and the baseline controller. It is reported and never fed
-   back: where it contradicts the choice, the result says so.
+5. Chance constraint: the choice is run in fresh draws, which say with which probability its bounds are satisfied
+   (`tuning.scoring.chance`). They do not change the choice.
+6. The test set is evaluated once, for the choice, the start and the baseline controller. It is reported with its
+   intervals and never fed back: where it contradicts the choice or the probability, the result says so.
 
 Without an ensemble the best feasible trial is chosen in the experiment.
 """
@@ -22,7 +24,8 @@ import numpy as np
 from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.problem import TEST
+from dualwinch.tuning.problem import CHANCE, TEST
+from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
 from dualwinch.tuning.scoring.ranking import (
@@ -34,6 +37,7 @@ from dualwinch.tuning.scoring.ranking import (
     penalised_first,
 )
 from dualwinch.tuning.scoring.repair import repaired_after_further_draws, screened
+from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.test_set import SelectionResult, TestSet
 from dualwinch.tuning.scoring.validation import (
     FeasibilityScreen,
@@ -47,6 +51,7 @@ from dualwinch.tuning.selection_config import SampleSizes
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 CONTRADICTED = "the test set contradicts the choice: there the start is better"
+PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more scenarios violate a bound"
 
 
 def select(
@@ -70,29 +75,46 @@ def select(
     sizes = sizes or problem.selection.sizes
     watch.phase(CHOOSING)
     start = _start(evaluator, trials)
-    chosen, validation = start, None
+    chosen, validation, chance = start, None, None
     if problem.ensemble is None:
         leader = trials[best_first(trials)[0]]
         chosen = leader if improves_on(leader, start) else start
     elif ranking := _validated(evaluator, trials, start, sizes):
         chosen, validation = ranking[0]
         chosen = repaired_after_further_draws(evaluator, chosen, further_draws(problem, sizes))
+        chance = _chance_constraint(evaluator, chosen, sizes)
     watch.phase(SCORING)
     test = TestSet(evaluator, sizes.test, problem.stream(TEST))
     scores = {"start": test.score(start.candidate), "paper": test.paper}
     scores = {"best": scores["start"] if chosen is start else test.score(chosen.candidate)} | scores
-    holds = chosen is start or improves_on(scores["best"].evaluation, scores["start"].evaluation)
+    violations = int((worst_of(scores["best"].result, test.constraints, test.scenarios) > 0).sum())
+    contradiction = ""
+    if chosen is not start and not improves_on(scores["best"].evaluation, scores["start"].evaluation):
+        contradiction = CONTRADICTED
+    elif chance and chance.satisfied:
+        least, _ = clopper_pearson(violations, len(test.scenarios), chance.confidence)
+        contradiction = PROBABILITY_CONTRADICTED if least > chance.violation else ""
     return SelectionResult(
         best=chosen,
         obstacle=NOT_CHOSEN if chosen is start else "",
-        contradiction="" if holds else CONTRADICTED,
+        contradiction=contradiction,
         validation=validation,
+        chance=chance,
+        test_violations=violations,
         scores=scores,
         constraints=test.constraints,
         has_test_set=problem.ensemble is not None,
         within_authority=np.array([within_authority(experiment_of(each)) for each in test.scenarios]),
         sizes=sizes,
     )
+
+
+def _chance_constraint(evaluator: Evaluator, chosen: Evaluation, sizes: SampleSizes) -> ChanceConstraint:
+    """The chosen gains in draws of the stream `CHANCE`."""
+    problem, config = evaluator.training.problem, evaluator.training.problem.selection
+    draws = problem.drawn(sizes.chance, problem.stream(CHANCE))
+    excess = worst_of(evaluator.run([chosen.candidate], draws), evaluator.training.constraints, draws)
+    return ChanceConstraint(config.violation, config.confidence, sizes.chance, int((excess > 0).sum()))
 
 
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:

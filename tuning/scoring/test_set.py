@@ -6,12 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import bootstrap
 
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Scorer, bounds_in
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.selection_config import SampleSizes
@@ -69,6 +71,9 @@ class SelectionResult:
         contradiction: in what the test set contradicts the choice, in words; empty where it does not.
         validation: the best in the last validation set, before a repair (`scoring.repair`); ``None`` without an
             ensemble.
+        chance: what fresh draws say of the probability that its bounds are violated; ``None`` without an ensemble, or
+            where the start is kept.
+        test_violations: number of test scenarios in which the best violates a bound on the worst case.
         scores: ``best``, ``start`` and ``paper`` → scores in the same test scenarios, which took no part in search and
             choice; without an ensemble in the experiment.
         constraints: of the problem, every bound a number in those scenarios.
@@ -81,6 +86,8 @@ class SelectionResult:
     obstacle: str
     contradiction: str
     validation: Evaluation | None
+    chance: ChanceConstraint | None
+    test_violations: int
     scores: dict[str, ControllerScore]
     constraints: tuple[Constraint, ...]
     has_test_set: bool
@@ -117,6 +124,20 @@ class SelectionResult:
         """How many times a statistic of the best is below that of the paper's gains or of the start."""
         ours, theirs = self.statistics("best")[statistic], self.statistics(over)[statistic]
         return theirs / ours if ours else np.inf
+
+    def violation_interval(self, confidence: float) -> tuple[float, float]:
+        """Clopper–Pearson interval of the share of scenarios in which the best violates a bound on the worst case."""
+        return clopper_pearson(self.test_violations, self.scored.scenarios, confidence)
+
+    def mean_interval(self, metric: str, confidence: float) -> tuple[float, float, float] | None:
+        """Mean of a figure of merit of the best with a percentile-bootstrap interval; ``None`` without two runs."""
+        result = self.scores["best"].result
+        values = result.metrics[metric][0, result.outcomes[0] == "completed"]
+        if len(values) < 2:
+            return None
+        found = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
+        low, high = found.confidence_interval
+        return float(values.mean()), float(low), float(high)
 
     def improvement_within_authority(self) -> float:
         """How many times the mean MSE is below the paper's over the scenarios within the actuators' authority.

@@ -40,7 +40,7 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = SampleSizes(draws=4, vertices=4, second_draws=4, test=8)
+    few = SampleSizes(draws=4, vertices=4, second_draws=4, test=8, chance=20)
     small = SelectionConfig(demand_among=4, sizes=few)
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)
 
@@ -49,6 +49,8 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert "is the best; scored in 8 test scenarios" in said.out
+    assert "bounds are satisfied with probability ≥ " in said.out.splitlines()[0]
+    assert "test set, with 95 % intervals: mean.mse = " in said.out
     assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
@@ -79,11 +81,16 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert {len(column) for column in columns} == {TRIALS}
     assert all(value is None or math.isfinite(value) for value in trials["objectives"]["mean.mse"])
     assert sum(value is not None for value in trials["objectives"]["mean.mse"]) > TRIALS // 2
-    assert study["seeds"] == {name: named_seed(5, name) for name in ("training", "validation", "test")}
+    assert study["seeds"] == {
+        name: named_seed(5, name) for name in ("training", "validation", "chance constraint", "test")
+    }
     assert {name: len(table["metrics"]["mse"]) for name, table in study["test"].items()} == dict.fromkeys(
         ("best", "start", "paper"), 8
     )
     assert study["best"]["start_kept"] is None
+    assert study["best"]["chance_constraint"]["draws"] == 20
+    low, high = study["best"]["test_violation_interval"]
+    assert low <= study["best"]["test_violations"] / 8 <= high
     assert study["units"]["mean.mse"] == "m^2"
     assert tomllib.loads(study["configuration"])["ensemble"]["name"] == "sea"
     rollouts = study["cost"]["rollouts"]

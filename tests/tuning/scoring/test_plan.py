@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 
 CONFIG = SelectionConfig()
@@ -54,9 +55,16 @@ def test_rollouts_are_those_of_both_rounds_with_start_and_paper_of_one_more_and_
         second_draws=5,
         further_draws=7,
         test=6,
+        chance=9,
     )
-    assert sizes.rollouts == 20 + 2 * 9 + 3 * 5 + 7 + 3 * 6
+    assert sizes.rollouts == 20 + 2 * 9 + 3 * 5 + 7 + 9 + 3 * 6
     assert replace(sizes, screening_rollouts=10).rollouts == sizes.rollouts - 2, "half of the first group is feasible"
+
+
+@pytest.mark.parametrize("words", [{"violation": 0.0}, {"violation": 1.0}, {"confidence": 95.0}])
+def test_probabilities_lie_between_0_and_1(words: dict[str, float]) -> None:
+    with pytest.raises(ConfigurationError, match="must be > 0 and < 1"):
+        replace(CONFIG, **words)
 
 
 def test_a_configuration_is_kept_with_a_study() -> None:

@@ -8,7 +8,7 @@ import pytest
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
-from dualwinch.tuning.problem import TEST, VALIDATION
+from dualwinch.tuning.problem import CHANCE, TEST, VALIDATION
 from dualwinch.tuning.scoring import selection
 from dualwinch.tuning.scoring import validation as rounds
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -32,6 +32,7 @@ SMALL = SampleSizes(
     second_draws=7,
     further_draws=9,
     test=20,
+    chance=15,
 )
 
 BETA = "controller.nftsm.beta"
@@ -65,12 +66,14 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
         seeds((*prepared.scenarios, *prepared.hard)),
         seeds(problem.ensemble.scenarios(12, problem.stream(VALIDATION))),
     ]
-    ours.append(seeds(problem.drawn(20, problem.stream(TEST))))
+    ours += [seeds(problem.drawn(20, problem.stream(name))) for name in (CHANCE, TEST)]
     assert len(set.union(*ours)) == sum(map(len, ours))
     assert verdict.improved
     assert verdict.validation is not None
     assert verdict.validation.scenarios == SMALL.second_draws
     assert verdict.has_test_set
+    assert verdict.chance is not None
+    assert verdict.chance.draws == SMALL.chance
     assert {name: score.evaluation.scenarios for name, score in verdict.scores.items()} == dict.fromkeys(
         ("best", "start", "paper"), 20
     )

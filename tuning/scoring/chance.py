@@ -1,0 +1,89 @@
+"""Chance constraint, by the scenario approach: the probability that a fresh draw violates a bound is at most ε.
+
+The chosen gains are run in M independent draws that took no part in search and choice, and do not change the choice. If
+they violate no bound there, their probability of violation is at most ε with confidence 1 − β where M ≥ ln(1/β)/ε
+(Tempo, Bai and Dabbene, Systems & Control Letters 30, 1997; Calafiore and Campi, IEEE TAC 51, 2006; Tempo, Calafiore
+and Dabbene, Randomized Algorithms for Analysis and Control of Uncertain Systems, 2013).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from scipy.stats import beta
+
+
+def clopper_pearson(violations: int, draws: int, confidence: float) -> tuple[float, float]:
+    """The two-sided interval of a probability, from so many violations in so many draws (Biometrika 26, 1934)."""
+    rest = (1 - confidence) / 2
+    return (
+        float(beta.ppf(rest, violations, draws - violations + 1)) if violations else 0.0,
+        float(beta.ppf(1 - rest, violations + 1, draws - violations)) if violations < draws else 1.0,
+    )
+
+
+def draws_needed(violation: float, confidence: float) -> int:
+    """M = ln(1/β)/ε, rounded up.
+
+    Args:
+        violation: ε, the largest probability of a violation.
+        confidence: 1 − β.
+    """
+    return math.ceil(-math.log(1 - confidence) / violation)
+
+
+@dataclass(frozen=True)
+class ChanceConstraint:
+    """What fresh draws say of the probability that bounds are violated.
+
+    Attributes:
+        violation: ε asked for.
+        confidence: 1 − β asked for.
+        draws: M, fresh ones.
+        violations: in how many of them a bound on the worst case is violated, or the run is not completed.
+    """
+
+    violation: float
+    confidence: float
+    draws: int
+    violations: int
+
+    @property
+    def supported(self) -> float:
+        """The largest probability of a violation that the draws support, with the confidence (Clopper–Pearson)."""
+        if self.violations >= self.draws:
+            return 1.0
+        return float(beta.ppf(self.confidence, self.violations + 1, self.draws - self.violations))
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether that is at most what was asked for."""
+        return self.supported <= self.violation
+
+    @property
+    def words(self) -> str:
+        """With which probability the bounds are satisfied, and what that rests on, in words."""
+        seen = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
+        sure = f"{100 * self.confidence:g} % confidence"
+        if self.satisfied:
+            return f"bounds are satisfied with probability ≥ {_share(1 - self.violation)} ({sure}: {seen})"
+        words = f"bounds are satisfied with probability ≥ {_share(1 - self.supported)} ({sure}: {seen}"
+        needed = draws_needed(self.violation, self.confidence)
+        more = f", {needed} are needed" if self.draws < needed and not self.violations else ""
+        return f"{words}{more}; asked for: {_share(1 - self.violation)})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "violation": self.violation,
+            "confidence": self.confidence,
+            "draws": self.draws,
+            "violations": self.violations,
+            "supported": self.supported,
+            "satisfied": self.satisfied,
+        }
+
+
+def _share(probability: float) -> str:
+    """A probability in per cent, rounded down so that it promises no more than is known."""
+    return f"{math.floor(1e4 * probability + 1e-6) / 100:g} %"
