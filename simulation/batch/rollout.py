@@ -208,7 +208,7 @@ def _rollout(
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
     compiled = simulation.engine == "compiled"
-    run: Callable[..., Any] = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, simulation.engine))
+    run = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)
     final = np.full((len(kept_states), *pairs.shape), np.nan)
     summed = [loop.states.index(name) for name in kept_states]
@@ -219,7 +219,7 @@ def _rollout(
         vectors = pairs.vectors(filled)
         state = pairs.starts(vectors)
         numbers = filled[:, 1].tolist()
-        signals = pairs.sources(numbers) if compiled else [pairs.signals(number) for number in numbers]
+        signals: list[Any] = [*pairs.sources(numbers)] if compiled else [*map(pairs.signals, numbers)]
         outcome, done, rows = run(vectors, signals, state, samples, stride, watched=slack, most=most)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T
         final[:, sets, scenes] = state[busy, summed].T
