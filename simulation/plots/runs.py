@@ -129,7 +129,7 @@ def _named(label: str, result: Result) -> str:
 def _looks(own: Sequence[Look]) -> list[Look]:
     """Colour and line style of every run: its law's own, or the first free one, of a free colour if there is one."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
-    every = [look for dashes in turns for look in zip(PALETTE, cycle(dashes), strict=False)]
+    every: list[Look] = [look for dashes in turns for look in zip(PALETTE, cycle(dashes), strict=False)]
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
