@@ -1,8 +1,8 @@
 """Functional Mock-up Units of a block: model description, C sources and binaries of FMI 2 and FMI 3."""
 
-from dualwinch.codegen.fmu.build import PLATFORMS, Platform, archive, build_fmu, find_platform, fmu_model, host_platform
+from dualwinch.codegen.fmu.build import PLATFORMS, Platform, archive, build_fmu, find_platform, host_platform
 from dualwinch.codegen.fmu.description import About
-from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel, Kind, Version
+from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel, Kind, Version, fmu_model
 
 __all__ = [
     "KINDS",

@@ -9,13 +9,13 @@ import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from itertools import accumulate
 
-from dualwinch.codegen.block import Block
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError
-from dualwinch.codegen.fmu.description import About, build_description, model_description_2, model_description_3
-from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel, FmuVariable
+from dualwinch.codegen.fmu.description import About, build_description, model_description
+from dualwinch.codegen.fmu.model import FmuModel, FmuVariable
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.text import c_comment
 
@@ -102,8 +102,7 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     functions = model.functions
     tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
     body = [
-        *_sizes(model),
-        *_tables(model),
+        *_definitions(model),
         c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
         *((files("dualwinch.codegen.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
@@ -114,37 +113,33 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     return "\n".join([heading, f'#define TOKEN "{token}"', *body]), token
 
 
-def _sizes(model: FmuModel) -> list[str]:
-    sizes: dict[str, int] = {}
-    reference = 0
-    for role in ROLES:
-        count = len(model.of(role))
-        sizes |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": reference}
-        reference += count
-    sizes["DERIVED"] = model.functions.derive.numel_out("derived")
-    sizes |= {"TIME": reference, "VARIABLES": reference + 1, "HAS_DERIVATIVES": int(bool(model.of("derivative")))}
-    sizes["HAS_HELD"] = int(model.functions.on_input[len(model.of("derivative")) :].any())
-    return [
-        *(f"#define {name} {size}" for name, size in sizes.items()),
-        f"#define SAMPLE_TIME {model.block.sample_time!r}",
-        f"#define MODEL_IDENTIFIER {model.block.name}",
-        f"#define OFFERS_MODEL_EXCHANGE {int(model.flows)}",
-        f"#define OFFERS_CO_SIMULATION {int(model.steps)}",
-    ]
-
-
-def _tables(model: FmuModel) -> list[str]:
-    """Names, start values and ranges of all variables, and which outputs answer an input at once."""
-    listed = model.signals
+def _definitions(model: FmuModel) -> list[str]:
+    """Sizes as macros; names, start values and ranges of all variables, and which outputs answer an input at once."""
+    counts, signals = {role: len(model.of(role)) for role in ROLES}, model.signals
+    held = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
+    macros: dict[str, object] = {}
+    for (role, count), first in zip(counts.items(), accumulate(counts.values(), initial=0), strict=False):
+        macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": first}
+    macros |= {
+        "DERIVED": model.functions.derive.numel_out("derived"),
+        "TIME": len(signals) - 1,
+        "VARIABLES": len(signals),
+        "HAS_DERIVATIVES": int(counts["derivative"] > 0),
+        "HAS_HELD": int(any(held)),
+        "SAMPLE_TIME": repr(model.block.sample_time),
+        "MODEL_IDENTIFIER": model.block.name,
+        "OFFERS_MODEL_EXCHANGE": int(model.flows),
+        "OFFERS_CO_SIMULATION": int(model.steps),
+    }
     nominals = [_number(state.nominal) for state in model.block.continuous]
-    uses = model.functions.on_input[len(model.of("derivative")) :]
     return [
-        _table("const char *const name", "VARIABLES", [f'"{signal.name}"' for signal in listed]),
-        _table("double start_value", "VARIABLES", [_number(signal.variable.start) for signal in listed]),
-        _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in listed]),
-        _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in listed]),
+        *(f"#define {name} {value}" for name, value in macros.items()),
+        _table("const char *const name", "VARIABLES", [f'"{signal.name}"' for signal in signals]),
+        _table("double start_value", "VARIABLES", [_number(signal.variable.start) for signal in signals]),
+        _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in signals]),
+        _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in signals]),
         *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
-        _table("int held", "OUTPUTS", [str(int(row.any())) for row in uses]),
+        _table("int held", "OUTPUTS", [str(each) for each in held]),
     ]
 
 
@@ -173,27 +168,6 @@ EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every file in the archive."""
 
 
-def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
-    """A block seen through FMI.
-
-    Args:
-        block: what to export.
-        version: of FMI, 2 or 3.
-        kind: ``co-simulation``, ``model-exchange`` or ``both``; default: all the block can be.
-
-    Raises:
-        CodegenError: an unknown version or kind, or model exchange of a block that is sampled by nature.
-    """
-    if version not in VERSIONS:
-        raise CodegenError(f"FMI version {version}: must be 2 or 3")
-    kind = kind or ("both" if block.derivative is not None else "co-simulation")
-    if kind not in KINDS:
-        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(KINDS)}")
-    if kind != "co-simulation" and block.derivative is None:
-        raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
-    return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]
-
-
 def build_fmu(
     model: FmuModel, platforms: Sequence[Platform], about: About, progress: Callable[[str], None] | None = None
 ) -> dict[str, bytes]:
@@ -215,9 +189,8 @@ def build_fmu(
     """
     compilers = {platform: compiler_for(platform) for platform in platforms}
     source, token = fmu_source(model)
-    describe = model_description_2 if model.version == 2 else model_description_3
     name = model.block.name
-    content = {"modelDescription.xml": describe(model, token, about), f"sources/{name}.c": source.encode()}
+    content = {"modelDescription.xml": model_description(model, token, about), f"sources/{name}.c": source.encode()}
     if model.version == 3:
         content["sources/buildDescription.xml"] = build_description(model)
     for target, (compiler, flags) in compilers.items():

@@ -1,4 +1,4 @@
-"""The model descriptions of FMI 2.0 and FMI 3.0, and units as FMI defines them: integer powers of the SI base units."""
+"""The model description of an FMU, by FMI 2.0 or 3.0, with units as integer powers of the SI base units."""
 
 import math
 import re
@@ -85,13 +85,86 @@ class About:
     note: str = ""
 
 
-def number(value: float) -> str:
+def model_description(model: FmuModel, token: str, about: About) -> bytes:
+    """``modelDescription.xml`` of FMI 2.0 or 3.0.
+
+    Args:
+        model: what is exported.
+        token: as in the C source.
+        about: what is said beside the block.
+    """
+    two, block = model.version == 2, model.block
+    listed = _listed(model)
+    numbers = {signal.reference: k if two else signal.reference for k, signal in enumerate(listed, start=1)}
+    document = Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{model.version}.0",
+            "modelName": block.name,
+            **({"guid": token, "numberOfEventIndicators": "0"} if two else {"instantiationToken": token}),
+            "description": "; ".join(word for word in (block.description, about.note) if word),
+            "generationTool": about.tool,
+            "variableNamingConvention": "structured",
+        },
+    )
+    for interface, attributes in _interfaces(model):
+        offered = SubElement(document, interface, attributes)
+        if two:
+            SubElement(SubElement(offered, "SourceFiles"), "File", name=f"{block.name}.c")
+    units = SubElement(document, "UnitDefinitions")
+    for unit in sorted({signal.variable.unit for signal in listed} - {"1", ""}):
+        definition = SubElement(units, "Unit", name=unit)
+        powers = base_powers(unit)
+        if powers is not None:
+            SubElement(definition, "BaseUnit", {base: str(power) for base, power in powers.items()})
+    categories = SubElement(document, "LogCategories")
+    SubElement(categories, "Category", name="logStatusError", description="what a status means")
+    experiment = {"startTime": "0.0", "stopTime": _number(about.stop_time), "stepSize": _number(block.sample_time)}
+    experiment |= {"tolerance": _number(TOLERANCE)} if model.flows else {}
+    SubElement(document, "DefaultExperiment", experiment)
+
+    variables = SubElement(document, "ModelVariables")
+    for signal in listed:
+        own, value = _role_attributes(signal), _value_attributes(signal)
+        if signal.state is not None:
+            value["derivative"] = str(numbers[signal.state])
+        if two:
+            SubElement(SubElement(variables, "ScalarVariable", own), "Real", value)
+        else:
+            SubElement(variables, "Float64", own | value)
+
+    structure = SubElement(document, "ModelStructure")
+    outputs, derivatives = (
+        {signal.reference: model.dependencies[signal.reference] for signal in model.of(role)}
+        for role in ("output", "derivative")
+    )
+    groups = [("Outputs", "Output", outputs)]
+    groups += [("Derivatives", "ContinuousStateDerivative", derivatives)] if model.flows else []
+    for group, element, unknowns in (*groups, ("InitialUnknowns", "InitialUnknown", model.initial_unknowns)):
+        parent = SubElement(structure, group) if two else structure
+        for reference, knowns in unknowns.items():
+            which = {"index" if two else "valueReference": str(numbers[reference])}
+            dependencies = " ".join(str(numbers[known]) for known in knowns)
+            SubElement(parent, "Unknown" if two else element, which, dependencies=dependencies)
+    return _text(document)
+
+
+def build_description(model: FmuModel) -> bytes:
+    """``sources/buildDescription.xml`` of FMI 3.0: how to compile the one source file."""
+    document = Element("fmiBuildDescription", fmiVersion="3.0")
+    build = SubElement(document, "BuildConfiguration", modelIdentifier=model.block.name)
+    files = SubElement(build, "SourceFileSet", language="C99")
+    SubElement(files, "SourceFile", name=f"{model.block.name}.c")
+    return _text(document)
+
+
+def _number(value: float) -> str:
     """A number as XML has it, to the last bit."""
     return repr(float(value))
 
 
-def listed(model: FmuModel) -> tuple[FmuVariable, ...]:
-    """The variables a model description shows.
+def _listed(model: FmuModel) -> tuple[FmuVariable, ...]:
+    """The variables that a model description shows.
 
     Derivatives only with model exchange, and what an integrator keeps for itself only with co-simulation.
     """
@@ -100,61 +173,32 @@ def listed(model: FmuModel) -> tuple[FmuVariable, ...]:
     return tuple(signal for signal in model.signals if shown.get(signal.role, True) or signal.reference in continuous)
 
 
-def root(model: FmuModel, about: About, **attributes: str) -> Element:
-    """The outermost element."""
-    words = [model.block.description, about.note]
-    return Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": f"{model.version}.0",
-            "modelName": model.block.name,
-            **attributes,
-            "description": "; ".join(word for word in words if word),
-            "generationTool": about.tool,
-            "variableNamingConvention": "structured",
-        },
-    )
+def _interfaces(model: FmuModel) -> list[tuple[str, dict[str, str]]]:
+    """The interfaces that are offered, with their attributes."""
+    directional = str(model.functions.now_tangent is not None).lower()
+    variable_step = {"canHandleVariableCommunicationStepSize": "true"}
+    if model.version == 2:
+        common = {
+            "modelIdentifier": model.block.name,
+            "canNotUseMemoryManagementFunctions": "true",
+            "canGetAndSetFMUstate": "true",
+            "canSerializeFMUstate": "true",
+            "providesDirectionalDerivative": directional,
+        }
+        of_exchange, of_steps = {"completedIntegratorStepNotNeeded": "true"}, variable_step
+    else:
+        common = {
+            "modelIdentifier": model.block.name,
+            "canGetAndSetFMUState": "true",
+            "canSerializeFMUState": "true",
+            "providesDirectionalDerivatives": directional,
+        }
+        of_exchange, of_steps = {}, variable_step | {"fixedInternalStepSize": _number(model.block.sample_time)}
+    offered = [("ModelExchange", common | of_exchange)] if model.flows else []
+    return offered + ([("CoSimulation", common | of_steps)] if model.steps else [])
 
 
-def add_units(parent: Element, model: FmuModel) -> None:
-    """Definitions of every unit, with their base units where FMI can express them."""
-    units = SubElement(parent, "UnitDefinitions")
-    for unit in sorted({signal.variable.unit for signal in listed(model)} - {"1", ""}):
-        definition = SubElement(units, "Unit", name=unit)
-        powers = base_powers(unit)
-        if powers is not None:
-            SubElement(definition, "BaseUnit", {base: str(power) for base, power in powers.items()})
-
-
-def add_log_category(parent: Element) -> None:
-    """The one log category."""
-    SubElement(
-        SubElement(parent, "LogCategories"), "Category", name="logStatusError", description="what a status means"
-    )
-
-
-def add_experiment(parent: Element, model: FmuModel, about: About) -> None:
-    """The default experiment: one communication step a sample."""
-    attributes = {"startTime": "0.0", "stopTime": number(about.stop_time), "stepSize": number(model.block.sample_time)}
-    SubElement(parent, "DefaultExperiment", attributes | ({"tolerance": number(TOLERANCE)} if model.flows else {}))
-
-
-def value_attributes(signal: FmuVariable) -> dict[str, str]:
-    """Unit, range and start value."""
-    variable = signal.variable
-    attributes = {} if variable.unit in {"", "1"} else {"unit": variable.unit}
-    if signal.role == "state" and variable.nominal != 1:
-        attributes["nominal"] = number(variable.nominal)
-    if signal.role in {"input", "parameter"}:
-        if math.isfinite(variable.lower):
-            attributes["min"] = number(variable.lower)
-        if math.isfinite(variable.upper):
-            attributes["max"] = number(variable.upper)
-        attributes["start"] = number(variable.start)
-    return attributes
-
-
-def variable_attributes(signal: FmuVariable) -> dict[str, str]:
+def _role_attributes(signal: FmuVariable) -> dict[str, str]:
     """Name, value reference, description and the role in FMI's words."""
     causality, variability, initial = CAUSALITY[signal.role]
     variable = signal.variable
@@ -169,117 +213,22 @@ def variable_attributes(signal: FmuVariable) -> dict[str, str]:
     return attributes | ({"initial": initial} if initial else {})
 
 
-def text(element: Element) -> bytes:
-    """The document; what others wrote is in one line of letters that XML can hold."""
+def _value_attributes(signal: FmuVariable) -> dict[str, str]:
+    """Unit, range and start value."""
+    variable = signal.variable
+    attributes = {} if variable.unit in {"", "1"} else {"unit": variable.unit}
+    if signal.role == "state" and variable.nominal != 1:
+        attributes["nominal"] = _number(variable.nominal)
+    if signal.role in {"input", "parameter"}:
+        bounds = {"min": variable.lower, "max": variable.upper}
+        attributes |= {name: _number(bound) for name, bound in bounds.items() if math.isfinite(bound)}
+        attributes["start"] = _number(variable.start)
+    return attributes
+
+
+def _text(element: Element) -> bytes:
+    """The document; texts from outside are in one line of letters that XML can hold."""
     for inner in element.iter():
         inner.attrib.update({name: xml_text(value) for name, value in inner.attrib.items()})
     indent(element)
     return tostring(element, encoding="utf-8", xml_declaration=True) + b"\n"
-
-
-def model_description_2(model: FmuModel, token: str, about: About) -> bytes:
-    """``modelDescription.xml`` of FMI 2.0.
-
-    Args:
-        model: what is exported.
-        token: as in the C source.
-        about: what is said beside the block.
-    """
-    document = root(model, about, guid=token, numberOfEventIndicators="0")
-    common = {
-        "modelIdentifier": model.block.name,
-        "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": str(model.functions.now_tangent is not None).lower(),
-    }
-    offered = []
-    if model.flows:
-        offered.append(("ModelExchange", common | {"completedIntegratorStepNotNeeded": "true"}))
-    if model.steps:
-        offered.append(("CoSimulation", common | {"canHandleVariableCommunicationStepSize": "true"}))
-    for interface, attributes in offered:
-        files = SubElement(SubElement(document, interface, attributes), "SourceFiles")
-        SubElement(files, "File", name=f"{model.block.name}.c")
-    add_units(document, model)
-    add_log_category(document)
-    add_experiment(document, model, about)
-    variables = SubElement(document, "ModelVariables")
-    index = {signal.reference: position for position, signal in enumerate(listed(model), start=1)}
-    for signal in listed(model):
-        scalar = SubElement(variables, "ScalarVariable", variable_attributes(signal))
-        attributes = value_attributes(signal)
-        if signal.state is not None:
-            attributes["derivative"] = str(index[signal.state])
-        SubElement(scalar, "Real", attributes)
-
-    structure = SubElement(document, "ModelStructure")
-    for group, role in (("Outputs", "output"), ("Derivatives", "derivative")):
-        if role == "derivative" and not model.flows:
-            continue
-        unknowns = SubElement(structure, group)
-        for signal in model.of(role):
-            dependencies = " ".join(str(index[known]) for known in model.dependencies[signal.reference])
-            SubElement(unknowns, "Unknown", index=str(index[signal.reference]), dependencies=dependencies)
-    unknowns = SubElement(structure, "InitialUnknowns")
-    for reference, knowns in model.initial_unknowns.items():
-        dependencies = " ".join(str(index[known]) for known in knowns)
-        SubElement(unknowns, "Unknown", index=str(index[reference]), dependencies=dependencies)
-    return text(document)
-
-
-def model_description_3(model: FmuModel, token: str, about: About) -> bytes:
-    """``modelDescription.xml`` of FMI 3.0.
-
-    Args:
-        model: what is exported.
-        token: as in the C source.
-        about: what is said beside the block.
-    """
-    document = root(model, about, instantiationToken=token)
-    common = {
-        "modelIdentifier": model.block.name,
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": str(model.functions.now_tangent is not None).lower(),
-    }
-    if model.flows:
-        SubElement(document, "ModelExchange", common)
-    if model.steps:
-        SubElement(
-            document,
-            "CoSimulation",
-            common,
-            canHandleVariableCommunicationStepSize="true",
-            fixedInternalStepSize=number(model.block.sample_time),
-        )
-    add_units(document, model)
-    add_log_category(document)
-    add_experiment(document, model, about)
-    variables = SubElement(document, "ModelVariables")
-    for signal in listed(model):
-        attributes = variable_attributes(signal) | value_attributes(signal)
-        if signal.state is not None:
-            attributes["derivative"] = str(signal.state)
-        SubElement(variables, "Float64", attributes)
-
-    structure = SubElement(document, "ModelStructure")
-    for element, role in (("Output", "output"), ("ContinuousStateDerivative", "derivative")):
-        if role == "derivative" and not model.flows:
-            continue
-        for signal in model.of(role):
-            known = " ".join(map(str, model.dependencies[signal.reference]))
-            SubElement(structure, element, valueReference=str(signal.reference), dependencies=known)
-    for reference, knowns in model.initial_unknowns.items():
-        known = " ".join(map(str, knowns))
-        SubElement(structure, "InitialUnknown", valueReference=str(reference), dependencies=known)
-    return text(document)
-
-
-def build_description(model: FmuModel) -> bytes:
-    """``sources/buildDescription.xml``: how to compile the one source file."""
-    document = Element("fmiBuildDescription", fmiVersion="3.0")
-    build = SubElement(document, "BuildConfiguration", modelIdentifier=model.block.name)
-    files = SubElement(build, "SourceFileSet", language="C99")
-    SubElement(files, "SourceFile", name=f"{model.block.name}.c")
-    return text(document)

@@ -59,30 +59,21 @@ def functions_of(block: Block) -> FmuFunctions:
     elif block.output is not None:
         output = block.output(state, parameters)
     at_start = block.initial(parameters)
-    now = ca.vertcat(slope, output)
+    now, cse = ca.vertcat(slope, output), {"cse": True}
     start_tangent = now_tangent = None
     if block.derivative is not None:
         seeds = [ca.SX.sym(f"{name}_seed", symbol.numel()) for name, symbol in zip(names, point, strict=True)]
-        moved = ca.jtimes(now, ca.vertcat(*point), ca.vertcat(*seeds))
-        parts = ca.vertsplit(ca.densify(moved), [0, slope.numel(), now.numel()])
-        now_tangent = _function(
-            "now_tangent",
-            [*point, *seeds],
-            parts,
-            [*names, *(f"{name}_seed" for name in names)],
-            ["derivatives_tangent", "output_tangent"],
-        )
-        start_tangent = _function(
-            "start_tangent",
-            [parameters, seeds[2]],
-            [ca.densify(ca.jtimes(at_start, parameters, seeds[2]))],
-            ["parameters", "parameters_seed"],
-            ["state_seed"],
-        )
+        moved = ca.densify(ca.jtimes(now, ca.vertcat(*point), ca.vertcat(*seeds)))
+        parts = ca.vertsplit(moved, [0, slope.numel(), now.numel()])
+        inputs, results = [*names, *(f"{name}_seed" for name in names)], ["derivatives_tangent", "output_tangent"]
+        now_tangent = ca.Function("now_tangent", [*point, *seeds], parts, inputs, results, cse)
+        moved = [ca.densify(ca.jtimes(at_start, parameters, seeds[2]))]
+        inputs = ["parameters", "parameters_seed"]
+        start_tangent = ca.Function("start_tangent", [parameters, seeds[2]], moved, inputs, ["state_seed"], cse)
     whole = (
-        _function("step", point, [next_state], names, ["next_state"]),
-        _function("now", point, [slope, output], names, ["derivatives", "output"]),
-        _function("start", [parameters], [at_start], ["parameters"], ["state"]),
+        ca.Function("step", point, [next_state], names, ["next_state"], cse),
+        ca.Function("now", point, [slope, output], names, ["derivatives", "output"], cse),
+        ca.Function("start", [parameters], [at_start], ["parameters"], ["state"], cse),
     )
     derive, (step, now_, start) = hoisted_together(whole, exact=True)
     return FmuFunctions(
@@ -96,10 +87,6 @@ def functions_of(block: Block) -> FmuFunctions:
         on_input=_dependence(now, given),
         at_start=_dependence(ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(given, parameters)),
     )
-
-
-def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX], in_: list[str], out: list[str]) -> ca.Function:
-    return ca.Function(name, inputs, outputs, in_, out, {"cse": True})
 
 
 def _dependence(expressions: ca.SX, symbols: ca.SX) -> Bools:
@@ -169,27 +156,29 @@ class FmuModel:
         Raises:
             CodegenError: two variables have one name.
         """
-        block = self.block
-        names = [_structured(f"state.{variable.name}") for variable in block.states]
-        first_state = len(block.inputs) + len(block.parameters) + len(block.outputs)
-        rows = [
-            *((_structured(variable.name), "input", variable, None) for variable in block.inputs),
-            *((_structured(variable.name), "parameter", variable, None) for variable in block.parameters),
-            *((_structured(variable.name), "output", variable, None) for variable in block.outputs),
-            *((name, "state", variable, None) for name, variable in zip(names, block.states, strict=True)),
-            *(
-                (f"der({name})", "derivative", _rate(variable), reference)
-                for reference, (name, variable) in enumerate(zip(names, block.continuous, strict=False), first_state)
-            ),
-            ("time", "time", Variable("time", "s", "time", 0.0), None),
-        ]
-        twice = [name for name, count in Counter(name for name, *_ in rows).items() if count > 1]
+        block, found = self.block, list[FmuVariable]()
+        vectors = {
+            "input": block.inputs,
+            "parameter": block.parameters,
+            "output": block.outputs,
+            "state": block.states,
+            "derivative": block.continuous,
+        }
+        first_state = sum(len(vectors[role]) for role in ("input", "parameter", "output"))
+        for role, variables in vectors.items():
+            for position, variable in enumerate(variables):
+                state = f"state.{variable.name}" if role in {"state", "derivative"} else variable.name
+                name = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", state)  # a number in a path is an array index
+                if role == "derivative":
+                    of = first_state + position
+                    found.append(FmuVariable(f"der({name})", role, len(found), _rate(variable), of))
+                else:
+                    found.append(FmuVariable(name, role, len(found), variable))
+        found.append(FmuVariable("time", "time", len(found), Variable("time", "s", "time", 0.0)))
+        twice = [name for name, count in Counter(signal.name for signal in found).items() if count > 1]
         if twice:
             raise CodegenError(f"two variables of {block.name} are called {twice[0]}")
-        return tuple(
-            FmuVariable(name, role, reference, variable, state)
-            for reference, (name, role, variable, state) in enumerate(rows)
-        )
+        return tuple(found)
 
     def of(self, role: str) -> tuple[FmuVariable, ...]:
         """The variables of one role."""
@@ -227,9 +216,25 @@ class FmuModel:
         return dict(sorted(found.items()))
 
 
-def _structured(name: str) -> str:
-    """A dotted name in FMI's structured convention: a number in the path is an array index."""
-    return re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", name)
+def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
+    """A block seen through FMI.
+
+    Args:
+        block: what to export.
+        version: of FMI, 2 or 3.
+        kind: ``co-simulation``, ``model-exchange`` or ``both``; default: all the block can be.
+
+    Raises:
+        CodegenError: an unknown version or kind, or model exchange of a block that is sampled by nature.
+    """
+    if version not in VERSIONS:
+        raise CodegenError(f"FMI version {version}: must be 2 or 3")
+    kind = kind or ("both" if block.derivative is not None else "co-simulation")
+    if kind not in KINDS:
+        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(KINDS)}")
+    if kind != "co-simulation" and block.derivative is None:
+        raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
+    return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]
 
 
 def _rate(state: Variable) -> Variable:
