@@ -60,8 +60,9 @@ class Compiler:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Flags of a shared library for this machine's processor."""
-        native = () if self.name == "zig" or not _takes_native() else ("-march=native",)
+        """Flags of a shared library for this machine's processor, or the one that the command names."""
+        named = any(word.startswith(("-march=", "-mcpu=")) for word in self.command)
+        native = () if named or self.name == "zig" or not _takes_native() else ("-march=native",)
         finite = ("-fno-finite-math-only",) if self.is_clang else ()  # else it takes NaN <= x, a lost reading, for true
         return OPTIMISE + finite + native + SHARED
 

@@ -1,5 +1,6 @@
 """gcc as the peers use it: ``-O3 -march=native``, no fast-math."""
 
+import os
 import shutil
 import subprocess
 import tempfile
@@ -8,7 +9,10 @@ from pathlib import Path
 
 from benchmarks.peers.peer import UnavailableError
 
-FLAGS = ("-O3", "-march=native", "-fPIC", "-shared")
+MARCH = "BENCHMARKS_MARCH"
+"""Environment variable: processor that peers are compiled for, in place of this one (`benchmarks.vector_width`)."""
+
+FLAGS = ("-O3", f"-march={os.environ.get(MARCH, 'native')}", "-fPIC", "-shared")
 """Flags of every peer that gcc compiles."""
 
 

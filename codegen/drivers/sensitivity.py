@@ -47,10 +47,10 @@ class Varied:
 
     @property
     def directions(self) -> int:
-        """How many directions one call takes: half lanes enough for all, or for an even share of them."""
-        half, numbers = LANES // 2, len(self.parameters) + len(self.signals)
+        """How many directions one call takes: quarters of the lanes enough for all, or for an even share of them."""
+        quarter, numbers = LANES // 4, len(self.parameters) + len(self.signals)
         calls = math.ceil(numbers / MOST_DIRECTIONS) or 1
-        return half * math.ceil(max(numbers, 1) / (half * calls))
+        return quarter * math.ceil(max(numbers, 1) / (quarter * calls))
 
 
 def _along(move: ca.Function, varied: Varied) -> ca.Function:

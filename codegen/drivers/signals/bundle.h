@@ -3,8 +3,7 @@
 
 enum { PIECE = 32 }; /* samples that are drawn at a time, at most */
 
-/* Numbers of some lanes, in vectors that processors or compilers take to pieces where they are too wide. */
-enum { WIDE = 8, VECTORS = WIDTH / WIDE };
+/* Numbers of some lanes. */
 typedef double Doubles __attribute__((vector_size(WIDE * sizeof(double))));
 typedef float Floats __attribute__((vector_size(WIDE * sizeof(float))));
 
@@ -30,7 +29,7 @@ static void filter(Bundle *bundle, int64_t first, int64_t samples, const Floats 
 static void draw_blocks(const Bundle *bundle, int64_t first, int64_t blocks, float *restrict noise) {
   uint32_t words[BLOCK * WIDTH];
   for (int64_t block = first; block < first + blocks; ++block, noise += BLOCK * WIDTH) {
-    draw_words(bundle->seed, bundle->stream, (uint64_t)block, words);
+    draw_words(&bundle->keys, bundle->stream, (uint64_t)block, words);
     draw_normals(words, noise);
     for (int l = 0; bundle->uniform && l < bundle->count; ++l)
       if (bundle->signals[l]->kind == UNIFORM)
@@ -59,8 +58,8 @@ static void put_drawn(Bundle *bundle, int64_t first, int64_t samples, double *ta
   filter(bundle, first, samples, noise + (first - block * BLOCK) * VECTORS, filtered);
   memcpy(limit, bundle->limit, sizeof limit);
   for (int64_t k = 0; k < samples; ++k, table += count * lanes) {
-    memcpy(values, filtered + k * VECTORS, WIDTH * sizeof *values);
-    for (int l = 0; l < WIDTH; ++l) values[l] = limited(values[l], -limit[l], limit[l]);
+    const double *restrict unlimited = (const double *)(filtered + k * VECTORS);
+    for (int l = 0; l < WIDTH; ++l) values[l] = limited(unlimited[l], -limit[l], limit[l]);
     if (lanes == WIDTH) hand_out(bundle, values, table, WIDTH);
     else hand_out(bundle, values, table, lanes);
   }

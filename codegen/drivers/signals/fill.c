@@ -6,7 +6,7 @@ static void take_up(Bundle *bundle, Signal *signal) {
   const int at = bundle->count++, normal = signal->kind == NORMAL;
   bundle->signals[at] = signal;
   bundle->uniform |= !normal;
-  bundle->seed[at] = signal->seed;
+  set_keys(&bundle->keys, at, signal->seed);
   bundle->stream[at] = signal->stream;
   bundle->decay[at] = normal ? signal->decay : 0.0;
   bundle->fresh[at] = sqrt(1.0 - bundle->decay[at] * bundle->decay[at]);

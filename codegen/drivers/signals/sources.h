@@ -20,7 +20,8 @@ typedef struct {
 /* White and Gauss-Markov signals side by side in WIDTH lanes, of some signals those of all sources; and the rows of a
    line that receive them: lane l of row r what element `from[r][l]` holds, the one beyond the last nothing. */
 typedef struct {
-  uint64_t seed[WIDTH], stream[WIDTH];
+  Keys keys;
+  uint64_t stream[WIDTH];
   double decay[WIDTH], fresh[WIDTH], sigma[WIDTH], limit[WIDTH], start[WIDTH], state[WIDTH];
   Signal *signals[WIDTH];
   int count, uniform; /* how many; whether some are uniform */

@@ -28,7 +28,13 @@ WIDTH = 16
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     source = c_file("driver.h") + c_file("signals/philox.h")
-    source += "EXPORT void draw(uint64_t *s, uint64_t *t, uint64_t n, uint32_t *w) { draw_words(s, t, n, w); }\n"
+    source += """
+EXPORT void draw(uint64_t *seeds, uint64_t *streams, uint64_t number, uint32_t *words) {
+  Keys keys;
+  for (int l = 0; l < WIDTH; ++l) set_keys(&keys, l, seeds[l]);
+  draw_words(&keys, streams, number, words);
+}
+"""
     target: Path = tmp_path_factory.mktemp("philox") / "philox.so"
     find_compiler().build(source, target)
     loaded = ctypes.CDLL(str(target))
