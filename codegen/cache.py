@@ -1,4 +1,4 @@
-"""Compiled libraries, kept in the user's own cache folder, which nobody else was ever able to write to.
+"""Compiled libraries, kept in a cache folder to which no other user was ever able to write.
 
 A library is named ``<key>-<digest>.so``: the key is the fingerprint of its source and of everything about the
 compiler and the processor, the digest is that of the file itself. A file whose content is not what its name says
@@ -7,9 +7,9 @@ processes that build the same library at once, and builds that are killed, leave
 a library. Files of any other name or owner are neither used nor touched.
 
 A library is code that is run: write access to its folder, or to one above it, decides what is run. So a folder is
-trusted as ssh trusts the folder of its keys: it and its files belong to the user, and nobody else may write to it or to
-anything above it. A folder that is not trusted is left as it is; libraries are then built anew in a folder that lives
-as long as the process.
+trusted as ssh trusts the folder of its keys: it and its files belong to the user, and no other user may write to it or
+to any folder above it. A folder that is not trusted is left as it is; libraries are then built anew in a folder that
+lives as long as the process.
 """
 
 import contextlib
@@ -71,7 +71,7 @@ def cache_folder() -> Path:
 
 
 def own(file: Path) -> bool:
-    """Whether a file, no link, is one's own, and nobody else may write to it."""
+    """Whether a file, no link, belongs to the user, and no other user may write to it."""
     facts = file.lstat()
     if not stat.S_ISREG(facts.st_mode):
         return False
@@ -81,7 +81,7 @@ def own(file: Path) -> bool:
 def _doubt_above(folder: Path) -> str:
     """Why a folder above cannot be trusted; empty where all can.
 
-    Where everybody may write, the sticky bit keeps others from putting another folder in the place of one's own.
+    Where every user may write, the sticky bit keeps them from replacing a folder that belongs to another.
     """
     parent = folder.parent.resolve(strict=True)
     for above in (parent, *parent.parents) if POSIX else ():

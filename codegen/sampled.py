@@ -61,7 +61,7 @@ class PredictedSystem:
     Attributes:
         sense: ``sense(state, input, parameters) -> reading``.
         prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
-            what is held until then.
+            the zero-order hold until then.
         move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
             time until the next sample.
         parts: number of these parts.

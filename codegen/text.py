@@ -1,4 +1,4 @@
-"""Text that others wrote, made fit for where it is to stand: one function for each of these places.
+"""Texts from outside, escaped for the place where they stand: one function for each kind of place.
 
 HTML has its own escaping (`markupsafe` in reports, `html.escape` elsewhere), figures `simulation.plots.style.plain`.
 """

@@ -47,7 +47,7 @@ class ExtendedKalman(dw.Estimator):
         return Belief(z_next, P), dw.Estimate(**vars(measurement) | {"x": z[0], "v": z[1], "d": z[2]})
 
 
-def main(trials: int = 300, out: str = "extended-kalman") -> None:
+def main(trials: int = 144, out: str = "extended-kalman") -> None:
     """Tune filter and law in a noisy sea, compare them with the paper's controller, write their C."""
     start = dw.case(4, estimator=ExtendedKalman())
     tuned = dw.tune(dw.tuning_problem(start, ensemble="sea"), trials=trials)

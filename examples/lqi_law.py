@@ -52,7 +52,7 @@ def riccati_gain(T, weights, variance):
     return (B.T @ h @ A) / (1 / variance + B.T @ h @ B)
 
 
-def main(trials: int = 300, out: str = "lqi") -> None:
+def main(trials: int = 144, out: str = "lqi") -> None:
     """Tune law and filter in a noisy sea, compare them with the paper's controller, write their C."""
     start = dw.case(4, law=Lqi(), estimator=dw.CalibratingKalman())
     tuned = dw.tune(dw.tuning_problem(start, ensemble="sea"), trials=trials)

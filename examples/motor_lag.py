@@ -40,7 +40,7 @@ class ServoMotor(dw.Actuator):
         return Torque(state.now + moved), mean
 
 
-def main(trials: int = 300, out: str = "servo") -> None:
+def main(trials: int = 144, out: str = "servo") -> None:
     """Tune in a noisy sea with such motors, compare the gains with the paper's there, write the controller's C."""
     start = dw.case(4, actuator=ServoMotor(), estimator=dw.CalibratingKalman())
     sea = dw.load_ensemble("sea", start)

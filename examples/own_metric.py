@@ -45,7 +45,7 @@ class RopeAgeing(dw.Metric):
         return state.damage
 
 
-def main(trials: int = 300, out: str = "ageing") -> None:
+def main(trials: int = 144, out: str = "ageing") -> None:
     """Tune for little error and half of the paper's ageing in a noisy sea, compare, write the controller's C."""
     start = dw.case(4, estimator=dw.CalibratingKalman(), metrics=[RopeAgeing()])
     constraints = ["worst.peak_tension<=6000", "mean.rope_ageing<=0.5*paper"]

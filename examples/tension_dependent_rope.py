@@ -24,7 +24,7 @@ class Fibre(dw.RopeLaw):
         return (self.k1 + self.k2 * strain) * strain + self.c * stretch_rate
 
 
-def main(trials: int = 200, out: str = "fibre") -> None:
+def main(trials: int = 96, out: str = "fibre") -> None:
     """Tune in a noisy sea on such ropes, compare the gains with the paper's there, write their C."""
     sea = dw.load_ensemble("sea")
     plant = replace(sea.experiment.plant, rope_1=Fibre(), rope_2=Fibre())

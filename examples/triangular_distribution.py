@@ -29,7 +29,7 @@ class Triangular(dw.Distribution):
         return self.low, self.high
 
 
-def main(trials: int = 300, out: str = "payload") -> None:
+def main(trials: int = 144, out: str = "payload") -> None:
     """Tune in a sea with such a payload, compare the gains with the paper's there, write their C."""
     sea, payload = dw.load_ensemble("sea"), dw.Drawn(Triangular(0.95, 1.0, 1.15), relative=True)
     loaded = replace(sea, name="loaded sea", distributions={**sea.distributions, "plant.vehicle.mass": payload})

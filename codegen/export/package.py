@@ -145,7 +145,7 @@ class PreparedBlock:
 
 
 def prepared(block: Block, precision: Precision) -> PreparedBlock:
-    """A block taken apart.
+    """Split the functions of a block into what follows from the parameters alone, and the rest.
 
     In double precision every number stays as it is, to the last bit. In single precision divisions by what is derived
     become products with reciprocals, as a division takes a Cortex-M4 fourteen times as long, and sums over samples keep

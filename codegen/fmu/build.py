@@ -171,7 +171,7 @@ EPOCH = (1980, 1, 1, 0, 0, 0)
 def build_fmu(
     model: FmuModel, platforms: Sequence[Platform], about: About, progress: Callable[[str], None] | None = None
 ) -> dict[str, bytes]:
-    """Generate and compile everything an FMU holds; binaries come from the cache where they are known.
+    """Generate and compile the files of an FMU; binaries come from the cache where they are known.
 
     Args:
         model: what to export.

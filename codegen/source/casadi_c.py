@@ -30,7 +30,7 @@ AFTER = "#if defined(__GNUC__)\n#pragma GCC diagnostic pop\n#endif\n"
 
 @lru_cache(maxsize=64)
 def lacking(function: ca.Function) -> str | None:
-    """What a function holds that the emitter has no C for; None where it has C for everything."""
+    """Why the emitter has no C for a function; None where it has C for all of its operations."""
     if not function.is_a("SXFunction"):
         return f"it is no function of SX expressions but of class {function.class_name()}"
     known = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}

@@ -222,7 +222,7 @@ class _Rolling:
         return patterns(self._style)[self._made[index].operation].format(*names)
 
     def _first(self, position: int, ago: int) -> str:
-        """What a history holds before the first round."""
+        """Value of a history before the first round."""
         before = self._loop.start + position - ago * self._loop.length
         return self._register(before) if before in self._read_from_start else "0"
 
