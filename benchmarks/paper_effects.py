@@ -163,9 +163,24 @@ def facts() -> dict[str, str]:
         "integrals are held "
         "decides how it converges.",
         "A13": f"The observer's share over 20 to 29 s is {window(20, 29):.1f} %, over 18 to 25 s "
-        "{window(18, 25):.1f} %, "
+        f"{window(18, 25):.1f} %, "
         f"over the whole run {window(0, 50.1):.1f} %.".replace("-", "−"),
+        "A14": heavy(plant),
     }
+
+
+def heavy(plant: dw.Plant) -> str:
+    """What a rope of 24 mm weighs, and how it sags and swings, beside the paper's drum (A14)."""
+    rope, length = dw.Rope(), plant.track.length + plant.track.rope_offset
+    mass, weight, tension = 2.36 * length, 20.2, 1000.0
+    light = plant.winch_1.inertia / plant.winch_1.drum_radius**2
+    stiffness = rope.modulus * rope.area
+    softer = 1 + weight**2 * stiffness / (12 * tension**3)
+    return (
+        f"A steel rope of 24 mm (2.36 kg/m) weighs {mass:.0f} kg, {mass / light:.0f} times what Table 1's drum comes "
+        f"to at the rope, and swings along itself at {sqrt(stiffness / 2.36) / (4 * length):.1f} Hz; carried by "
+        f"rollers every metre it is {softer:.2f} times as soft at 1000 N."
+    )
 
 
 def facts_table() -> str:

@@ -31,8 +31,8 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.loop.zero_order_hold import (
-    MOTION_TEMPLATE,
     between_samples,
+    motion_template,
     named_function,
     problem_of,
     zero_order_hold,
@@ -136,7 +136,7 @@ def predictor_structure(experiment: Experiment) -> Experiment:
 def state_template(structure: Experiment) -> PredictorState:
     """A state that names the elements; its values mean nothing."""
     actuator = structure.actuator.initial_state()
-    return PredictorState(MOTION_TEMPLATE, actuator, actuator, UnrecordedDisturbances())
+    return PredictorState(motion_template(structure), actuator, actuator, UnrecordedDisturbances())
 
 
 @GRAPHS.cached

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar
 import annotated_types as at
 
 from dualwinch.model.plant import Plant, PlantState, Torques
-from dualwinch.model.quantities.part import Part, Registry
+from dualwinch.model.quantities.part import NoState, Part, Registry
 from dualwinch.model.quantities.quantity import Positive, Quantity
 from dualwinch.model.quantities.steps import stepped_to_number
 from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
@@ -57,11 +57,6 @@ class Actuator(Part):
         Returns:
             The next state, and the torque in N m until the next sample, its mean where it is not constant.
         """
-
-
-@dataclass(frozen=True)
-class NoState:
-    """The state of what remembers nothing."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +141,7 @@ def drive(
     """
     found = []
     commands = asked.tau_1, asked.tau_2
-    for side, drum, state, torque in zip(plant.sides, motion.drums, states, commands, strict=True):
+    for side, drum, state, torque in zip(plant.sides, motion.shafts, states, commands, strict=True):
         demand = Demand(torque, *(side.winch.gear_ratio * value for value in drum))
         found.append(stepped_to_number(actuator, state, "torque", demand, sample_time))
     (state_1, torque_1), (state_2, torque_2) = found

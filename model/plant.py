@@ -1,17 +1,40 @@
 """The coupled plant: vehicle, two ropes, two winches (paper Section 2; signs as in E1–E3)."""
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
-from dualwinch.model.quantities.part import PartChoice
+from dualwinch.model.heavy_ropes import (
+    MASSLESS,
+    RopeEnds,
+    RopePull,
+    Sag,
+    blank_rope,
+    end_mass,
+    is_heavy,
+    resting_rope,
+    rope_on_drum,
+    rope_pull,
+)
+from dualwinch.model.quantities.part import NO_STATE, PartChoice
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.quantities.tree import alike, leaves, symbols
-from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, one_sided, rope_lengths
-from dualwinch.model.scalar import Scalar, reciprocals
+from dualwinch.model.quantities.tree import alike, leaves, shape_of, symbols
+from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, rope_lengths
+from dualwinch.model.scalar import Scalar, present, reciprocals
 from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
-from dualwinch.model.winch import Winch, angle_of, drum_acceleration, shaft_torque, specified_winch, winding
+from dualwinch.model.winch import (
+    Rotor,
+    Winch,
+    angle_of,
+    blank_motor,
+    gear_torque,
+    resting_motor,
+    shaft_torque,
+    specified_winch,
+    winch_rates,
+    winding,
+)
 
 ROPE_LAW = Quantity("", "law of the rope's tension", "paper Section 2.2")
 
@@ -56,11 +79,32 @@ class PlantState:
     """State of the plant; angles and speeds are positive when rope is retrieved (E1)."""
 
     x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track"), Mark.POSITION] = 0.0
-    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED, Mark.RATE] = 0.0
     theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")] = 0.0
-    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1")] = 0.0
+    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1"), Mark.RATE] = 0.0
     theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")] = 0.0
-    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2")] = 0.0
+    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2"), Mark.RATE] = 0.0
+    rope_1: Any = MASSLESS
+    rope_2: Any = MASSLESS
+    motor_1: Any = NO_STATE
+    motor_2: Any = NO_STATE
+
+    @property
+    def ropes(self) -> tuple[Any, Any]:
+        """The states of both ropes."""
+        return self.rope_1, self.rope_2
+
+    @property
+    def motors(self) -> tuple[Any, Any]:
+        """The states of both motors' rotors."""
+        return self.motor_1, self.motor_2
+
+    @property
+    def shafts(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
+        """Angle in rad and speed in rad/s of both motors over their gear ratios: the drums' where gears are rigid."""
+        own = zip(self.motors, self.drums, strict=True)
+        first, second = ((motor.theta, motor.omega) if isinstance(motor, Rotor) else drum for motor, drum in own)
+        return first, second
 
     @property
     def drums(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
@@ -85,42 +129,120 @@ class DisturbanceInputs:
     normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
 
 
-def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
-    """Tensions F_1 and F_2 in N of the two ropes at the time t in s (paper Section 2.2, E1, A1, A2)."""
+def is_distributed(plant: Plant) -> bool:
+    """Whether ropes have mass or weight, or gearboxes give or rub: more than the paper's six states know."""
+    return any(
+        is_heavy(side.rope) or present(side.winch.gear_stiffness) or present(side.winch.gear_loss)
+        for side in plant.sides
+    )
+
+
+def blank_state(plant: Plant) -> PlantState:
+    """A state of a plant whose numbers mean nothing: what names its elements."""
+    ropes, motors = (map(blank_rope, (plant.rope_1, plant.rope_2)), map(blank_motor, (plant.winch_1, plant.winch_2)))
+    return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors)
+
+
+def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[RopePull, RopePull]:
+    """What both ropes do at the time t in s (paper Section 2.2, E1, A1, A2; with mass and weight A14)."""
     lengths, found = rope_lengths(state.x, plant.track), []
     closenesses = reciprocals(*lengths)
-    for side, (theta, omega), length, closeness in zip(plant.sides, state.drums, lengths, closenesses, strict=True):
+    ropes = zip(plant.sides, state.drums, state.ropes, lengths, closenesses, strict=True)
+    for side, (theta, omega), own, length, closeness in ropes:
         drum, (longer, creeping) = winding(theta, side.winch), crept(t, side.creep)
-        stretch = drum.rope - side.direction * state.x - longer
-        rate = drum.radius * omega - side.direction * state.v - creeping
-        pull = side.rope.pull(stretch, rate, length, closeness)
-        found.append(one_sided(stretch, pull) if plant.rope_slack else pull)
+        ends = RopeEnds(
+            wound=drum.rope,
+            wound_rate=drum.radius * omega,
+            stretch=drum.rope - side.direction * state.x - longer,
+            stretch_rate=drum.radius * omega - side.direction * state.v - creeping,
+            length=length,
+            closeness=closeness,
+        )
+        density = plant.vehicle.water_density
+        found.append(rope_pull(side.rope, own, ends, plant.track, density=density, slack=plant.rope_slack))
     return found[0], found[1]
 
 
-def vehicle_acceleration(v: Scalar, pull: Scalar, environment: DisturbanceInputs, vehicle: Vehicle) -> Scalar:
-    """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3)."""
+def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
+    """Tensions F_1 and F_2 in N of the two ropes at their drums at the time t in s (`rope_pulls`)."""
+    pull_1, pull_2 = rope_pulls(state, plant, t)
+    return pull_1.at_drum, pull_2.at_drum
+
+
+def vehicle_acceleration(
+    v: Scalar, pull: Scalar, environment: DisturbanceInputs, vehicle: Vehicle, ropes: Scalar = 0.0
+) -> Scalar:
+    """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3).
+
+    Args:
+        v: its speed in m/s.
+        pull: net rope force in N.
+        environment: what acts on it from outside.
+        vehicle: the vehicle.
+        ropes: mass in kg of the rope that moves with it.
+    """
     resistance = friction(v, vehicle, environment.normal_force_variation)
     resistance += drag(v - environment.current, vehicle)
-    return (pull - resistance + environment.force) / inertia(vehicle)
+    return (pull - resistance + environment.force) / (inertia(vehicle) + ropes)
+
+
+def towed_acceleration(
+    state: PlantState, pulls: tuple[RopePull, RopePull], environment: DisturbanceInputs, plant: Plant
+) -> Scalar:
+    """Acceleration of the vehicle in m/s² under the pulls of both ropes, with the rope that moves with it."""
+    lengths = rope_lengths(state.x, plant.track)
+    ropes = sum(end_mass(side.rope, length) for side, length in zip(plant.sides, lengths, strict=True))
+    return vehicle_acceleration(state.v, pulls[0].at_vehicle - pulls[1].at_vehicle, environment, plant.vehicle, ropes)
+
+
+@dataclass(frozen=True)
+class InnerSignals:
+    """What goes on inside ropes with mass or weight, and inside gearboxes that give."""
+
+    F1_vehicle: Annotated[Scalar, Quantity("N", "pull of rope 1 on the vehicle")] = 0.0
+    F2_vehicle: Annotated[Scalar, Quantity("N", "pull of rope 2 on the vehicle")] = 0.0
+    sag_1: Annotated[Scalar, Quantity("m", "sag of rope 1 amid a span")] = 0.0
+    sag_2: Annotated[Scalar, Quantity("m", "sag of rope 2 amid a span")] = 0.0
+    gear_1: Annotated[Scalar, Quantity("N m", "torque that gearbox 1 transmits to the drum")] = 0.0
+    gear_2: Annotated[Scalar, Quantity("N m", "torque that gearbox 2 transmits to the drum")] = 0.0
+
+
+def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Plant) -> dict[str, Scalar]:
+    """Those of `InnerSignals` that a plant has."""
+    found: dict[str, Scalar] = {}
+    of_sides = zip(plant.sides, pulls, state.ropes, state.motors, state.drums, strict=True)
+    for side, pull, rope, motor, drum in of_sides:
+        if is_heavy(side.rope):
+            found[f"F{side.number}_vehicle"] = pull.at_vehicle
+        if isinstance(rope.sag, Sag):
+            found[f"sag_{side.number}"] = rope.sag.depth
+        if isinstance(motor, Rotor):
+            found[f"gear_{side.number}"] = gear_torque(*drum, motor, side.winch)
+    return found
 
 
 def derivative(
     state: PlantState, torques: Torques, environment: DisturbanceInputs, plant: Plant, t: Scalar = NEW
 ) -> PlantState:
     """Time derivative of the state at a time in s, under the `shaft_torques` (paper Section 2.5 with E1–E3)."""
-    forces, given = tensions(state, plant, t), (torques.tau_1, torques.tau_2)
-    accelerations = [
-        drum_acceleration(omega, force, torque, side.winch, winding(theta, side.winch).radius)
-        for side, (theta, omega), force, torque in zip(plant.sides, state.drums, forces, given, strict=True)
-    ]
+    pulls, lengths = rope_pulls(state, plant, t), rope_lengths(state.x, plant.track)
+    given = torques.tau_1, torques.tau_2
+    of_sides = zip(plant.sides, state.drums, state.motors, pulls, given, lengths, strict=True)
+    (alpha_1, motor_1), (alpha_2, motor_2) = (
+        winch_rates(theta, omega, motor, pull.at_drum, torque, side.winch, rope_on_drum(side.rope, length, plant.track))
+        for side, (theta, omega), motor, pull, torque, length in of_sides
+    )
     return PlantState(
         x=state.v,
-        v=vehicle_acceleration(state.v, forces[0] - forces[1], environment, plant.vehicle),
+        v=towed_acceleration(state, pulls, environment, plant),
         theta_1=state.omega_1,
-        omega_1=accelerations[0],
+        omega_1=alpha_1,
         theta_2=state.omega_2,
-        omega_2=accelerations[1],
+        omega_2=alpha_2,
+        rope_1=pulls[0].rate,
+        rope_2=pulls[1].rate,
+        motor_1=motor_1,
+        motor_2=motor_2,
     )
 
 
@@ -134,22 +256,38 @@ def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Pla
 
 def torques_amid(torques: Torques, state: PlantState, duration: Scalar, plant: Plant) -> Torques:
     """`shaft_torques` at the drum angles amid a stretch of time of a duration in s that begins with a state."""
-    middle_1, middle_2 = (theta + duration / 2 * omega for theta, omega in state.drums)
+    middle_1, middle_2 = (theta + duration / 2 * omega for theta, omega in state.shafts)
     return shaft_torques(torques, middle_1, middle_2, plant)
 
 
 def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
     """At rest at x in m with both ropes at tension preload/2 in N: the initial state of every run."""
-    angles = (
-        angle_of(side.rope.resting_stretch(preload / 2, length) + side.direction * x, side.winch)
-        for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True)
-    )
-    return PlantState(x, 0.0, next(angles), 0.0, next(angles), 0.0)
+    angles, ropes, motors = [], [], []
+    for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True):
+        way = side.direction * x
+        rope, stretch = resting_rope(side.rope, preload / 2, length, plant.track, way)
+        angles.append(angle_of(stretch + way, side.winch))
+        ropes.append(rope)
+        motors.append(resting_motor(preload / 2, angles[-1], side.winch))
+    return PlantState(x, 0.0, angles[0], 0.0, angles[1], 0.0, *ropes, *motors)
 
 
 def holding_torques(preload: Scalar, plant: Plant) -> Torques:
     """Motor torques that hold both ropes at tension preload/2 in N on the drums' radius of the data sheet."""
     return Torques(*(side.winch.drum_radius / side.winch.gear_ratio * preload / 2 for side in plant.sides))
+
+
+def rigid_plant(plant: Plant) -> Plant:
+    """The same machine with ropes that neither stretch by a law of their own nor weigh, and gears that do not give."""
+    rigid = {"gear_stiffness": 0.0, "gear_loss": 0.0}
+    return replace(
+        plant,
+        rope_1=Rope(),
+        rope_2=Rope(),
+        track=replace(plant.track, roller_spacing=0.0),
+        winch_1=replace(plant.winch_1, **rigid),
+        winch_2=replace(plant.winch_2, **rigid),
+    )
 
 
 def specified_plant(plant: Plant) -> Plant:
@@ -165,7 +303,14 @@ def specified_plant(plant: Plant) -> Plant:
 
 def plant_structure(plant: Plant) -> Plant:
     """The laws of a plant's ropes and whether they go slack, with numbers of no plant in particular."""
-    return Plant(rope_slack=plant.rope_slack, rope_1=alike(plant.rope_1), rope_2=alike(plant.rope_2))
+    return Plant(
+        rope_slack=plant.rope_slack,
+        track=shape_of(plant.track),
+        rope_1=alike(plant.rope_1),
+        rope_2=alike(plant.rope_2),
+        winch_1=shape_of(plant.winch_1),
+        winch_2=shape_of(plant.winch_2),
+    )
 
 
 def plant(values: Plant | None = None) -> ca.Function:
@@ -176,18 +321,20 @@ def plant(values: Plant | None = None) -> ca.Function:
             it the parameters are an input, those of the paper's ropes.
 
     Returns:
-        ``plant(x, u, w, p) -> (dx, F)`` with the state x (6, fields of `PlantState`), the torques u (2), the
-        environment w (3, fields of `DisturbanceInputs`) and the parameters p (in the order of
-        ``numbers(Plant())``); dx (6) is the time derivative and F (2) are the tensions in N. With `values`
+        ``plant(x, u, w, p) -> (dx, F)`` with the state x (6 fields of `PlantState`, more where ropes have mass or
+        gears give), the torques u (2), the environment w (3, fields of `DisturbanceInputs`) and the parameters p (in
+        the order of ``numbers(Plant())``); dx is the time derivative and F (2) are the tensions in N. With `values`
         there is no p.
     """
     structure = values or Plant()
     symbolic, p = symbols(structure, "p")
     parameters = structure if values else symbolic
-    state, x = symbols(PlantState(), "x")
+    state, x = symbols(blank_state(structure), "x")
     torques, u = symbols(Torques(), "u")
     environment, w = symbols(DisturbanceInputs(), "w")
-    dx = derivative(state, shaft_torques(torques, state.theta_1, state.theta_2, parameters), environment, parameters)
+    (angle_1, _), (angle_2, _) = state.shafts
+    given = shaft_torques(torques, angle_1, angle_2, parameters)
+    dx = derivative(state, given, environment, parameters)
     inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
     outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]
     return ca.Function("plant", list(inputs.values()), outputs, list(inputs), ["dx", "F"])

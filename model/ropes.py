@@ -5,6 +5,7 @@ follows from that expression: spring rate and damping are its derivatives, the s
 Newton's method. A law that knows these in closed form may write those methods too.
 """
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -15,10 +16,10 @@ import casadi as ca
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Part, Registry
-from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, UnitInterval
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
 from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
-from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, where
+from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, present, sqrt, where
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,16 @@ class Track:
     """The rail between the two winches."""
 
     length: Annotated[Positive, Quantity("m", "length of the rail, L_0 in the paper", "Table 1")] = 50.0
+    roller_spacing: Annotated[
+        NonNegative,
+        Quantity("m", "distance of the rollers that carry the ropes; 0: one span", "A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    roller_friction: Annotated[
+        NonNegative,
+        Quantity("1", "friction of the rollers over the weight they carry", "0.05 to 0.2, A14"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
     rope_offset: Annotated[
         float, at.Ge(0.05), Quantity("m", "rope between winch and vehicle at the rail's end", "A1")
     ] = 0.5
@@ -67,11 +78,53 @@ def crept(t: Scalar, creep: Creep) -> tuple[Scalar, Scalar]:
     return creep.elongation - left, left / creep.time
 
 
+@dataclass(frozen=True, kw_only=True)
 class RopeLaw(Part):
-    """Tension of a rope: a frozen dataclass of the law's own numbers.
+    """Tension of a rope: a frozen dataclass of the law's own numbers, beside those of mass and sag that every rope has.
 
-    There are two ropes: the numbers stand below the name of the field that holds the rope, ``plant.rope_1.k``.
+    There are two ropes: the numbers stand below the name of the field that holds the rope, ``plant.rope_1.k``. What
+    mass, weight and water do to a rope of any law is in `model.heavy_ropes`; all are zero unless given (A14).
     """
+
+    mass_per_length: Annotated[
+        NonNegative,
+        Quantity("kg/m", "mass of the rope; 0: waves along the rope are left out", "EN 12385-4: 2.36 for 24 mm, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    segments: Annotated[
+        int,
+        at.Ge(1),
+        at.Le(16),
+        Quantity("1", "equal parts into which a rope with mass is lumped", "model.heavy_ropes"),
+        Mark.SHAPES_CODE,
+    ] = 2
+    shortest_mass: Annotated[
+        NonNegative,
+        Quantity("m", "a shorter rope weighs as much as one of this length (mass scaling)", "model.heavy_ropes"),
+        Mark.COURSE,
+    ] = 6.0
+    spare_length: Annotated[
+        NonNegative,
+        Quantity("m", "rope on the drum with the vehicle at the far end of the rail", "A14"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    submerged_weight: Annotated[
+        NonNegative,
+        Quantity("N/m", "weight of the rope in water; 0: the rope does not sag", "20.2 for 24 mm, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    added_mass_per_length: Annotated[
+        NonNegative,
+        Quantity("kg/m", "water that moves across with the rope", "0.6 for 24 mm, A14"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    diameter: Annotated[Positive, Quantity("m", "diameter of the rope", "from area, Table 1")] = 0.024
+    skin_friction: Annotated[
+        NonNegative, Quantity("1", "drag coefficient along the rope, on its skin", "0.01, A14"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    cross_drag: Annotated[
+        NonNegative, Quantity("1", "drag coefficient across the rope", "1.2, A14"), Mark.OFF_AT_ZERO
+    ] = 0.0
 
     def __init_subclass__(cls, **options: Any) -> None:
         """What follows from a tension is not inherited by a law that writes another one."""
@@ -212,17 +265,30 @@ class Rope(RopeLaw):
     area: Annotated[Positive, Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
     modulus: Annotated[Positive, Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
     damping: Annotated[NonNegative, Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
+    loss_factor: Annotated[
+        NonNegative,
+        Quantity("1", "loss factor of the rope at its first mode, beside damping", "0.02, A14"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+
+    rules: ClassVar = (
+        Rule(
+            ("loss_factor", "mass_per_length"),
+            lambda rope: (rope.loss_factor == 0) | (rope.mass_per_length > 0),
+            lambda _, table: f"must be 0 without {table}mass_per_length > 0: its damping is that of the first mode",
+        ),
+    )
 
     kind: ClassVar = "kelvin-voigt"
     label: ClassVar = "Kelvin–Voigt rope"
 
     def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
         """Tension in N: spring plus damper."""
-        return stiffness(length, self) * stretch + self.damping * stretch_rate
+        return stiffness(length, self) * stretch + viscosity(self) * stretch_rate
 
     def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
         """The same without a division."""
-        return self.modulus * self.area * closeness * stretch + self.damping * stretch_rate
+        return self.modulus * self.area * closeness * stretch + viscosity(self) * stretch_rate
 
     def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
         """Stretch in m at rest."""
@@ -230,17 +296,28 @@ class Rope(RopeLaw):
 
     def steady_stretch(self, tension: Scalar, length: Scalar, length_rate: Scalar) -> tuple[Scalar, Scalar]:
         """Stretch in m, and its slope over the length: the strain, F / (E A + c dlength/dt)."""
-        strain = tension / (self.modulus * self.area + self.damping * length_rate)
+        strain = tension / (self.modulus * self.area + viscosity(self) * length_rate)
         return strain * length, strain
 
     def tangent(self, tension: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG002
         """Spring rate in N/m and damping in N s/m, at all tensions the same."""
-        return stiffness(length, self), self.damping
+        return stiffness(length, self), viscosity(self)
 
 
 def stiffness(length: Scalar, rope: Rope) -> Scalar:
     """Spring rate in N/m of a rope of a length in m: E A / length."""
     return rope.modulus * rope.area / length
+
+
+def viscosity(rope: Rope) -> Scalar:
+    """Damping in N s/m of a rope: its own, and what its loss factor comes to at its first longitudinal mode.
+
+    A loss factor eta is the damping eta k/omega; with k = E A/L and the first mode of a fixed–free bar,
+    omega = pi/2 sqrt(E A/mu)/L, that is 2/pi eta sqrt(E A mu) whatever the length.
+    """
+    if not present(rope.loss_factor):
+        return rope.damping
+    return rope.damping + 2 / math.pi * rope.loss_factor * sqrt(rope.modulus * rope.area * rope.mass_per_length)
 
 
 def compliance(length: Scalar, rope: Rope) -> Scalar:

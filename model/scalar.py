@@ -15,6 +15,11 @@ Scalar: TypeAlias = Any
 """A float, or a 1×1 `casadi.SX` or `casadi.MX`."""
 
 
+def present(value: Scalar) -> bool:
+    """Whether a number is not zero for good; a symbol may be any number, of an array one element is enough."""
+    return bool(np.any(value)) if isinstance(value, (int, float, np.ndarray, np.number)) else True
+
+
 def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
     """`value` where the condition holds, else `otherwise` (both are evaluated)."""
     if isinstance(condition, np.ndarray):

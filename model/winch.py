@@ -11,12 +11,13 @@ The layers grow evenly, as on a spiral; the radius of the data sheet is that at 
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import annotated_types as at
 
+from dualwinch.model.quantities.part import NoState
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
-from dualwinch.model.scalar import Scalar, cos, sin, tanh
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, maximum, minimum, present, sin, tanh, where
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,38 @@ class Winch:
     inertia: Annotated[Positive, Quantity("kg m^2", "inertia at the drum", "Table 1")] = 1.8
     drum_radius: Annotated[Positive, Quantity("m", "radius of the drum", "Table 1")] = 0.8
     gear_ratio: Annotated[Positive, Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
+    rotor_inertia: Annotated[
+        NonNegative,
+        Quantity("kg m^2", "inertia of the motor's rotor, at its own shaft, beside inertia", "0.02, A14"),
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
+    gear_stiffness: Annotated[
+        NonNegative,
+        Quantity("N m/rad", "stiffness of the gearbox at the drum; 0: rigid", "1.4e6, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    gear_damping: Annotated[
+        NonNegative, Quantity("N m s/rad", "damping of the gearbox at the drum", "A14"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    backlash: Annotated[
+        NonNegative, at.Le(0.1), Quantity("rad", "backlash of the gearbox at the drum", "A14"), Mark.OFF_AT_ZERO
+    ] = 0.0
+    transmission_error: Annotated[
+        NonNegative,
+        at.Le(0.01),
+        Quantity("rad", "amplitude of the gearbox's transmission error at the drum", "A14"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
+    transmission_waves: Annotated[
+        NonNegative, Quantity("1", "waves of the transmission error a drum turn", "A14"), Mark.UNKNOWN, Mark.COURSE
+    ] = 6.0
+    gear_loss: Annotated[
+        NonNegative,
+        at.Lt(1),
+        Quantity("1", "share of the rope's torque that the gearbox adds as friction", "A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     coulomb_friction: Annotated[
         NonNegative, Quantity("N m", "Coulomb friction at the drum", "A5"), Mark.OFF_AT_ZERO
     ] = 0.0
@@ -89,6 +122,13 @@ class Winch:
             lambda winch: winch.eccentricity <= winch.drum_radius / 4,
             lambda winch, _: f"must be <= {winch.drum_radius / 4:g} m (a quarter of drum_radius)",
         ),
+        Rule(
+            ("gear_stiffness", "rotor_inertia"),
+            lambda winch: (winch.gear_stiffness == 0) | (winch.rotor_inertia > 0),
+            lambda _, table: (
+                f"must be 0 (rigid) without {table}rotor_inertia > 0: a gearbox gives between two inertias"
+            ),
+        ),
     )
 
 
@@ -108,16 +148,84 @@ def friction_slope(omega: Scalar, winch: Winch) -> Scalar:
 
 
 def drum_acceleration(
-    omega: Scalar, tension: Scalar, torque: Scalar, winch: Winch, radius: Scalar | None = None
+    omega: Scalar, tension: Scalar, torque: Scalar, winch: Winch, radius: Scalar | None = None, rope: Scalar = 0.0
 ) -> Scalar:
     """Acceleration of the drum in rad/s² (paper Section 2.4, E3).
 
-    By its speed in rad/s, rope tension in N, motor torque in N m before the gearbox, and the radius in m on which the
-    rope leaves the drum (default: its drum_radius).
+    By its speed in rad/s, rope tension in N, motor torque in N m before the gearbox, the radius in m on which the rope
+    leaves the drum (default: its drum_radius), and the inertia in kg m² of the rope on it.
     """
     lever = winch.drum_radius if radius is None else radius
     drive = winch.gear_ratio * torque - lever * tension - friction_torque(omega, winch)
-    return drive / winch.inertia
+    return drive / (total_inertia(winch) + rope)
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """The motor's rotor behind a gearbox that gives, in angles of the drum's shaft."""
+
+    theta: Annotated[Scalar, Quantity("rad", "angle of the motor over the gear ratio")]
+    omega: Annotated[Scalar, Quantity("rad/s", "speed of the motor over the gear ratio"), Mark.RATE]
+
+
+def total_inertia(winch: Winch) -> Scalar:
+    """Inertia in kg m² of drum and rotor at the drum, as a rigid gearbox joins them."""
+    return winch.inertia + winch.gear_ratio**2 * winch.rotor_inertia
+
+
+def resting_motor(tension: Scalar, theta: Scalar, winch: Winch) -> Any:
+    """State of the rotor at rest, the rope under a tension in N and the drum at the angle theta in rad."""
+    if not present(winch.gear_stiffness):
+        return NoState()
+    twist = winding(theta, winch).radius * tension / winch.gear_stiffness + winch.backlash / 2
+    return Rotor(theta + twist + transmission(theta, winch), 0.0)
+
+
+def blank_motor(winch: Winch) -> Any:
+    """A state of the rotor whose numbers mean nothing; none where the gearbox is rigid."""
+    return Rotor(0.0, 0.0) if present(winch.gear_stiffness) else NoState()
+
+
+def transmission(theta: Scalar, winch: Winch) -> Scalar:
+    """Transmission error of the gearbox in rad at the drum angle theta in rad."""
+    return winch.transmission_error * sin(winch.transmission_waves * theta)
+
+
+def gear_torque(theta: Scalar, omega: Scalar, rotor: Rotor, winch: Winch) -> Scalar:
+    """Torque in N m that the gearbox transmits to the drum: a spring and a damper across its backlash.
+
+    Where teeth part, within the backlash, it transmits nothing.
+    """
+    twist, half = rotor.theta - theta - transmission(theta, winch), winch.backlash / 2
+    pressed = twist - clip(twist, -half, half)
+    torque = winch.gear_stiffness * pressed + winch.gear_damping * (rotor.omega - omega)
+    return where(pressed > 0, maximum(torque, 0.0), where(pressed < 0, minimum(torque, 0.0), 0.0))
+
+
+def winch_rates(
+    theta: Scalar, omega: Scalar, motor: Any, tension: Scalar, torque: Scalar, winch: Winch, rope: Scalar
+) -> tuple[Scalar, Any]:
+    """Acceleration of the drum in rad/s², and the rates of the rotor's own state.
+
+    Args:
+        theta: drum angle in rad.
+        omega: drum speed in rad/s.
+        motor: state of the rotor; none where the gearbox is rigid.
+        tension: of the rope at the drum in N.
+        torque: motor torque in N m, before the gearbox.
+        winch: the winch.
+        rope: mass of the rope in kg that turns with the drum.
+    """
+    radius = winding(theta, winch).radius
+    turning = rope * radius**2
+    if present(winch.gear_loss):
+        tension = tension + winch.gear_loss * absolute(tension) * tanh(omega / FRICTION_SPEED)
+    if not isinstance(motor, Rotor):
+        return drum_acceleration(omega, tension, torque, winch, radius, turning), motor
+    passed = gear_torque(theta, omega, motor, winch)
+    alpha = (passed - radius * tension - friction_torque(omega, winch)) / (winch.inertia + turning)
+    rotor = (winch.gear_ratio * torque - passed) / (winch.gear_ratio**2 * winch.rotor_inertia)
+    return alpha, Rotor(motor.omega, rotor)
 
 
 def shaft_torque(torque: Scalar, theta: Scalar, winch: Winch) -> Scalar:
@@ -128,7 +236,9 @@ def shaft_torque(torque: Scalar, theta: Scalar, winch: Winch) -> Scalar:
 
 def specified_winch(winch: Winch) -> Winch:
     """The winch of the data sheet, without what is unknown of it."""
-    return replace(winch, radius_error=0.0, eccentricity=0.0, torque_error=0.0, torque_ripple=0.0)
+    return replace(
+        winch, radius_error=0.0, eccentricity=0.0, torque_error=0.0, torque_ripple=0.0, transmission_error=0.0
+    )
 
 
 TURN = 2 * math.pi

@@ -20,6 +20,7 @@ from dualwinch.model.plant import (
     Plant,
     PlantState,
     Torques,
+    blank_state,
     holding_torques,
     resting_state,
     shaft_torques,
@@ -143,10 +144,11 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the plant as `simulate` integrates it, and its time derivative."""
     controller, plant, _ = _symbolic(experiment, symbols)
-    state = _new((*describe(PlantState), PHASE, SAMPLE, SLOW))
+    still = Motion(blank_state(plant))
+    state = _new((*leaves(still.plant), PHASE, SAMPLE, SLOW))
     torques, sea = _new(describe(Torques)), _new(describe(DisturbanceInputs))
     sample_time = symbols["simulation.sample_time"]
-    motion = with_leaves(Motion(PlantState()), {f"plant.{name}": state[name] for name in state} | state)
+    motion = with_leaves(still, {f"plant.{name}": state[name] for name in state} | state)
     t, here = state[SAMPLE] * sample_time, motion.plant
     problem = Problem(
         t=t,
@@ -158,7 +160,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     )
     solver = solver_of(experiment)
     moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
-    held = replace(problem, torques=shaft_torques(Torques(**torques), here.theta_1, here.theta_2, plant))
+    held = replace(problem, torques=shaft_torques(Torques(**torques), *(angle for angle, _ in here.shafts), plant))
     slope = held.derivative(t, motion)
 
     def output(at: PlantState, when: Scalar) -> Scalars:

@@ -18,7 +18,7 @@ from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.metrics.metrics import checked_metrics
 from dualwinch.simulation.sensors import Sensors
 
-IntegratorName: TypeAlias = Literal["adaptive", "exponential", "rk4"]
+IntegratorName: TypeAlias = Literal["adaptive", "exponential", "rk4", "verlet"]
 
 EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)

@@ -191,10 +191,11 @@ def _check_substeps(experiment: Experiment) -> None:
         solver_of(experiment)
         return
     fastest = fastest_swing(plant)
-    needed = math.ceil(substeps_for(fastest, simulation))
+    integrator = solver_of(experiment).integrator
+    needed = math.ceil(substeps_for(fastest, simulation, integrator))
     if simulation.substeps < needed:
         raise ConfigurationError(
-            f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {simulation.integrator} at "
+            f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {integrator} at "
             f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
         )
 
@@ -208,9 +209,9 @@ def fastest_swing(plant: Plant) -> Any:
     return np.maximum(*rates)
 
 
-def substeps_for(fastest: Any, simulation: Simulation) -> Any:
-    """How many sub-steps, not rounded, keep up with a swing in rad/s."""
-    return fastest * simulation.sample_time / INTEGRATORS[simulation.integrator].reach
+def substeps_for(fastest: Any, simulation: Simulation, integrator: str) -> Any:
+    """How many sub-steps, not rounded, of an integrator keep up with a swing in rad/s."""
+    return fastest * simulation.sample_time / INTEGRATORS[integrator].reach
 
 
 def check_memory(samples: int, stride: int, columns: int) -> None:

@@ -7,7 +7,17 @@ from typing import Annotated
 from dualwinch.controllers.controller import ControllerOutput, own_signals
 from dualwinch.controllers.parts import Measurement
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, vehicle_acceleration
+from dualwinch.model.plant import (
+    DisturbanceInputs,
+    InnerSignals,
+    Plant,
+    PlantState,
+    Torques,
+    inner_signals,
+    rope_pulls,
+    towed_acceleration,
+    vehicle_acceleration,
+)
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves
@@ -59,10 +69,13 @@ READINGS = {leaf.key + READ: leaf.quantity for leaf in describe(Measurement).val
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
 """Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
 
+INNER = {leaf.key: leaf.quantity for leaf in describe(InnerSignals).values()}
+"""Columns that follow where ropes have mass or weight, or gearboxes give."""
+
 TORQUES = {leaf.key: leaf.quantity for leaf in describe(ActualTorques).values()}
 """Columns that follow where the actuator is not ideal."""
 
-CONTINUOUS = frozenset(leaf.key for leaf in describe(Row).values() if Mark.HELD not in leaf.marks)
+CONTINUOUS = frozenset(leaf.key for leaf in describe(Row).values() if Mark.HELD not in leaf.marks) | INNER.keys()
 """Columns of what goes on between two samples; all others, a controller's own too, are held until the next."""
 
 
@@ -101,12 +114,18 @@ def row_of(
         ConfigurationError: a part of the controller names a signal of its own like a column there is.
     """
     F1, F2 = forces
-    acceleration = vehicle_acceleration(state.v, F1 - F2, environment, plant.vehicle)
+    pulls = rope_pulls(state, plant, t)
+    inner = inner_signals(state, pulls, plant)
+    acceleration = (
+        towed_acceleration(state, pulls, environment, plant)
+        if inner
+        else vehicle_acceleration(state.v, F1 - F2, environment, plant.vehicle)
+    )
     believed_resistance = friction(state.v, nominal.vehicle) + drag(state.v, nominal.vehicle)
     believed = (F1 - F2 - believed_resistance) / inertia(nominal.vehicle)
     row = Row(
         t=t,
-        **leaves(state),
+        **{key: value for key, value in leaves(state).items() if key in COLUMNS},
         x_ref=reference.x,
         v_ref=reference.v,
         a_ref=reference.a,
@@ -126,11 +145,12 @@ def row_of(
         actual = ActualTorques(torques.tau_1, torques.tau_2)
         motors = {key: (value, TORQUES[key]) for key, value in leaves(actual).items()}
     read = {} if measurement is None else {f"{name}{READ}": value for name, value in leaves(measurement).items()}
-    taken = sorted(own.keys() & (COLUMNS.keys() | TORQUES.keys() | READINGS.keys()))
+    taken = sorted(own.keys() & (COLUMNS.keys() | INNER.keys() | TORQUES.keys() | READINGS.keys()))
     if taken:
         raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
     return (
         {key: (value, COLUMNS[key]) for key, value in leaves(row).items()}
+        | {key: (value, INNER[key]) for key, value in inner.items()}
         | motors
         | {key: (value, READINGS[key]) for key, value in read.items()}
         | own

@@ -65,6 +65,14 @@ class Sensors:
     speed_noise: Annotated[
         NonNegative, Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
+    speed_error: Annotated[
+        float,
+        at.Gt(-1),
+        at.Le(1),
+        Quantity("1", "share by which the speed wheel reads more than the speed", "assumption"),
+        Mark.UNKNOWN,
+        Mark.OFF_AT_ZERO,
+    ] = 0.0
     tension_noise: Annotated[
         NonNegative, Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
@@ -162,7 +170,7 @@ def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
 def measurement(
     state: PlantState, tensions: tuple[Scalar, Scalar], plant: Plant, sensors: Sensors, drift: Scalar = 0.0
 ) -> Measurement:
-    """The measurement equation: readings without noise and rounding.
+    """The measurement equation: readings without noise and rounding, encoders on the motors' shafts.
 
     Args:
         state: the plant's.
@@ -171,15 +179,16 @@ def measurement(
         sensors: their zeros and scales.
         drift: of the position sensor in m.
     """
+    (shaft_1, speed_1), (shaft_2, speed_2) = state.shafts
     return Measurement(
         x=state.x + (sensors.position_bias + drift),
-        v=state.v,
+        v=(1 + sensors.speed_error) * state.v,
         F1=(1 + sensors.load_cell_error_1) * tensions[0] + sensors.load_cell_zero_1,
         F2=(1 + sensors.load_cell_error_2) * tensions[1] + sensors.load_cell_zero_2,
-        omega_1=state.omega_1,
-        omega_2=state.omega_2,
-        theta_1=state.theta_1 + sensors.encoder_zero_1 / plant.winch_1.drum_radius,
-        theta_2=state.theta_2 + sensors.encoder_zero_2 / plant.winch_2.drum_radius,
+        omega_1=speed_1,
+        omega_2=speed_2,
+        theta_1=shaft_1 + sensors.encoder_zero_1 / plant.winch_1.drum_radius,
+        theta_2=shaft_2 + sensors.encoder_zero_2 / plant.winch_2.drum_radius,
     )
 
 

@@ -1,12 +1,16 @@
 """The paper's gains, as what others are compared with."""
 
+import math
 from collections.abc import Collection
 from dataclasses import replace
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
+from dualwinch.model.plant import Plant, is_distributed
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.ropes import tangent_rope
+from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 
@@ -79,15 +83,59 @@ def default_reserve(ensemble: Ensemble) -> float:
     return limit * max(shares) + max(zeros)
 
 
+def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
+    """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
+
+    Damping of the drums that matches the wave impedance of the ropes (`controllers.coordinations.winch_pid`), where
+    ropes have mass, gears give or winches are heavy; and deviations for what the self-calibrating filter learns.
+    """
+    experiment, known = ensemble.experiment, leaves(ensemble.experiment)
+    plant, beliefs = experiment.plant, dict[str, float]()
+    for side in plant.sides if _swings(plant) else ():
+        length = plant.track.length / 2 + plant.track.rope_offset
+        rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
+        impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
+        beliefs[f"controller.winch_{side.number}.damping"] = (
+            impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
+        )
+        if side.winch.gear_stiffness:
+            beliefs["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
+        if side.rope.submerged_weight:
+            beliefs["controller.drums.sag"] = SAG_DEVIATION
+    if _uncertain(ensemble, ["sensors.speed_error"]):
+        beliefs["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
+    return {key: value for key, value in beliefs.items() if key in known}
+
+
+STEEL_ROPE = 2.36
+"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""
+
+SAG_DEVIATION = 0.7
+"""Share by which sags are believed to differ: spacings of rollers by a third."""
+
+HEAVY = 20.0
+"""Inertia of a winch over its drum's radius squared, in kg, from which on it swings on its rope."""
+
+
+def _swings(plant: Plant) -> bool:
+    """Whether drums swing on their ropes as those of light drums on ropes without mass do not."""
+    return is_distributed(plant) or any(
+        total_inertia(side.winch) > HEAVY * side.winch.drum_radius**2 for side in plant.sides
+    )
+
+
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for beside the standard ones, as entries of a space.
+
+    Where drums swing on their ropes, the damping of the winches is searched for.
 
     Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
     again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
     is too seldom for a search to see.
     """
-    off = default_reserve(ensemble)
-    return {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
+    off, damps = default_reserve(ensemble), any(key.endswith(".damping") for key in default_beliefs(ensemble))
+    reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
+    return reserve | ({"controller.winch.damping": {}} if damps else {})
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:

@@ -13,7 +13,14 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
-from dualwinch.tuning.baseline import CALIBRATING, RESERVE, default_estimator, default_reserve, further_gains
+from dualwinch.tuning.baseline import (
+    CALIBRATING,
+    RESERVE,
+    default_beliefs,
+    default_estimator,
+    default_reserve,
+    further_gains,
+)
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
     constraints_from,
@@ -101,7 +108,7 @@ def tuning_problem(
             chosen.append(f"estimator {usual}: none is named, and in '{drawn.name}' sensors are noisy{misled}")
         drawn = reset(drawn, values)
         if config is None and experiment is None:
-            drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | values)
+            drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | default_beliefs(drawn) | values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):

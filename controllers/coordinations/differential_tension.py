@@ -32,18 +32,20 @@ def tension_commands(u_sat: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
 def follow_tensions(
     state: TensionLoops,
     commands: tuple[Scalar, Scalar],
-    tensions: tuple[Scalar, Scalar],
+    estimate: Estimate,
     gains: tuple[WinchGains, WinchGains],
     setpoint: Setpoint,
     context: Context,
 ) -> tuple[TensionLoops, CoordinationOutput]:
-    """One sample of both tension controllers (paper Section 3.3), from tension commands and tensions in N."""
-    found = []
-    for side, loop, command, tension, pid in zip(
-        context.nominal.sides, (state.winch_1, state.winch_2), commands, tensions, gains, strict=True
+    """One sample of both tension controllers (paper Section 3.3), from tension commands in N."""
+    found, loops = [], (state.winch_1, state.winch_2)
+    measured = (estimate.F1, estimate.omega_1), (estimate.F2, estimate.omega_2)
+    for side, loop, command, (tension, omega), pid in zip(
+        context.nominal.sides, loops, commands, measured, gains, strict=True
     ):
-        alpha_d = side.direction * setpoint.a / side.winch.drum_radius
-        found.append(winch_step(loop, command, tension, alpha_d, side.winch, pid, context))
+        turns = side.direction / side.winch.drum_radius
+        alpha_d, slip = turns * setpoint.a, omega - turns * setpoint.v
+        found.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, pid, context))
     (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = found
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))
 
@@ -67,5 +69,4 @@ class DifferentialTension(Coordination):
     ) -> tuple[TensionLoops, CoordinationOutput]:
         """One sample of both winches."""
         commands = tension_commands(force, context.limits)
-        measured = estimate.F1, estimate.F2
-        return follow_tensions(state, commands, measured, (self.winch_1, self.winch_2), setpoint, context)
+        return follow_tensions(state, commands, estimate, (self.winch_1, self.winch_2), setpoint, context)

@@ -9,7 +9,7 @@ give, the one behind gives up. The commands are continuous in the force; the loo
 forces around zero, in which both are partly closed. While a winch is in front its integral is held.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
@@ -48,8 +48,9 @@ class ForcePosition(Coordination):
         commands = within_limits(rest + maximum(force, 0.0), rest + maximum(-force, 0.0), context.limits)
         behind_2 = clip(0.5 + force / (2 * self.band), 0.0, 1.0)
         shares = 1 - behind_2, behind_2
-        regulated = (
-            commands[0] - shares[0] * (commands[0] - estimate.F1),
-            commands[1] - shares[1] * (commands[1] - estimate.F2),
+        regulated = replace(
+            estimate,
+            F1=commands[0] - shares[0] * (commands[0] - estimate.F1),
+            F2=commands[1] - shares[1] * (commands[1] - estimate.F2),
         )
         return follow_tensions(state, commands, regulated, (self.winch_1, self.winch_2), setpoint, context)

@@ -18,7 +18,7 @@ from dualwinch.controllers.parts import Context, Coordination, CoordinationOutpu
 from dualwinch.model.quantities.quantity import NonNegative, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, either, where
-from dualwinch.model.winch import Winch
+from dualwinch.model.winch import Winch, total_inertia
 
 TORQUE_LIMIT = "controller.coordination.tension_max*plant.winch_{winch}.drum_radius/plant.winch_{winch}.gear_ratio"
 """What gains from drum speeds to torques are proportional to."""
@@ -38,7 +38,7 @@ def _limited(torque: Scalar, winch: Winch, limits: Limits) -> Scalar:
 
 def _feedforward(force: Scalar, acceleration: Scalar, winch: Winch) -> Scalar:
     """Torque in N m for a tension in N and an acceleration of the rope in m/s²."""
-    return (winch.drum_radius * force + winch.inertia * acceleration / winch.drum_radius) / winch.gear_ratio
+    return (winch.drum_radius * force + total_inertia(winch) * acceleration / winch.drum_radius) / winch.gear_ratio
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,7 @@ class ScheduledPreload(Coordination):
         preload = maximum(wanted, state.preload - sample_time * self.rate)
         commands = within_limits((preload + force) / 2, (preload - force) / 2, limits)
         gains = self.winch_1, self.winch_2
-        loops, winches = follow_tensions(state.loops, commands, (estimate.F1, estimate.F2), gains, setpoint, context)
+        loops, winches = follow_tensions(state.loops, commands, estimate, gains, setpoint, context)
         following = ScheduleState(loops, unforeseen, preload)
         return following, ScheduleOutput(**vars(winches), preload=preload)
 

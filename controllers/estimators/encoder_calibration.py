@@ -5,12 +5,16 @@ nominal radius and nominal rope say of the position is wrong by
 
     R theta - stretch -+ x =
         zero - scale R theta - layers theta²/(4 pi) + excess stretch + a sin theta + b (cos theta - 1)
+        + give F - sag shortening
 
 with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, the growth of its
 radius a turn beyond the nominal one, the share by which the rope is softer, and the drum's run-out: once a turn, for it
-is not quite round or sits beside its axis. All are constants, or nearly, and enter linearly: regularised least squares
-(`controllers.estimators.least_squares`) learns them from the readings of the position sensor. What is learnt is used as
-far as it is more than the sensor's noise (`controllers.estimators.shrinkage`), so that a drum that is as its data sheet
+is not quite round or sits beside its axis. A gearbox between encoder and drum gives by a constant length a newton; a
+rope that sags between rollers is shorter by w² s² length/(24 F²) (`model.heavy_ropes`), more or less than its nominal
+weight and spacing say. These two are left out where nothing is believed of them. All are constants, or nearly, and
+enter linearly: regularised least squares (`controllers.estimators.least_squares`) learns them from the readings of the
+position sensor. What is learnt is used as far as it is more than the sensor's noise
+(`controllers.estimators.shrinkage`), so that a drum that is as its data sheet
 says stays so, and a zero as rest has set it. The excess is exempt: no rope's modulus is known that well.
 
 Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
@@ -20,16 +24,16 @@ forgotten. An encoder that has jumped is learnt anew, and fades in again. A rope
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import annotated_types as at
 
-from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
+from dualwinch.controllers.estimators.least_squares import Knowledge, expected, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
 from dualwinch.model.matrix import dot
-from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
-from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, sin, sqrt, where
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, present, sin, sqrt, where
 from dualwinch.model.winch import TURN
 
 
@@ -57,6 +61,26 @@ class DrumGains:
         Quantity("1", "believed standard deviation of a rope's compliance, as a share", "assumption"),
         Tunable(5e-3, 0.5, standard=False),
     ] = 0.06
+    give: Annotated[
+        NonNegative,
+        Quantity("m/N", "believed standard deviation of what a winch gives under tension; 0: nothing", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    sag: Annotated[
+        NonNegative,
+        Quantity("1", "believed standard deviation of the sag's shortening, as a share; 0: as nominal", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    wheel: Annotated[
+        NonNegative,
+        Quantity("1", "believed standard deviation of the speed wheel's scale; 0: exact", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    wheel_time: Annotated[
+        Positive,
+        Quantity("s", "time over which the way of the speed wheel is compared with the position", "assumption"),
+        Tunable(0.2, 20, standard=False),
+    ] = 2.0
     run_out: Annotated[
         Positive,
         Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
@@ -108,15 +132,23 @@ class TrustGains:
     ] = 0.3
 
 
-NAMES = ("scale", "layers", "zero", "excess", "sine", "cosine")
-"""What is learnt of an encoder; what may be known best stands first, for round-off's sake."""
+NAMES = ("scale", "layers", "zero", "excess", "give", "sag_excess", "sine", "cosine")
+"""What may be learnt of an encoder; what may be known best stands first, for round-off's sake."""
+
+UNSHRUNK = ("excess", "give", "sag_excess")
+"""Those that may well be far from what is nominal."""
+
+
+def learnt_names(gains: DrumGains) -> tuple[str, ...]:
+    """What is learnt of an encoder: all of `NAMES` of which something is believed."""
+    return tuple(name for name in NAMES if present(deviations(gains)[name]))
 
 
 @dataclass(frozen=True)
 class EncoderKnowledge:
     """What is known of one encoder, its drum and its rope."""
 
-    errors: Knowledge = field(default_factory=lambda: ignorance(len(NAMES)))
+    errors: Knowledge
     tare: Annotated[Scalar, Quantity("m", "zero that rest in a known position has set, in m of rope")] = 0.0
     residual: Annotated[Scalar, Quantity("1", "mean of what readings were off by, over their deviation")] = 0.0
 
@@ -147,6 +179,8 @@ class Drum:
         wound: rope wound up in m, as encoder and nominal radius say.
         theta: angle in rad.
         stretch: of the nominal rope under the measured tension, in m.
+        sag: by how much the nominal rope is shorter between rollers under that tension, in m.
+        pull: that tension in N.
         taut: whether the rope is; a slack one ties nothing.
     """
 
@@ -154,6 +188,8 @@ class Drum:
     wound: Scalar
     theta: Scalar
     stretch: Scalar
+    sag: Scalar
+    pull: Scalar
     taut: Scalar
 
 
@@ -175,15 +211,33 @@ class EncoderPosition:
 
 
 def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
-    """What an encoder's errors of a deviation each change, over the deviation of a reading; in the order of `NAMES`."""
-    turns = drum.theta / TURN
-    shapes = -drum.wound, -TURN / 2 * turns**2, 1.0, drum.stretch, sin(drum.theta), cos(drum.theta) - 1
-    return tuple(size / deviation * shape for size, shape in zip(deviations(gains), shapes, strict=True))
+    """What an encoder's errors of a deviation each change, over that of a reading; in the order of `learnt_names`."""
+    sizes, turns = deviations(gains), drum.theta / TURN
+    shapes = {
+        "scale": -drum.wound,
+        "layers": -TURN / 2 * turns**2,
+        "zero": 1.0,
+        "excess": drum.stretch,
+        "give": drum.pull,
+        "sag_excess": -drum.sag,
+        "sine": sin(drum.theta),
+        "cosine": cos(drum.theta) - 1,
+    }
+    return tuple(sizes[name] / deviation * shapes[name] for name in learnt_names(gains))
 
 
-def deviations(gains: DrumGains) -> tuple[Scalar, ...]:
-    """Deviations that are believed before the run, in the order of `NAMES`."""
-    return gains.scale, gains.layers, gains.zero, gains.compliance, gains.run_out, gains.run_out
+def deviations(gains: DrumGains) -> dict[str, Scalar]:
+    """Deviations that are believed before the run, by name."""
+    return {
+        "scale": gains.scale,
+        "layers": gains.layers,
+        "zero": gains.zero,
+        "excess": gains.compliance,
+        "give": gains.give,
+        "sag_excess": gains.sag,
+        "sine": gains.run_out,
+        "cosine": gains.run_out,
+    }
 
 
 HALF_DOUBTED = 0.3
@@ -210,8 +264,8 @@ def calibrate(
     """One sample: learn of an encoder from a reading; what is known then, and the position that the encoder gives."""
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
-    says = drum.wound - drum.stretch - known.tare
-    before = believed(known.errors, row)
+    says = drum.wound - (drum.stretch - drum.sag) - known.tare
+    before = believed(known.errors, row, gains)
     counts = reading.alive * drum.taut
     # judged by what was known before: the doubt of the last sample
     odds = doubt_odds(known.residual, 0.0)
@@ -226,7 +280,7 @@ def calibrate(
     opened = bound * (1 + odds)
     weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
     errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
-    after = believed(errors, row)
+    after = believed(errors, row, gains)
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
     following = replace(known, errors=errors, residual=residual)
@@ -239,9 +293,10 @@ def calibrate(
     return following, position
 
 
-def believed(errors: Knowledge, row: Sequence[Scalar]) -> Scalar:
+def believed(errors: Knowledge, row: Sequence[Scalar], gains: DrumGains) -> Scalar:
     """What an encoder is believed to be off by, over the deviation of a reading."""
-    estimate = shrunk(errors, len(NAMES), [NAMES.index("excess")])
+    names = learnt_names(gains)
+    estimate = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
     return dot(row, estimate)
 
 
@@ -252,16 +307,19 @@ def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, rest
     far as `DrumGains.tare` says: the position sensor may have another opinion of where the vehicle rests. A zero that
     this, or a rope somewhat softer than the nominal one, may explain is none.
     """
-    zero = drum.wound - drum.stretch - drum.direction * x
-    none = gains.tare + 2 * gains.compliance * drum.stretch
+    zero = drum.wound - (drum.stretch - drum.sag) - drum.direction * x
+    none = gains.tare + 2 * (gains.compliance * drum.stretch + gains.give * drum.pull + gains.sag * drum.sag)
     return replace(known, tare=where(resting, where(absolute(zero) > none, zero, 0.0), known.tare))
 
 
-def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> tuple[tuple[Scalar, Scalar], ...]:
-    """Estimate and standard deviation of each of an encoder's errors, in the order of `NAMES`."""
-    spread = variances(known.errors, len(NAMES))
-    found = zip(NAMES, deviations(gains), spread, strict=True)
-    return tuple(
-        ((known.tare if name == "zero" else 0.0) + size * known.errors.estimate[i], size * sqrt(variance))
-        for i, (name, size, variance) in enumerate(found)
-    )
+def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> dict[str, tuple[Scalar, Scalar]]:
+    """Estimate and standard deviation of each of an encoder's errors, by name (`learnt_names`)."""
+    names, sizes = learnt_names(gains), deviations(gains)
+    spread = variances(known.errors, len(names))
+    return {
+        name: (
+            (known.tare if name == "zero" else 0.0) + sizes[name] * known.errors.estimate[i],
+            sizes[name] * sqrt(variance),
+        )
+        for i, (name, variance) in enumerate(zip(names, spread, strict=True))
+    }

@@ -15,7 +15,7 @@ position sensor is coarse, may fall silent or give nonsense, and is right in the
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from dualwinch.codegen.block import NO_READING
 from dualwinch.controllers.estimators.encoder_calibration import (
@@ -27,6 +27,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     TrustGains,
     calibrate,
     learnt_errors,
+    learnt_names,
     tared,
 )
 from dualwinch.controllers.estimators.kalman import (
@@ -37,12 +38,15 @@ from dualwinch.controllers.estimators.kalman import (
     corrected,
     kalman_gain,
 )
+from dualwinch.controllers.estimators.least_squares import ignorance
 from dualwinch.controllers.parts import Context, Estimator, Measurement
+from dualwinch.model.heavy_ropes import sag_shortening
 from dualwinch.model.matrix import Matrix
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
-from dualwinch.model.scalar import Scalar, absolute, both, clip, either, maximum, where
+from dualwinch.model.scalar import Scalar, absolute, both, clip, either, exp, maximum, present, where
 from dualwinch.model.winch import winding
 
 
@@ -56,12 +60,23 @@ class SensorWatch:
 
 
 @dataclass(frozen=True)
-class SelfCalibratingState:
-    """State of the filter, of what is known of both encoders, and of the watch on the position sensor."""
+class WheelKnowledge:
+    """What is known of the speed wheel."""
 
-    motion: KalmanState = field(default_factory=KalmanState)
-    encoder_1: EncoderKnowledge = field(default_factory=EncoderKnowledge)
-    encoder_2: EncoderKnowledge = field(default_factory=EncoderKnowledge)
+    error: Annotated[Scalar, Quantity("1", "share by which the wheel reads too much"), Mark.LEARNT] = 0.0
+    information: Annotated[Scalar, Quantity("1", "information of the samples on it"), Mark.LEARNT] = 0.0
+    rolled: Annotated[Scalar, Quantity("m", "way that the wheel has rolled lately"), Mark.BOOKKEEPING] = 0.0
+    left_behind: Annotated[Scalar, Quantity("m", "position of a while ago, smoothed"), Mark.POSITION] = 0.0
+
+
+@dataclass(frozen=True)
+class SelfCalibratingState:
+    """State of the filter, of what is known of encoders and wheel, and of the watch on the position sensor."""
+
+    motion: KalmanState
+    encoder_1: EncoderKnowledge
+    encoder_2: EncoderKnowledge
+    wheel: Any
     watch: SensorWatch = field(default_factory=SensorWatch)
     pending: Annotated[Scalar, Quantity("m", "change of frame that has not reached the position law yet")] = 0.0
 
@@ -82,10 +97,22 @@ class SelfCalibratingEstimate(KalmanEstimate):
     scale_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_2")] = 0.0
     excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_1")] = 0.0
     excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
+    give_1: Annotated[Scalar, Quantity("m/N", "learnt length that winch 1 gives a newton")] = 0.0
+    give_2: Annotated[Scalar, Quantity("m/N", "learnt length that winch 2 gives a newton")] = 0.0
+    sag_excess_1: Annotated[Scalar, Quantity("1", "learnt sag of rope 1 above the nominal one, as a share")] = 0.0
+    sag_excess_2: Annotated[Scalar, Quantity("1", "learnt sag of rope 2 above the nominal one, as a share")] = 0.0
+    give_1_sd: Annotated[Scalar, Quantity("m/N", "standard deviation of give_1")] = 0.0
+    give_2_sd: Annotated[Scalar, Quantity("m/N", "standard deviation of give_2")] = 0.0
+    sag_excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of sag_excess_1")] = 0.0
+    sag_excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of sag_excess_2")] = 0.0
+    wheel: Annotated[Scalar, Quantity("1", "learnt share by which the speed wheel reads too much")] = 0.0
     doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 to 1: left out")] = 0.0
     doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
     position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
 
+
+PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
+"""What the estimate says of what was learnt of an encoder."""
 
 FIRST = 0.5
 """`SensorWatch.started` is 0 at the first sample and 1 then; whatever solves for a steady state may leave round-off."""
@@ -181,7 +208,9 @@ class SelfCalibratingKalman(Estimator):
 
     def initial_state(self) -> SelfCalibratingState:
         """At rest at x = 0, with drums, ropes and encoders as they are believed to be."""
-        return SelfCalibratingState()
+        unknown = EncoderKnowledge(ignorance(len(learnt_names(self.drums))))
+        wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
+        return SelfCalibratingState(KalmanState(), unknown, unknown, wheel)
 
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
@@ -195,20 +224,38 @@ class SelfCalibratingKalman(Estimator):
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
         found = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
+        wheel, speed = self._rolled(state.wheel, measurement.v, x, sample_time)
         motion, estimate = corrected(
             replace(state.motion, x=x + found.shift),
             measurement,
-            (found.residual, measurement.v - state.motion.v),
+            (found.residual, speed - state.motion.v),
             blended_gain(gains, found.lead, sample_time),
             gains,
             context.nominal,
             sample_time,
         )
         pending = (state.pending + found.shift) * (1 - sample_time / self.trust.slide_time)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, watch, pending)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, pending)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
+        learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
         return following, SelfCalibratingEstimate(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+
+    def _rolled(self, known: Any, reading: Scalar, x: Scalar, sample_time: Scalar) -> tuple[Any, Scalar]:
+        """What is known of the wheel after its reading, and the speed in m/s that it then stands for.
+
+        The way that it has rolled lately, against that of the position x in m as it is expected, which the encoders
+        know well: both high-passed alike. Recursive least squares of one constant.
+        """
+        if not isinstance(known, WheelKnowledge):
+            return known, reading
+        share = sample_time / self.drums.wheel_time
+        way, rolled = x - known.left_behind, (1 - share) * known.rolled + sample_time * reading
+        weight = share * way / self.kalman.position_noise**2
+        information = exp(-sample_time / self.drums.memory) * known.information + weight * way
+        surprise = rolled - (1 + known.error) * way
+        error = known.error + weight * surprise / (information + 1 / self.drums.wheel**2)
+        return WheelKnowledge(error, information, rolled, known.left_behind + share * way), reading / (1 + error)
 
     def _calibrated(
         self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
@@ -225,9 +272,9 @@ class SelfCalibratingKalman(Estimator):
     ) -> dict[str, Scalar]:
         found: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
         for number, (known, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
-            scale, _, zero, excess, *_ = learnt_errors(known, self.drums)
-            for name, (value, spread) in {"scale": scale, "zero": zero, "excess": excess}.items():
-                found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
+            for name, (value, spread) in learnt_errors(known, self.drums).items():
+                if name in PASSED_ON:
+                    found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
             found[f"doubt_{number}"] = position.odds / (1 + position.odds)
         return found
 
@@ -239,5 +286,6 @@ def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum,
     lengths = rope_lengths(x, context.nominal.track)
     for side, length, (F, theta) in zip(context.nominal.sides, lengths, measured, strict=True):
         stretch = F * compliance(length, kelvin_voigt(side.rope))
-        found.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, taut < F))
+        sag = sag_shortening(side.rope, F, length, context.nominal.track)
+        found.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, sag, F, taut < F))
     return found[0], found[1]

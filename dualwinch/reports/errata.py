@@ -9,7 +9,7 @@ class Note:
     """One entry of the table.
 
     Attributes:
-        id: E1 to E11 for errata, A1 to A13 for assumptions; code and configuration refer to it.
+        id: E1 to E11 for errata, A1 to A15 for assumptions; code and configuration refer to it.
         kind: ``erratum`` (the paper prints something wrong) or ``assumption`` (it leaves something open).
         subject: what it is about, in a few words.
         paper: what the paper prints or leaves open, with its section.
@@ -264,6 +264,32 @@ NOTES = (
         "(20 to 25 s).",
         keys=("reference.accelerate_until", "reference.cruise_until"),
         modules=("model/reference.py",),
+    ),
+    Note(
+        "A14",
+        "assumption",
+        "mass and weight of ropes, winches",
+        "Ropes have neither mass nor weight (2.2), gearboxes are rigid (2.4), and a drum of 1.6 m diameter has an "
+        "inertia of 1.8 kg m² (Table 1).",
+        "So by default. Mass, sag on rollers, drag, rotors and gearboxes that give can be set, and the ensemble "
+        "`site` has them.",
+        keys=(
+            "plant.rope_1.mass_per_length",
+            "plant.rope_1.submerged_weight",
+            "plant.track.roller_spacing",
+            "plant.winch_1.rotor_inertia",
+            "plant.winch_1.gear_stiffness",
+        ),
+        modules=("model/heavy_ropes.py", "model/winch.py"),
+    ),
+    Note(
+        "A15",
+        "assumption",
+        "damping of the drums",
+        "The winch controllers (3.3) act on the tension alone; a heavy drum on its rope is then hardly damped.",
+        "So by default; damping makes the motor oppose what the drum turns faster or slower than the reference.",
+        keys=("controller.winch_1.damping",),
+        modules=("controllers/coordinations/winch_pid.py",),
     ),
 )
 """Every entry, errata first."""

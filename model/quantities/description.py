@@ -53,6 +53,11 @@ class Slot:
     choice: PartChoice | None
     tied: str
 
+    @property
+    def declared(self) -> Any:
+        """The type it holds; where that is any, the one of its default."""
+        return type(self.default) if self.hint is Any and is_dataclass(self.default) else self.hint
+
     def find(self, kind: type) -> Any:
         """The first piece of metadata of a type."""
         return _first(self.metadata, kind)
@@ -139,7 +144,7 @@ def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
     """
     owner = group if isinstance(group, type) else type(group)
     for slot in slots(owner, prefix):
-        value = slot.hint if group is owner else getattr(group, slot.field)
+        value = slot.declared if group is owner else getattr(group, slot.field)
         inside = () if slot.plain else slot.groups(value)
         if slot.choice:
             kinds = (part.kind for part in inside)

@@ -222,6 +222,15 @@ def _check_method(part: type, method: str, asked: Any) -> None:
         raise ConfigurationError(f"{named(part)}: its {method} takes other arguments; {written}") from None
 
 
+@dataclass(frozen=True)
+class NoState:
+    """The state of what remembers nothing."""
+
+
+NO_STATE = NoState()
+"""That state."""
+
+
 class Part(ABC):
     """Base of everything that is chosen by its kind.
 

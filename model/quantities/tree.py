@@ -11,6 +11,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
 from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
 from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, nearest, numbers_of, rebuilt
+from dualwinch.model.scalar import present
 
 Group = TypeVar("Group")
 
@@ -102,9 +103,27 @@ def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
 
 
 def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
-    """The scalars of a group that are numbers at run time: what a compiled function takes as parameters."""
+    """The scalars of a group that are numbers at run time: what a compiled function takes as parameters.
+
+    A zero that shapes code (`Mark.SHAPES_CODE_AT_ZERO`) is none of them.
+    """
     known = describe_parts(group, prefix)
-    return {key: value for key, value in leaves(group, prefix).items() if known[key].is_number and value is not None}
+    return {
+        key: value
+        for key, value in leaves(group, prefix).items()
+        if known[key].is_number and value is not None
+        if present(value) or Mark.SHAPES_CODE_AT_ZERO not in known[key].marks
+    }
+
+
+def shape_of(group: Group) -> Group:
+    """The group of its type with default numbers that is of the same structure: what shapes code is as in the group."""
+    known = describe_parts(group)
+    shaping = {key: value for key, value in leaves(group).items() if known[key].shapes_code}
+    at_zero = {key for key in known if Mark.SHAPES_CODE_AT_ZERO in known[key].marks}
+    given = numbers(group)
+    switched = {key: known[key].some_value if key in given else 0.0 for key in at_zero}
+    return with_leaves(type(group)(), shaping | switched)
 
 
 def symbols(group: Group, name: str) -> tuple[Group, ca.SX]:

@@ -5,7 +5,7 @@ optimal control problem: torques within their limits, chosen with full knowledge
 will do, on ropes that do not stretch. A real controller knows less, and has elastic ropes and noisy sensors in between.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
-from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
+from dualwinch.model.plant import DisturbanceInputs, Plant, rigid_plant, vehicle_acceleration
 from dualwinch.model.quantities.tree import numbers, symbols, with_leaves
 from dualwinch.model.reference import setpoint
-from dualwinch.model.ropes import Rope
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
-from dualwinch.model.winch import Winch, drum_acceleration
+from dualwinch.model.winch import Winch, drum_acceleration, total_inertia
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment
 
@@ -95,7 +94,7 @@ def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) ->
 
 def force_parameters(experiment: Experiment) -> Floats:
     """The parameters of `force_law`: the simulated plant's, and the vortices'."""
-    plant = replace(experiment.plant, rope_1=Rope(), rope_2=Rope())  # ropes that do not stretch have no law
+    plant = rigid_plant(experiment.plant)
     values = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
     return np.array(values, float)
 
@@ -134,7 +133,7 @@ def pull(outside: ca.SX, disturbance: Disturbance, plant: Plant) -> Scalar:
 def motor_torque(v: Scalar, a: Scalar, tension: Scalar, winch: Winch) -> Scalar:
     """Motor torque in N m that winds rope at v m/s and a m/s² against a tension in N (paper Section 2.4)."""
     idle = drum_acceleration(v / winch.drum_radius, tension, 0.0, winch)
-    return winch.inertia / winch.gear_ratio * (a / winch.drum_radius - idle)
+    return total_inertia(winch) / winch.gear_ratio * (a / winch.drum_radius - idle)
 
 
 def moved_by(outside: ca.SX, deviation: ca.SX, step: float) -> ca.SX:

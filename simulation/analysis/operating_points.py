@@ -22,6 +22,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
 from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, tensions
+from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
@@ -69,7 +70,7 @@ PRESSED = 1.0
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 """Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
 
-PLANT = tuple(f"motion.plant.{name}" for name in PlantState.__annotations__)
+PLANT = tuple(f"motion.plant.{name}" for name in describe(PlantState))
 """States of the plant; a rope's tension has to repeat, and its drum's angle may go on."""
 
 QUICK_BUILD = ("-O1",)

@@ -26,7 +26,7 @@ from dualwinch.controllers.coordinations.differential_tension import Differentia
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.parts import Coordination
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant
+from dualwinch.model.plant import Plant, rigid_plant
 from dualwinch.model.quantities.tree import numbers
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import absolute
@@ -173,7 +173,7 @@ def _with_tangent_ropes(experiment: Experiment) -> Plant:
     plant, tension = experiment.plant, experiment.controller.limits.preload / 2
     length = plant.track.length / 2 + plant.track.rope_offset
     rope_1, rope_2 = (tangent_rope(rope, tension, length) for rope in (plant.rope_1, plant.rope_2))
-    return replace(plant, rope_1=rope_1, rope_2=rope_2)
+    return replace(rigid_plant(plant), rope_1=rope_1, rope_2=rope_2)
 
 
 @GRAPHS.cached

@@ -38,10 +38,10 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Scenarios = Sequence[Experiment | Scenario]
 
-IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO})
+IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE})
 """Marks of numbers that are the same in a whole group."""
 
-GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.")
+GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.length", "plant.track.rope_offset")
 """What the keys of others begin with: of what a controller believes, and of where a run goes, more follows."""
 
 
@@ -188,7 +188,8 @@ def _doubts(group: ScenarioGroup) -> Iterator[Any]:
             yield breaks(rule, owner)
     simulation = group.experiment.simulation
     if not is_automatic(group.experiment):
-        yield ~(substeps_for(fastest_swing(parts.plant), simulation) <= simulation.substeps)
+        integrator = solver_of(group.experiment).integrator
+        yield ~(substeps_for(fastest_swing(parts.plant), simulation, integrator) <= simulation.substeps)
     first = starts(structure_of(group.experiment), group.vectors)
     yield ~np.isfinite(first).all(axis=1)
 

@@ -22,7 +22,15 @@ from dualwinch.model.plant import PlantState, vehicle_acceleration
 from dualwinch.model.ropes import Rope, compliance, crept, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, reciprocals, where
 from dualwinch.model.vehicle import inertia
-from dualwinch.model.winch import FRICTION_SPEED, Winch, Winding, friction_slope, friction_torque, winding
+from dualwinch.model.winch import (
+    FRICTION_SPEED,
+    Winch,
+    Winding,
+    friction_slope,
+    friction_torque,
+    total_inertia,
+    winding,
+)
 from dualwinch.simulation.integrators.oscillator import Oscillator
 from dualwinch.simulation.integrators.problem import Motion, Problem
 
@@ -157,10 +165,10 @@ def _oscillator(
     `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m; `rate` and `lengthening` are
     in m a step.
     """
-    drag = h / winch.inertia * friction_slope(omega, winch)
+    drag = h / total_inertia(winch) * friction_slope(omega, winch)
     turn = h * omega
     radius = drum.radius_after(turn / 2)
-    turning = radius / winch.inertia * h**2
+    turning = radius / total_inertia(winch) * h**2
     return Oscillator(
         stretch=stretch,
         rate=rate,
@@ -173,7 +181,7 @@ def _oscillator(
         compliance=compliance(length, rope),
         damper=rope.damping / h,
         stiffening=-lengthening * closeness,
-        mobility=radius**2 / winch.inertia * h**2,
+        mobility=radius**2 / total_inertia(winch) * h**2,
         drag=drag,
         slack=slack,
     )

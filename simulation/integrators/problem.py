@@ -8,11 +8,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
+from dualwinch.model.heavy_ropes import end_mass, is_heavy, lumped_mass
 from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques, derivative
 from dualwinch.model.quantities.quantity import Mark, Quantity
-from dualwinch.model.ropes import Rope, RopeLaw, Track, stiffness
-from dualwinch.model.scalar import Scalar
-from dualwinch.model.winch import Winch, base_radius
+from dualwinch.model.ropes import Rope, RopeLaw, Track, stiffness, viscosity
+from dualwinch.model.scalar import Scalar, present
+from dualwinch.model.winch import Winch, base_radius, total_inertia
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,35 @@ class Problem:
 
 
 def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:
-    """How fast in rad/s a Kelvin–Voigt rope and its drum swing, or settle, where the rope is shortest.
+    """How fast in rad/s a Kelvin–Voigt rope, its drum and its rotor swing, or settle, where the rope is shortest.
 
     An array where numbers of rope or winch are.
     """
-    mobility = base_radius(winch) ** 2 / winch.inertia
-    return np.maximum(np.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * rope.damping / 2)
+    if is_heavy(rope) or present(winch.gear_stiffness):
+        return _chain_rate(rope, winch, track)
+    mobility = base_radius(winch) ** 2 / total_inertia(winch)
+    return np.maximum(np.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * viscosity(rope) / 2)
+
+
+def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
+    """Largest natural frequency in rad/s of the chain rotor – gear – drum – rope's nodes – vehicle at rest."""
+    length, radius = track.rope_offset, base_radius(winch)
+    waves, gives = present(rope.mass_per_length), present(winch.gear_stiffness)
+    nodes = rope.segments - 1 if waves else 0
+    inner = np.asarray(lumped_mass(rope, np.asarray(length))) if nodes else 1.0
+    drum = (winch.inertia if gives else total_inertia(winch)) / radius**2 + end_mass(rope, np.asarray(length))
+    masses = [winch.gear_ratio**2 * winch.rotor_inertia / radius**2] * gives + [drum] + [inner] * nodes
+    springs = [winch.gear_stiffness / radius**2] * gives + [(nodes + 1) * stiffness(length, rope)] * (nodes + 1)
+    shape, size = np.broadcast_shapes(*map(np.shape, (*masses, *springs))), len(masses)
+    scaled = np.zeros((*shape, size, size))  # the stiffness matrix over the square roots of the masses
+    for place, (mass, spring) in enumerate(zip(masses, springs, strict=True)):
+        scaled[..., place, place] += spring / mass
+        if place + 1 < size:
+            following = masses[place + 1]
+            scaled[..., place + 1, place + 1] += spring / following
+            scaled[..., place, place + 1] -= spring / np.sqrt(mass * following)
+            scaled[..., place + 1, place] = scaled[..., place, place + 1]
+    return np.sqrt(np.linalg.eigvalsh(scaled)[..., -1])
 
 
 @lru_cache(maxsize=1024)
@@ -81,7 +105,7 @@ def fastest_rate(rope: RopeLaw, winch: Winch, track: Track, tensions: tuple[floa
         track: says how long the rope is.
         tensions: in N.
     """
-    mobility, fastest = base_radius(winch) ** 2 / winch.inertia, 0.0
+    mobility, fastest = base_radius(winch) ** 2 / total_inertia(winch), 0.0
     for length in (track.rope_offset, track.length + track.rope_offset):
         for tension in tensions:
             reached = rope.tension(rope.resting_stretch(tension, length), 0.0, length)

@@ -8,7 +8,7 @@ import casadi as ca
 
 from dualwinch.codegen.source.expressions import as_written
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques
+from dualwinch.model.plant import DisturbanceInputs, Plant, Torques, blank_state
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, minimum
@@ -51,8 +51,9 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
     )
 
 
-MOTION_TEMPLATE = Motion(PlantState())
-"""What names the elements of the plant's vector; its numbers mean nothing."""
+def motion_template(structure: Experiment) -> Motion:
+    """What names the elements of the plant's vector; its numbers mean nothing."""
+    return Motion(blank_state(structure.plant))
 
 
 def hold_template(structure: Experiment) -> ZeroOrderHold:
@@ -73,10 +74,10 @@ def between_samples(
         problem: gives what is solved, from the zero-order hold.
         parameters: symbols in it that are parameters.
     """
-    template = hold_template(structure)
-    motion, hold = ca.SX.sym("motion", len(leaves(MOTION_TEMPLATE))), ca.SX.sym("hold", len(leaves(template)))
+    template, still = hold_template(structure), motion_template(structure)
+    motion, hold = ca.SX.sym("motion", len(leaves(still))), ca.SX.sym("hold", len(leaves(template)))
     part = ca.SX.sym("part")
-    start = _with_elements(MOTION_TEMPLATE, motion)
+    start = _with_elements(still, motion)
     solved = problem(_with_elements(template, hold))
     track, overrun = solved.plant.track, solved.plant.track.rope_offset / 2
 

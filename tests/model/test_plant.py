@@ -14,6 +14,8 @@ from dualwinch.model.plant import (
     resting_state,
     tensions,
 )
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, numbers
 from tests.oracle.plant import Hold
 from tests.oracle.plant import Plant as OraclePlant
@@ -86,9 +88,20 @@ def test_at_rest_the_holding_torques_keep_it_at_rest(x: float, preload: float) -
 
 
 def test_default_parameters_are_the_papers() -> None:
-    ours = {key: value for key, value in leaves(PLANT, "plant.").items() if not key.endswith(".kind")}
+    ours = leaves(PLANT, "plant.")
     theirs = {key: value for key, value in DEFAULTS.items() if key.startswith("plant.")}
-    assert ours == theirs
+    assert {key: ours[key] for key in theirs} == theirs
+
+
+def test_what_the_paper_leaves_out_is_off() -> None:
+    """Mass, weight and drag of ropes, rotors, gearboxes: zero, unless it only says how what is off would be."""
+    described = describe_parts(PLANT, "plant.")
+    beyond = {
+        key: value
+        for key, value in leaves(PLANT, "plant.").items()
+        if key not in DEFAULTS and described[key].is_number and Mark.COURSE not in described[key].marks
+    }
+    assert {key.rpartition(".")[2] for key, value in beyond.items() if value} == {"diameter"}
 
 
 def test_two_sided_rope_pushes() -> None:

@@ -12,10 +12,15 @@ tensions = st.floats(0, 9000)
 
 
 def step(
-    state: WinchState, command: float, tension: float, alpha_d: float = 0.0, gains: WinchGains | None = None
+    state: WinchState,
+    command: float,
+    tension: float,
+    alpha_d: float = 0.0,
+    gains: WinchGains | None = None,
+    slip: float = 0.0,
 ) -> tuple[WinchState, float, float]:
     context = Context(Plant(), Limits(), 1e-3)
-    return winch_step(state, command, tension, alpha_d, Winch(), gains or WinchGains(), context)
+    return winch_step(state, command, tension, alpha_d, slip, Winch(), gains or WinchGains(), context)
 
 
 @given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
@@ -54,3 +59,10 @@ def test_derivative_is_zero_at_the_first_sample_only() -> None:
     assert torque == pytest.approx(0.8 / 36 * 3000)
     _, torque, _ = step(state, 3000.0, 2980.0, gains=gains)
     assert torque == pytest.approx(0.8 / 36 * 3000 + 1e-4 * 10 / 1e-3)
+
+
+def test_damping_opposes_what_the_drum_turns_beyond_the_reference() -> None:
+    gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
+    _, still, _ = step(WinchState(), 3000.0, 3000.0, gains=gains)
+    _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, slip=0.1)
+    assert torque - still == pytest.approx(-10.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dualwinch.controllers.estimators.encoder_calibration import (
-    NAMES,
     Drum,
     DrumGains,
     EncoderKnowledge,
@@ -16,23 +15,32 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     calibrate,
     doubt_odds,
     learnt_errors,
+    learnt_names,
     regressors,
     tared,
 )
+from dualwinch.controllers.estimators.least_squares import ignorance
 
 T, SIGMA, RADIUS = 1e-3, 6e-4, 0.8
 GAINS, TRUST = DrumGains(), TrustGains()
+ALL = DrumGains(give=5e-7, sag=0.7)
+NAMES = learnt_names(GAINS)
 TRUE = {"scale": 1.5e-3, "layers": 4e-6, "zero": -1.2e-3, "excess": 0.07, "sine": 1.1e-4, "cosine": -0.8e-4}
+PULL, SAG = 1500.0, 2e-4
+"""Tension in N of a rope that is stretched by 3 mm, and its nominal shortening by its sag in m."""
 
 
 def drum(x: float, direction: float, stretch: float, errors: dict[str, float]) -> Drum:
     """What a drum shows with the vehicle at x: rope in m is R(1 + scale) theta + layers theta²/(4 pi) + run-out."""
+    pull = PULL * stretch / 3e-3
+    sag = SAG * (PULL / pull) ** 2 if "sag_excess" in errors else 0.0
     wanted, theta = direction * x + (1 + errors["excess"]) * stretch, direction * x / RADIUS
+    wanted += errors.get("give", 0.0) * pull - (1 + errors.get("sag_excess", 0.0)) * sag
     for _ in range(60):
         across = errors["sine"] * math.sin(theta) + errors["cosine"] * (math.cos(theta) - 1)
         theta = (wanted + across - errors["layers"] / (4 * math.pi) * theta**2) / (RADIUS * (1 + errors["scale"]))
     shown = theta + errors["zero"] / RADIUS
-    return Drum(direction, RADIUS * shown, shown, stretch, 1.0)
+    return Drum(direction, RADIUS * shown, shown, stretch, sag, pull, 1.0)
 
 
 def stretch_at(number: int) -> float:
@@ -40,30 +48,55 @@ def stretch_at(number: int) -> float:
 
 
 def after(
-    readings: np.ndarray, positions: np.ndarray, direction: float, errors: dict[str, float]
+    readings: np.ndarray,
+    positions: np.ndarray,
+    direction: float,
+    errors: dict[str, float],
+    gains: DrumGains = GAINS,
 ) -> tuple[EncoderKnowledge, EncoderPosition]:
-    known, position = EncoderKnowledge(), EncoderPosition(0.0, 0.0, 0.0, 0.0)
+    known, position = unknown(gains), EncoderPosition(0.0, 0.0, 0.0, 0.0)
     for number, (reading, x) in enumerate(zip(readings.tolist(), positions.tolist(), strict=True)):
         shown = drum(x, direction, stretch_at(number), errors)
-        known = tared(known, shown, 0.0, GAINS, float(number == 0))
-        known, position = calibrate(known, shown, Reading(reading, 1.0, SIGMA), GAINS, TRUST, T)
+        known = tared(known, shown, 0.0, gains, float(number == 0))
+        known, position = calibrate(known, shown, Reading(reading, 1.0, SIGMA), gains, TRUST, T)
     return known, position
+
+
+def unknown(gains: DrumGains = GAINS) -> EncoderKnowledge:
+    return EncoderKnowledge(ignorance(len(learnt_names(gains))))
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_every_error_is_found_with_its_sign(direction: float) -> None:
     positions = np.linspace(0, 40, 8000)
     known, position = after(positions, positions, direction, TRUE)
-    for name, (value, spread) in zip(NAMES, learnt_errors(known, GAINS), strict=True):
+    for name, (value, spread) in learnt_errors(known, GAINS).items():
         assert abs(value - TRUE[name]) < spread, name
     assert position.x == pytest.approx(positions[-1], abs=5e-6)
     assert position.odds == 0
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_what_a_winch_gives_and_a_sag_are_found_with_their_signs(direction: float) -> None:
+    """Give and compliance are told apart by the length they go with, which changes along the track."""
+    true = TRUE | {"give": 4e-7, "sag_excess": -0.5}
+    positions = np.linspace(0, 40, 8000)
+    known, position = after(positions, positions, direction, true, ALL)
+    found = learnt_errors(known, ALL)
+    assert (
+        tuple(found)
+        == learnt_names(ALL)
+        == ("scale", "layers", "zero", "excess", "give", "sag_excess", "sine", "cosine")
+    )
+    for name, (value, spread) in found.items():
+        assert abs(value - true[name]) < spread, name
+    assert position.x == pytest.approx(positions[-1], abs=5e-6)
+
+
 def test_at_rest_the_scale_stays_as_uncertain_as_it_was() -> None:
     random = np.random.default_rng(5)
     known, position = after(SIGMA * random.standard_normal(3000), np.zeros(3000), 1.0, TRUE)
-    spread = dict(zip(NAMES, learnt_errors(known, GAINS), strict=True))
+    spread = learnt_errors(known, GAINS)
     assert spread["scale"][1] == pytest.approx(GAINS.scale, rel=1e-3)
     assert spread["zero"][1] < GAINS.zero / 5
     assert position.x == pytest.approx(0, abs=4 * SIGMA / math.sqrt(3000))
@@ -71,8 +104,8 @@ def test_at_rest_the_scale_stays_as_uncertain_as_it_was() -> None:
 
 def test_the_start_sets_the_zero() -> None:
     errors = dict.fromkeys(NAMES, 0.0) | {"zero": 0.1}
-    known = tared(EncoderKnowledge(), drum(0.0, 1.0, 3e-3, errors), 0.0, GAINS, 1.0)
-    values = dict(zip(NAMES, learnt_errors(known, GAINS), strict=True))
+    known = tared(unknown(), drum(0.0, 1.0, 3e-3, errors), 0.0, GAINS, 1.0)
+    values = learnt_errors(known, GAINS)
     assert values["zero"] == (pytest.approx(0.1), pytest.approx(GAINS.zero))
     assert tared(known, drum(0.0, 1.0, 3e-3, errors | {"zero": 0.2}), 0.0, GAINS, 0.0) == known
 
@@ -83,7 +116,7 @@ def test_a_zero_that_position_and_rope_at_the_start_may_explain_is_none() -> Non
     for share, set_to in ((0.99, 0.0), (1.01, 1.01 * explained)):
         for sign in (-1, 1):
             errors = none | {"zero": sign * share * explained}
-            known = tared(EncoderKnowledge(), drum(0.0, 1.0, stretch, errors), 0.0, GAINS, 1.0)
+            known = tared(unknown(), drum(0.0, 1.0, stretch, errors), 0.0, GAINS, 1.0)
             assert known.tare == pytest.approx(sign * set_to)
 
 
@@ -135,7 +168,7 @@ def test_doubt_begins_where_a_single_reading_could_not_be_so_far_off() -> None:
 
 
 def test_regressors_are_in_deviations_of_a_reading() -> None:
-    row = regressors(Drum(1.0, 8.0, 10.0, 3e-3, 1.0), GAINS, SIGMA)
+    row = regressors(Drum(1.0, 8.0, 10.0, 3e-3, 2e-4, 1500.0, 1.0), GAINS, SIGMA)
     sizes = np.array([2e-3 * -8.0, 5e-6 * -(100 / (4 * np.pi)), 2e-3, 0.06 * 3e-3, 1e-4 * np.sin(10), -1e-4])
     sizes[-1] *= 1 - np.cos(10)
     assert np.array(row) == pytest.approx(sizes / SIGMA)

@@ -74,20 +74,22 @@ SLACKENING = Stretch(5.0, 1.2, (3000.0, 100.0), (0.02, -0.1), (60.0, 5.0), durat
 @pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("which", [0, 2, 4], ids=["x", "theta_1", "theta_2"])
 def test_halving_the_step_shows_the_order(name: str, which: int) -> None:
-    coarse, fine = (SMOOTH.error(name, steps)[which] for steps in (16, 64))
+    fewest = 256 if name == "verlet" else 16  # what the damping of a drum as light as the paper's takes
+    coarse, fine = (SMOOTH.error(name, steps)[which] for steps in (fewest, 4 * fewest))
     assert np.log2(coarse / fine) / 2 == pytest.approx(INTEGRATORS[name].order, abs=0.25)
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_order_where_a_rope_goes_slack_and_taut_again_on_the_way(name: str) -> None:
-    """Only rk4 does not locate the instant: it falls to first order."""
+    """Those that do not locate the instant fall to first order."""
     x, v, theta_1, omega_1, theta_2, omega_2 = replace(SLACKENING, duration=2e-3).end.tolist()
     assert ORACLE.tensions((x, theta_1, theta_2), (v, omega_1, omega_2))[1] == 0
     coarse, fine = (SLACKENING.error(name, steps)[0] for steps in (8, 64))
-    order = 1 if name == "rk4" else INTEGRATORS[name].order
+    order = 1 if name in {"rk4", "verlet"} else INTEGRATORS[name].order
     assert np.log2(coarse / fine) / 3 == pytest.approx(order, abs=0.35)
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_stretch_through_slack_agrees_with_the_independent_solver(name: str) -> None:
-    assert SLACKENING.error(name, 512)[[0, 2, 4]].max() < 1e-7
+    steps = 4096 if INTEGRATORS[name].order == 1 else 512
+    assert SLACKENING.error(name, steps)[[0, 2, 4]].max() < 1e-7

@@ -42,6 +42,11 @@ def test_every_part_there_is_has_code_of_its_own() -> None:
         ({"simulation.duration": 3, "simulation.sample_time": 5e-4}, False),
         ({"simulation.engine": "casadi"}, False),
         ({"plant.rope_slack": False}, True),
+        ({"plant.rope_1.mass_per_length": 2.36}, True),
+        ({"plant.rope_2.submerged_weight": 20.0, "plant.rope_2.added_mass_per_length": 3.0}, True),
+        ({"plant.track.roller_spacing": 1.0}, True),
+        ({"plant.winch_1.gear_stiffness": 1e6, "plant.winch_1.rotor_inertia": 0.02}, True),
+        ({"plant.winch_1.rotor_inertia": 0.02, "plant.rope_1.spare_length": 7.0}, False),
         ({"simulation.delay_samples": 2}, True),
         ({"simulation.substeps": 7}, True),
         ({"simulation.integrator": "rk4"}, True),
@@ -57,6 +62,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
     assert {key for key, leaf in describe_parts(case(4)).items() if leaf.shapes_code} == {
         *("controller.kind", "controller.estimator", "controller.coordination.kind"),
         *("plant.rope_1.kind", "plant.rope_2.kind", "actuator.kind", "metrics"),
+        *("plant.rope_1.segments", "plant.rope_2.segments"),
         *(
             "plant.rope_slack",
             "simulation.delay_samples",

@@ -1,0 +1,230 @@
+"""Ropes with mass and weight: longitudinal waves, sag between rollers, drag along the rope (assumption A14).
+
+A rope runs from its drum, where ``wound`` metres of it have been retrieved, to the vehicle; its chord is longer than
+the unstretched rope by ``stretch``. Ways along the rope are positive where they retrieve it.
+
+**Waves.** The rope is lumped into n equal segments (``segments``): half a segment's mass at either end, one at each of
+the n − 1 inner nodes. A segment pulls as a rope of the whole length does at n times its stretch, whatever the law.
+Waves in a fixed–free bar come out at c/4L with a relative error of (pi/4n)²/6. A mesh that moves with the rope leaves
+out mu v² (8 N at 1.8 m/s). Inner nodes of a short rope swing too fast to be worth resolving: there a rope weighs as
+much as one of ``shortest_mass`` metres (mass scaling, as in explicit finite elements).
+
+**Sag.** Each span between two rollers hangs as a parabola of depth d, one transverse mode of the span (Galerkin, with
+the shape 4 xi (1 − xi)). Its arc is longer than its chord by the share 8/3 (d/s)², which adds to the strain, and::
+
+    8/15 m d'' = 2/3 w − 16/3 T d/s² − 16/35 · 1/2 rho C D |d'| d'
+
+with the transverse mass m and the weight w a metre and the mean tension T. At rest d = w s²/(8 T), and the tangent of
+the tension is Ernst's modulus. One mode suffices while lambda² = (w s)² E A/T³ is below 15 (errors of 1 to 2 % in the
+first symmetric frequency); beyond 100 it errs by a quarter.
+
+References: Irvine, *Cable Structures* (1981), chapters 2 and 3; Ernst, *Der Bauingenieur* 40 (1965).
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+from dualwinch.model.quantities.part import NO_STATE
+from dualwinch.model.quantities.quantity import Mark, Quantity, vector
+from dualwinch.model.ropes import RopeLaw, Track, one_sided
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, tanh
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Inner nodes of a rope with mass, from the drum to the vehicle."""
+
+    position: Annotated[Any, Quantity("m", "way of an inner node of the rope towards the winch")]
+    speed: Annotated[Any, Quantity("m/s", "speed of that node"), Mark.RATE]
+
+
+@dataclass(frozen=True)
+class Sag:
+    """Sag of a rope with weight, the same in each of its spans."""
+
+    depth: Annotated[Scalar, Quantity("m", "sag amid a span")]
+    rate: Annotated[Scalar, Quantity("m/s", "its rate"), Mark.RATE]
+
+
+@dataclass(frozen=True)
+class RopeState:
+    """State of a rope of its own: nothing where it has neither mass nor weight."""
+
+    waves: Any = NO_STATE
+    sag: Any = NO_STATE
+
+
+MASSLESS = RopeState()
+"""The state of a rope with neither mass nor weight."""
+
+
+@dataclass(frozen=True)
+class RopeEnds:
+    """How the ends of a rope move.
+
+    Attributes:
+        wound, wound_rate: rope retrieved by the drum in m, and its rate in m/s.
+        stretch, stretch_rate: of the chord between drum and vehicle in m, and its rate in m/s.
+        length, closeness: of the rope in m, and its reciprocal in 1/m.
+    """
+
+    wound: Scalar
+    wound_rate: Scalar
+    stretch: Scalar
+    stretch_rate: Scalar
+    length: Scalar
+    closeness: Scalar
+
+
+@dataclass(frozen=True)
+class RopePull:
+    """What a rope does: its tension in N at the drum, its pull on the vehicle in N, and the rates of its state."""
+
+    at_drum: Scalar
+    at_vehicle: Scalar
+    rate: RopeState
+
+
+def span_of(length: Scalar, track: Track) -> Scalar:
+    """Distance in m of the points that carry a rope of a length in m."""
+    return minimum(length, track.roller_spacing) if present(track.roller_spacing) else length
+
+
+def lumped_mass(rope: RopeLaw, length: Scalar) -> Scalar:
+    """Mass in kg of one segment of a rope of a length in m."""
+    return rope.mass_per_length * maximum(length, rope.shortest_mass) / rope.segments
+
+
+def rope_on_drum(rope: RopeLaw, length: Scalar, track: Track) -> Scalar:
+    """Mass in kg of rope that turns with the drum while `length` m of it are paid out, half a segment among it."""
+    if not present(rope.mass_per_length):
+        return 0.0
+    wound = maximum(track.length + track.rope_offset - length, 0.0) + rope.spare_length
+    return rope.mass_per_length * wound + end_mass(rope, length)
+
+
+def end_mass(rope: RopeLaw, length: Scalar) -> Scalar:
+    """Mass in kg that moves with either end of a rope of a length in m: half a segment's."""
+    return lumped_mass(rope, length) / 2 if present(rope.mass_per_length) else 0.0
+
+
+def blank_rope(rope: RopeLaw) -> RopeState:
+    """A state of a rope whose numbers mean nothing: what names its elements."""
+    return resting_rope(rope, 1.0, 1.0, Track(), 0.0)[0] if is_heavy(rope) else MASSLESS
+
+
+def is_heavy(rope: RopeLaw) -> bool:
+    """Whether a rope has mass or weight."""
+    return present(rope.mass_per_length) or present(rope.submerged_weight)
+
+
+def resting_rope(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, way: Scalar) -> tuple[RopeState, Scalar]:
+    """State of a rope at rest under a tension in N, and the stretch of its chord in m.
+
+    Args:
+        rope: the rope.
+        tension: in N.
+        length: in m.
+        track: the rollers that carry it.
+        way: of the vehicle towards the winch in m.
+    """
+    stretch, sag = rope.resting_stretch(tension, length), NO_STATE
+    if present(rope.submerged_weight):
+        span = span_of(length, track)
+        depth = rope.submerged_weight * span**2 / (8 * tension)
+        stretch, sag = stretch - arc(depth, span) * length, Sag(depth, 0.0)
+    return RopeState(_evenly(rope, way + stretch, stretch, 0.0, 0.0), sag), stretch
+
+
+def _evenly(rope: RopeLaw, wound: Scalar, stretch: Scalar, wound_rate: Scalar, stretch_rate: Scalar) -> Any:
+    """Inner nodes of a rope that is stretched evenly."""
+    n = rope.segments
+    if n == 1 or not present(rope.mass_per_length):
+        return NO_STATE
+    shares = [node / n for node in range(1, n)]
+    return Waves(
+        vector([wound - share * stretch for share in shares]),
+        vector([wound_rate - share * stretch_rate for share in shares]),
+    )
+
+
+def arc(depth: Scalar, span: Scalar) -> Scalar:
+    """Share by which a parabola of a depth is longer than its chord, both in m, to second order."""
+    return 8 / 3 * (depth / span) ** 2
+
+
+def sag_shortening(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track) -> Scalar:
+    """By how much in m a rope at rest under a tension in N is shorter than its arc, for its sag."""
+    if not present(rope.submerged_weight):
+        return 0.0
+    span = span_of(length, track)
+    return arc(rope.submerged_weight * span**2 / (8 * maximum(tension, LEAST_PULL)), span) * length
+
+
+LEAST_PULL = 50.0
+"""Tension in N below which a sag is not reckoned with: it grows without bound."""
+
+
+def rope_pull(
+    rope: RopeLaw, state: RopeState, ends: RopeEnds, track: Track, *, density: Scalar, slack: bool
+) -> RopePull:
+    """Tensions of a rope, and how it moves on.
+
+    Args:
+        rope: the rope.
+        state: its own.
+        ends: its drum and its vehicle.
+        track: the rollers that carry it.
+        density: of the water in kg/m³.
+        slack: whether it goes slack; else it may push.
+    """
+    n, length, closeness = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.closeness
+    surplus, surplus_rate = 0.0, 0.0  # of the arc over the chord, m of the whole rope
+    if isinstance(state.sag, Sag):
+        span = span_of(length, track)
+        steep = state.sag.depth / span**2
+        surplus = 8 / 3 * steep * state.sag.depth * length
+        surplus_rate = 16 / 3 * steep * state.sag.rate * length
+    stretches, rates, speeds = [ends.stretch], [ends.stretch_rate], [ends.wound_rate]
+    if isinstance(state.waves, Waves):
+        nodes = [ends.wound, *(state.waves.position[node] for node in range(n - 1)), ends.wound - ends.stretch]
+        speeds += [state.waves.speed[node] for node in range(n - 1)]
+        speeds.append(ends.wound_rate - ends.stretch_rate)
+        stretches = [n * (near - far) for near, far in pairwise(nodes)]
+        rates = [n * (near - far) for near, far in pairwise(speeds)]
+    else:
+        speeds.append(ends.wound_rate - ends.stretch_rate)
+    tensions = []
+    for stretch, rate in zip(stretches, rates, strict=True):
+        pull = rope.pull(stretch + surplus, rate + surplus_rate, length, closeness)
+        tensions.append(one_sided(stretch + surplus, pull) if slack else pull)
+    held = [_held_back(rope, speed, length, track, density) / n for speed in speeds]
+    waves, sag = NO_STATE, NO_STATE
+    if isinstance(state.waves, Waves):
+        mass = lumped_mass(rope, length)
+        forces = [tensions[node] - tensions[node + 1] - held[node + 1] for node in range(n - 1)]
+        waves = Waves(state.waves.speed, vector([force / mass for force in forces]))
+    if isinstance(state.sag, Sag):
+        rate, mean = state.sag.rate, sum(tensions) / n
+        across = 16 / 35 * 0.5 * density * rope.cross_drag * rope.diameter * absolute(rate) * rate
+        lifting = 16 / 3 * mean * state.sag.depth / span**2  # pyright: ignore[reportPossiblyUnboundVariable]
+        moved = 8 / 15 * (rope.mass_per_length + rope.added_mass_per_length)
+        sag = Sag(rate, (2 / 3 * rope.submerged_weight - lifting - across) / moved)
+    return RopePull(
+        at_drum=tensions[0] + held[0] / 2,
+        at_vehicle=tensions[-1] - held[-1] / 2,
+        rate=RopeState(waves, sag),
+    )
+
+
+ROLLING_SPEED = 0.01
+"""Speed of the rope in m/s over which the friction of the rollers changes its sign, as that of the rail (A3)."""
+
+
+def _held_back(rope: RopeLaw, speed: Scalar, length: Scalar, track: Track, density: Scalar) -> Scalar:
+    """Force in N that water and rollers put against a whole rope that moves at a speed in m/s."""
+    skin = 0.5 * density * rope.skin_friction * math.pi * rope.diameter * length
+    rollers = track.roller_friction * rope.submerged_weight * length
+    return skin * absolute(speed) * speed + rollers * tanh(speed / ROLLING_SPEED)
