@@ -69,6 +69,9 @@ ON_SITE: Mapping[str, tuple[str, ...]] = {
 KNOWN = ROTOR * RATIO**2 + DRUM + ROPE * 0.8**2 * (SPARE + 26.0)
 """Inertia in kg m² that the controller knows of such a winch: rotor, drum and half of the rope."""
 
+LOST = 0.5
+"""m: a machine that is further off at any sample is lost, even where it stays on the track."""
+
 SLACK_SHARE = 1e-3
 """Of a run's tensions, which are two a sample: beyond it a rope counts as slack for long."""
 
@@ -107,12 +110,12 @@ class Verdict:
     @classmethod
     def of(cls, runs: Runs) -> "Verdict":
         """Of all runs, the lost ones with the error that they had until then."""
-        share = runs.slack / (2 * runs.samples)
+        share, lost = runs.slack / (2 * runs.samples), ~runs.completed | (runs.largest_error > LOST)
         return cls(
             rms=1e3 * float(np.median(np.sqrt(runs.mse))),
-            failed=int(np.sum(~runs.completed | (runs.slack > 0))),
-            slack_long=int(np.sum(~runs.completed | (share > SLACK_SHARE))),
-            lost=int(np.sum(~runs.completed)),
+            failed=int(np.sum(lost | (runs.slack > 0))),
+            slack_long=int(np.sum(lost | (share > SLACK_SHARE))),
+            lost=int(np.sum(lost)),
             peak=float(np.median(runs.peak_tension)),
             largest_peak=float(np.max(runs.peak_tension)),
             smallest=float(np.min(runs.min_tension)),
@@ -120,7 +123,7 @@ class Verdict:
 
     def cells(self) -> list[str]:
         """For the table."""
-        error = "lost" if self.lost > 0 and self.rms > 10.0 else f"{self.rms:.3f}"
+        error = "lost" if self.rms > LOST * 1e3 else f"{self.rms:.3f}"
         return [
             error,
             f"{self.failed}",
