@@ -36,7 +36,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.threads import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import rk4
-from dualwinch.simulation.loop.zero_order_hold import MOTION_TEMPLATE, ZeroOrderHold, problem_of
+from dualwinch.simulation.loop.zero_order_hold import ZeroOrderHold, motion_template, problem_of
 from dualwinch.simulation.sensors import measurement
 
 Floats = NDArray[np.float64]
@@ -186,7 +186,7 @@ class _Segments:
         t, tau_1, tau_2, _, *rest = ca.vertsplit(u)
         numbers = dict(zip(self._keys, ca.vertsplit(q[:p] * self._values), strict=True))
         plant = with_leaves(experiment.plant, numbers, "plant.")
-        motion = with_leaves(MOTION_TEMPLATE, dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))
+        motion = with_leaves(motion_template(experiment), dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))
         current, load = ca.vertsplit(q[p:] * self._acting)
         hold = ZeroOrderHold(t, Torques(tau_1, tau_2), current, load, ca.SX(0))
         pulls = tensions(motion.plant, plant, t)
