@@ -122,7 +122,7 @@ def test_what_cannot_be_an_fmu_is_refused() -> None:
 
 @pytest.mark.parametrize("sampled", [False, True])
 @pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("judge", ["sanitizers", "valgrind"])
+@pytest.mark.parametrize("judge", ["sanitizers", pytest.param("valgrind", marks=pytest.mark.external)])
 def test_c_is_clean_under_sanitizers_and_valgrind(version: int, sampled: bool, judge: str, tmp_path: Path) -> None:
     gcc, valgrind = shutil.which("gcc"), shutil.which("valgrind")
     if gcc is None or (judge == "valgrind" and valgrind is None):

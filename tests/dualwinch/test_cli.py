@@ -144,7 +144,7 @@ main({words!r})
 
 
 def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
-    words = ["reproduce", "--cases", "2", "--out", str(tmp_path)]
+    words = ["reproduce", "--cases", "2", "--controllers", "nftsm", "--out", str(tmp_path)]
     program = [sys.executable, "-c", INTERRUPTED.format(words=words)]
     process = subprocess.run(program, stderr=subprocess.PIPE, text=True, check=False)
     error = process.stderr

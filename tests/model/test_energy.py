@@ -7,6 +7,7 @@ stretch/length below 2e-4. It is the only way the sum of kinetic and spring ener
 """
 
 from dataclasses import replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -98,6 +99,7 @@ FIXED = replace(
 )
 
 
+@cache
 def one_sample(name: str) -> ca.Function:
     """``state -> state`` one millisecond later, torques off, in fine sub-steps."""
     x = ca.SX.sym("x", 6)
@@ -106,13 +108,10 @@ def one_sample(name: str) -> ca.Function:
     return ca.Function("sample", [x], [ca.vertcat(*leaves(after).values())])
 
 
-SAMPLES = {name: one_sample(name) for name in INTEGRATORS}
-
-
 @pytest.mark.parametrize("name", INTEGRATORS)
 @settings(max_examples=25)
 @given(state=states(FIXED))
 def test_energy_of_ropes_of_fixed_length_never_grows_along_a_run(name: str, state: PlantState) -> None:
-    path = np.array(SAMPLES[name].mapaccum(200)(np.array(list(leaves(state).values()))))
+    path = np.array(one_sample(name).mapaccum(200)(np.array(list(leaves(state).values()))))
     energies = np.array([energy(state, FIXED), *(energy(PlantState(*point), FIXED) for point in path.T)])
     assert np.diff(energies).max() <= 1e-7 * energies[0] + 1e-9

@@ -259,6 +259,7 @@ def test_gradients_are_those_of_central_differences() -> None:
     assert gradient == pytest.approx((upper - lower) / (2 * step * value), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_margins_are_those_of_a_filter_that_knows_the_machine() -> None:
     """What is learnt slowly takes nothing from the margins, and learning is stable."""
     plain, learning = (
@@ -270,6 +271,7 @@ def test_margins_are_those_of_a_filter_that_knows_the_machine() -> None:
     assert np.abs(linear_closed_loop(override(case(4), KIND), 25.0, 0.5).poles()).max() < 1
 
 
+@pytest.mark.slow
 def test_exported_in_single_precision_it_knows_the_position_as_well(tmp_path: Path) -> None:
     made = block("controller", override(case(4), KIND))
     estimate = [variable.name for variable in made.outputs].index("x_est")

@@ -1,6 +1,7 @@
 """The compiled loop, that of CasADi's code generator and CasADi's interpreter run the same step."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -31,7 +32,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.closeness import close
 from tests.own_ropes import Bedding, Stiffening
-from tests.tiers import choice_of_pairs, each_choice
+from tests.tiers import choice_of_pairs, each_choice, mostly_slow
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,12 @@ def test_trajectories_agree(kind: str) -> None:
     assert ours.metrics.mse == pytest.approx(theirs.metrics.mse, rel=1e-9)
 
 
-@pytest.mark.parametrize(("estimator", "coordination"), each_choice(ESTIMATORS, COORDINATIONS))
+@pytest.mark.parametrize(
+    ("estimator", "coordination"),
+    mostly_slow(
+        product(ESTIMATORS, COORDINATIONS), {("kalman", "scheduled-preload"), ("none", "force-position")}.__contains__
+    ),
+)
 def test_trajectories_agree_with_every_estimator_and_coordination(estimator: str, coordination: str) -> None:
     """With noisy sensors."""
     controller = Controller(ESTIMATORS[estimator](), coordination=COORDINATIONS[coordination]())
