@@ -166,6 +166,7 @@ def facts() -> dict[str, str]:
         f"{window(18, 25):.1f} %, "
         f"over the whole run {window(0, 50.1):.1f} %.".replace("-", "−"),
         "A14": heavy(plant),
+        "A15": "Nothing here: it is off.",
     }
 
 

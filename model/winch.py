@@ -45,7 +45,7 @@ class Winch:
     ] = 0.0
     transmission_error: Annotated[
         NonNegative,
-        at.Le(0.01),
+        at.Le(0.1),
         Quantity("rad", "amplitude of the gearbox's transmission error at the drum", "A14"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from dualwinch.controllers.parts import Context
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Quantity, Tunable
-from dualwinch.model.scalar import Scalar, clip, where
+from dualwinch.model.scalar import Scalar, clip, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
@@ -34,7 +34,7 @@ class WinchGains:
         NonNegative,
         Quantity("N m s/rad", "motor torque against the drum's deviation from the reference speed", "A15"),
         Tunable(1, 500, standard=False, of=LEVER + "*plant.{table}.drum_radius"),
-        Mark.OFF_AT_ZERO,
+        Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
 
 
@@ -77,7 +77,9 @@ def winch_step(
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
     feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * alpha_d
-    wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope - gains.damping * slip
+    wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
+    if present(gains.damping):
+        wanted -= gains.damping * slip
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
     kept = state.integral + sample_time * where(saturated, 0.0, error)

@@ -97,6 +97,15 @@ class SelfCalibratingEstimate(KalmanEstimate):
     scale_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_2")] = 0.0
     excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_1")] = 0.0
     excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
+    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 to 1: left out")] = 0.0
+    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
+    position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
+
+
+@dataclass(frozen=True)
+class SiteEstimate(SelfCalibratingEstimate):
+    """The same where the filter also learns what winches give, sags beyond the nominal ones, or the wheel's scale."""
+
     give_1: Annotated[Scalar, Quantity("m/N", "learnt length that winch 1 gives a newton")] = 0.0
     give_2: Annotated[Scalar, Quantity("m/N", "learnt length that winch 2 gives a newton")] = 0.0
     sag_excess_1: Annotated[Scalar, Quantity("1", "learnt sag of rope 1 above the nominal one, as a share")] = 0.0
@@ -106,9 +115,6 @@ class SelfCalibratingEstimate(KalmanEstimate):
     sag_excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of sag_excess_1")] = 0.0
     sag_excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of sag_excess_2")] = 0.0
     wheel: Annotated[Scalar, Quantity("1", "learnt share by which the speed wheel reads too much")] = 0.0
-    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 to 1: left out")] = 0.0
-    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
-    position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
 
 
 PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
@@ -239,7 +245,9 @@ class SelfCalibratingKalman(Estimator):
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
-        return following, SelfCalibratingEstimate(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+        drums = self.drums
+        estimated = SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate
+        return following, estimated(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
     def _rolled(self, known: Any, reading: Scalar, x: Scalar, sample_time: Scalar) -> tuple[Any, Scalar]:
         """What is known of the wheel after its reading, and the speed in m/s that it then stands for.

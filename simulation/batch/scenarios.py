@@ -160,6 +160,7 @@ def plain_numbers(experiment: Experiment) -> frozenset[str]:
         for key, leaf in describe_parts(experiment).items()
         if leaf.kind in {float, int} and not leaf.optional
         if leaf.marks.isdisjoint(IN_COMMON) and not key.startswith(others)
+        if Mark.SHAPES_CODE_AT_ZERO not in leaf.marks or key.startswith("plant.")  # other signals follow elsewhere
     )
 
 

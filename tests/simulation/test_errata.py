@@ -303,8 +303,8 @@ def test_e9_as_printed_the_torque_equation_has_no_solution() -> None:
 
 
 def test_e9_the_reference_acceleration_breaks_the_loop() -> None:
-    _, output = winch_step(WinchState(), 3000.0, 3000.0, 2.0, 0.0, Winch(), WinchGains(), CONTEXT)
-    assert drum_acceleration(0.0, 3000.0, output.torque, Winch()) == pytest.approx(2)
+    _, torque, _ = winch_step(WinchState(), 3000.0, 3000.0, 2.0, 0.0, Winch(), WinchGains(), CONTEXT)
+    assert drum_acceleration(0.0, 3000.0, torque, Winch()) == pytest.approx(2)
 
 
 def tension_after(seconds: float, gains: WinchGains) -> float:
@@ -313,10 +313,10 @@ def tension_after(seconds: float, gains: WinchGains) -> float:
     state, theta, omega = WinchState(), 2900 / stiffness(25.0, rope) / 0.8, 0.0
     force = 2900.0
     for _ in range(round(seconds / 1e-3)):
-        state, output = winch_step(state, 3000.0, force, 0.0, 0.0, believed, gains, CONTEXT)
+        state, torque, _ = winch_step(state, 3000.0, force, 0.0, 0.0, believed, gains, CONTEXT)
         for _ in range(5):
             force = one_sided(0.8 * theta, rope.tension(0.8 * theta, 0.8 * omega, 25.0))
-            omega += 2e-4 * drum_acceleration(omega, force, output.torque, winch)
+            omega += 2e-4 * drum_acceleration(omega, force, torque, winch)
             theta += 2e-4 * omega
     return force
 
