@@ -88,6 +88,9 @@ class FigureColumn:
 HEADING_WIDTH = 10
 """Letters of a line of a heading that has a unit below it."""
 
+NAME_WIDTH = 22
+"""Letters of a line of a heading that is a name of the user's, such as a path: two of them leave room for figures."""
+
 
 @dataclass(frozen=True)
 class FigureTable:
@@ -130,7 +133,8 @@ class FigureTable:
         table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
         table.add_column("", style="bold", no_wrap=True)
         for heading in figures[0][1]:
-            table.add_column(self.columns[0].shown(heading) if headed else "", justify="right", no_wrap=headed)
+            words = fill(self.columns[0].shown(heading), NAME_WIDTH, break_on_hyphens=False) if headed else ""
+            table.add_column(words, justify="right", no_wrap=headed)
         table.add_column("")
         if not headed:
             table.add_column("", style="dim")
