@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.controller import Controller
@@ -19,7 +19,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.part import Registry
 from dualwinch.model.quantities.quantity import Leaf
-from dualwinch.model.quantities.tree import Group, with_leaves
+from dualwinch.model.quantities.tree import Group, numbers, with_leaves
 from dualwinch.model.ropes import Rope
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.model.winch import Winch
@@ -158,6 +158,9 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 @examples(60)
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
+    """But where a product is within rounding of the largest float: fused with a sum it stays finite."""
+    gains = [abs(value) for value in numbers(controller).values()]
+    assume(max(gains) < 1e300)
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine="interpreter")
     assert ours.outcome == theirs.outcome
