@@ -8,7 +8,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.plant import Plant, is_distributed
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import tangent_rope
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.ensembles.comparison import paper_controller
@@ -19,9 +19,12 @@ def baseline_controller(own: Controller) -> Controller:
     """The paper's controller with the paper's gains, for the machine that another one is for.
 
     Where the winches have other limits than the paper's it keeps to those, and has the other's preload: the paper's
-    gains say nothing of how strong a machine is. It never keeps a reserve.
+    gains say nothing of how strong a machine is. It never keeps a reserve. It has the other's damping of the drums: the
+    paper has none, and without it heavy drums swing until they are lost.
     """
+    damping = {f"winch_{side}.damping" for side in (1, 2)}
     paper = paper_controller()
+    paper = with_leaves(paper, {key: value for key, value in leaves(own).items() if key in damping})
     limits = paper.limits
     if _strength(own.limits) != _strength(limits):
         limits = replace(own.limits, reserve=limits.reserve)

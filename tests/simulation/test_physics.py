@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.controllers.controller import Controller
@@ -159,10 +159,11 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:
     """But where a product is within rounding of the largest float: fused with a sum it stays finite."""
-    gains = [abs(value) for value in numbers(controller).values()]
-    assume(max(gains) < 1e300)
     experiment = replace(case(number), controller=controller, simulation=Simulation(duration=0.05))
     ours, theirs = simulate(experiment), simulate(experiment, engine="interpreter")
+    if max(map(abs, numbers(controller).values())) > 1e300:
+        assert {ours.outcome, theirs.outcome} <= {"completed", "diverged", "left_track"}
+        return
     assert ours.outcome == theirs.outcome
     # near 1e308 a fused product and sum stays finite where the rounded product overflows: it diverges a sample later
     apart = 1.5e-3 if ours.outcome == "diverged" else 0.0
