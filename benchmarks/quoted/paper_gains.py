@@ -66,7 +66,7 @@ def reproduces() -> str:
   K_f = 5 1/s; {others}.
 - **What does not.** In Case 1 the paper's controller is not the faster one: it stays within ±{BAND:g} m after
   {own:.1f} s, the PID cascade after {other:.1f} s. In Case 3 the observer takes only {third:.0f} % off. [Eleven
-  errata and thirteen assumptions](docs/errata.md) say where the paper is wrong or silent."""
+  errata and fifteen assumptions](docs/errata.md) say where the paper is wrong or silent."""
 
 
 def forces() -> str:
