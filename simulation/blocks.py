@@ -160,7 +160,8 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     )
     solver = solver_of(experiment)
     moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
-    held = replace(problem, torques=shaft_torques(Torques(**torques), *(angle for angle, _ in here.shafts), plant))
+    (angle_1, _), (angle_2, _) = here.shafts
+    held = replace(problem, torques=shaft_torques(Torques(**torques), angle_1, angle_2, plant))
     slope = held.derivative(t, motion)
 
     def output(at: PlantState, when: Scalar) -> Scalars:

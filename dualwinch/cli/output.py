@@ -133,7 +133,7 @@ class FigureTable:
         table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
         table.add_column("", style="bold", no_wrap=True)
         for heading in figures[0][1]:
-            words = fill(self.columns[0].shown(heading), NAME_WIDTH, break_on_hyphens=False) if headed else ""
+            words = fill(str(self.columns[0].shown(heading)), NAME_WIDTH, break_on_hyphens=False) if headed else ""
             table.add_column(words, justify="right", no_wrap=headed)
         table.add_column("")
         if not headed:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from dualwinch.model.heavy_ropes import Sag, span_of
 from dualwinch.model.plant import (
@@ -141,7 +141,7 @@ def test_first_symmetric_frequency_is_irvines(tension: float) -> None:
     def irvine(omega: float) -> float:
         return math.tan(omega / 2) - omega / 2 + 4 / square * (omega / 2) ** 3
 
-    omega = brentq(irvine, math.pi * (1 + 1e-9), 2 * math.pi)
+    omega = root_scalar(irvine, bracket=(math.pi * (1 + 1e-9), 2 * math.pi)).root
     expected = omega / (2 * math.pi * span) * math.sqrt(tension / 2.96)
     assert square < 15
     assert min(found, key=lambda hertz: abs(hertz - expected)) == pytest.approx(expected, rel=0.02)

@@ -1,6 +1,7 @@
 """What a tuning problem takes where nothing is asked for, and what it refuses before anything runs."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -8,7 +9,7 @@ from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.tuning_problem import tuning_problem
 
-SHORT = {"settings": ["simulation.duration=1.0"], "space": ["controller.nftsm.beta"]}
+SHORT: dict[str, Any] = {"settings": ["simulation.duration=1.0"], "space": ["controller.nftsm.beta"]}
 
 
 def test_a_file_that_names_no_estimator_takes_that_of_the_ensemble(tmp_path: Path) -> None:
@@ -28,7 +29,7 @@ def test_a_file_that_names_no_estimator_takes_that_of_the_ensemble(tmp_path: Pat
 
 
 @pytest.mark.parametrize("words", [{"objectives": ["mean.steady_mse"]}, {"constraints": ["mean.steady_mae<=0.01"]}])
-def test_what_no_run_has_is_refused(words: dict[str, list[str]]) -> None:
+def test_what_no_run_has_is_refused(words: dict[str, Any]) -> None:
     with pytest.raises(ConfigurationError, match=r"steady_\w+: no run has it: the steady state begins at 18 s"):
         tuning_problem(case=4, **SHORT, **words)
 
@@ -41,7 +42,7 @@ def test_what_no_run_has_is_refused(words: dict[str, list[str]]) -> None:
     ],
 )
 def test_misspelt_names_are_refused_before_the_space_is_looked_at(
-    words: dict[str, list[str]], message: str, monkeypatch: pytest.MonkeyPatch
+    words: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.space_of", lambda *_: pytest.fail("the loop is built"))
     with pytest.raises(ConfigurationError, match=message):

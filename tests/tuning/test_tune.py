@@ -21,7 +21,7 @@ from dualwinch.tuning.plots import (
 from dualwinch.tuning.result import TuningResult, advice, comparison, headings, headline, times, where, worth
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
-from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus
+from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
@@ -31,10 +31,11 @@ from dualwinch.tuning.tune import tune
 from tests.tuning.conftest import MakeProblem
 
 
-class Recorded:
+class Recorded(TuningProgress):
     """A watch that remembers; interrupts once there are so many trials."""
 
     def __init__(self, interrupt_at: int = 10**9) -> None:
+        super().__init__()
         self.phases: list[str] = []
         self.batches: list[tuple[str, float | None, int | None]] = []
         self._interrupt_at = interrupt_at

@@ -454,11 +454,12 @@ Told = Callable[[float, str], None]
 """``told(share, words)``: how much of what is left to do is done, and what is being done."""
 
 
-class EntryProgress:
+class EntryProgress(TuningProgress):
     """Watches one entry, and tells how much of the race is done."""
 
     def __init__(self, name: str, number: int, of: int, told: Told | None) -> None:
         """Watch entry `number`, from 0, of so many that have to be run."""
+        super().__init__()
         self._name, self._number, self._of, self._told = name, number, of, told
         self._words = ""
 

@@ -9,6 +9,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
+from dualwinch.simulation.experiment import IntegratorName
 from dualwinch.simulation.integrators.problem import fastest_rate, swing_rate
 from dualwinch.simulation.loop.structure import Solver, solver_of
 from dualwinch.simulation.paper import case
@@ -18,7 +19,7 @@ from tests.own_ropes import Bedding, Stiffening
 
 
 @pytest.mark.parametrize("integrator", ["adaptive", "exponential", "rk4"])
-def test_kelvin_voigt_ropes_take_the_integrator_that_is_asked_for(integrator: str) -> None:
+def test_kelvin_voigt_ropes_take_the_integrator_that_is_asked_for(integrator: IntegratorName) -> None:
     asked = override(case(4), {"simulation.integrator": integrator, "simulation.substeps": 3})
     assert solver_of(asked) == Solver(integrator, 3)
 

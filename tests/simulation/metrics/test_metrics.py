@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from dualwinch.model.ropes import kelvin_voigt
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.metrics.metrics import Metrics
 from dualwinch.simulation.paper import CONTROLLERS, case
@@ -47,7 +48,7 @@ def test_metrics_equal_their_recomputation(number: int, kind: str, paper_run: Pa
     result = paper_run(number, kind)
     # A tension is E A by a strain, a difference of two numbers near one. Compilers may fuse and round it differently
     # where it is recorded and where its changes are summed, each time by this much.
-    rope = result.experiment.plant.rope_1
+    rope = kelvin_voigt(result.experiment.plant.rope_1)
     round_off = {"chatter": rope.modulus * rope.area * np.finfo(float).eps}
     for name, value in recomputed(result).items():
         assert getattr(result.metrics, name) == pytest.approx(value, rel=1e-9, abs=round_off.get(name, 0.0)), name
