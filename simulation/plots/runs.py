@@ -1,7 +1,7 @@
 """Figures of runs over time: the paper's Figures 5 to 20."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from typing import Any, TypeAlias
@@ -40,7 +40,7 @@ from dualwinch.simulation.results.result import Result
 Runs: TypeAlias = Mapping[Any, Result] | Iterable[Result] | Result
 """Label → run, runs that are labelled by their position laws, or one run."""
 
-PALETTE: tuple[str, ...] = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
+PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
 """Colours of runs whose law's own is taken; colours of no law come first."""
 
 
@@ -129,9 +129,10 @@ def _named(label: str, result: Result) -> str:
 def _looks(own: Sequence[Look]) -> list[Look]:
     """Colour and line style of every run: its law's own, or the first free one, of a free colour if there is one."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
-    every: list[Look] = [
-        (colour, line) for dashes in turns for colour, line in zip(PALETTE, cycle(dashes), strict=False)
-    ]
+    every: list[Look] = []
+    for dashes in turns:
+        styles: Iterator[LineStyleType] = cycle(dashes)
+        every.extend(zip(PALETTE, styles, strict=False))
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
