@@ -1,9 +1,8 @@
 """Figures of runs over time: the paper's Figures 5 to 20."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -129,10 +128,11 @@ def _named(label: str, result: Result) -> str:
 def _looks(own: Sequence[Look]) -> list[Look]:
     """Colour and line style of every run: its law's own, or the first free one, of a free colour if there is one."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
-    every: list[Look] = []
-    for dashes in turns:
-        styles: Iterator[LineStyleType] = cycle(dashes)
-        every.extend(zip(PALETTE, styles, strict=False))
+    every: list[Look] = [
+        (PALETTE[place % len(PALETTE)], dashes[place % len(dashes)])
+        for dashes in turns
+        for place in range(len(PALETTE))
+    ]
     taken = list(dict.fromkeys(own))
     looks: list[Look] = []
     for look in own:
