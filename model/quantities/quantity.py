@@ -269,7 +269,7 @@ class Leaf:
     def some_value(self) -> float:
         """Some number that is allowed, the same every time."""
         lower, upper = self.bounds
-        for candidate in (1, lower, upper, lower + 1, upper - 1, (lower + upper) / 2):
+        for candidate in (1, 0.5, lower, upper, lower + 1, upper - 1, (lower + upper) / 2):
             if self.admits(candidate):
                 return candidate
         raise ValueError(f"{self.key}: no simple number is {self.allowed}")

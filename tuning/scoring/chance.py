@@ -76,6 +76,7 @@ class ChanceConstraint:
         """JSON-ready."""
         return {
             "violation": self.violation,
+            "probability": 1 - self.violation,
             "confidence": self.confidence,
             "draws": self.draws,
             "violations": self.violations,
