@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from inspect import cleandoc
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
@@ -50,7 +51,7 @@ Start with `dualwinch reproduce`, or look at a single run:
 `dualwinch --install-completion` makes the Tab key complete commands and options (bash, zsh, fish).
 Add `--traceback` to any command to see where in the program a failure occurred.
 """,
-    help_format="markdown",
+    help_format="plaintext",
     version=__version__,
     version_flags=["--version"],
     suppress_keyboard_interrupt=False,
@@ -79,8 +80,17 @@ COMMANDS = (
 )
 """In the order of the help."""
 
+
+def _unwrapped(text: str) -> str:
+    """A docstring with each paragraph on a line, for the terminal to wrap; indented examples as they are."""
+    blocks = cleandoc(text).split("\n\n")
+    return "\n\n".join(block if block.startswith(" ") else block.replace("\n", " ") for block in blocks)
+
+
 for module in COMMANDS:
     app.command(module.app)
+    for command in (module.app, *(module.app[name] for name in module.app if not name.startswith("-"))):
+        command.help = _unwrapped(command.help)
 
 
 app.register_install_completion_command()

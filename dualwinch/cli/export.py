@@ -17,7 +17,7 @@ app = App(
 
 Everything comes from the functions that `dualwinch simulate` runs, with the values of an experiment.
 """,
-    help_format="markdown",
+    help_format="plaintext",
     version=__version__,
 )
 
