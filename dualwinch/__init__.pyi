@@ -75,6 +75,8 @@ from .model.scalar import where as where
 from .model.signals import Signal as Signal
 from .simulation.analysis.describing_function import AmplitudePoint as AmplitudePoint
 from .simulation.analysis.describing_function import amplitude_sweep as amplitude_sweep
+from .simulation.analysis.idealisations import Idealisation as Idealisation
+from .simulation.analysis.idealisations import idealisations as idealisations
 from .simulation.analysis.linear_loop import linear_broken_loop as linear_broken_loop
 from .simulation.analysis.linear_loop import linear_closed_loop as linear_closed_loop
 from .simulation.analysis.margins import Margins as Margins

@@ -29,7 +29,7 @@ from typing import Annotated, Any
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity, vector
 from dualwinch.model.ropes import RopeLaw, Track, one_sided
-from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, tanh
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, sqrt, tanh
 
 
 @dataclass(frozen=True)
@@ -161,6 +161,37 @@ def sag_shortening(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track)
         return 0.0
     span = span_of(length, track)
     return arc(rope.submerged_weight * span**2 / (8 * maximum(tension, LEAST_PULL)), span) * length
+
+
+def ernst_factor(weight: Scalar, span: Scalar, tension: Scalar, rigidity: Scalar) -> Scalar:
+    """Tangent stiffness of a rope that sags over the one it has without weight: 1/(1 + lambda²/12) (Ernst 1965).
+
+    Args:
+        weight: in N/m.
+        span: in m.
+        tension: in N.
+        rigidity: E A in N.
+    """
+    return 1 / (1 + (weight * span) ** 2 * rigidity / (12 * tension**3))
+
+
+def first_mode(mass_per_length: Scalar, length: Scalar, rigidity: Scalar) -> Scalar:
+    """First longitudinal mode in rad/s of a rope in kg/m of a length in m, fixed at one end: c/4L, by its E A in N."""
+    return math.pi / 2 * sqrt(rigidity / mass_per_length) / length
+
+
+def wire_rope_mass(diameter: Scalar) -> Scalar:
+    """Mass in kg/m of a wire rope (6x36, steel core) of a diameter in m: 0.409 d² for 100 m, d in mm (EN 12385-4)."""
+    return 4090.0 * diameter**2
+
+
+STEEL, GRAVITY = 7850.0, 9.81
+"""Density of steel in kg/m³ and gravity in m/s²."""
+
+
+def weight_in_water(mass_per_length: Scalar, density: Scalar) -> Scalar:
+    """Weight in N/m of a steel rope in kg/m in water of a density in kg/m³."""
+    return mass_per_length * GRAVITY * (1 - density / STEEL)
 
 
 LEAST_PULL = 50.0

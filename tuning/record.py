@@ -10,8 +10,10 @@ from typing import Any
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.quantity import behind_number
+from dualwinch.simulation.analysis.idealisations import idealisations
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.results.file_formats import plain
 from dualwinch.tuning.problem import CHANCE, TEST, TRAINING, VALIDATION
 from dualwinch.tuning.result import (
     TuningResult,
@@ -134,6 +136,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             name: quantity.unit for name, quantity in metric_quantities(problem.experiment.metrics).items()
         },
         "cost": {"trials": len(tuned.trials), "seconds": tuned.cost.seconds, **asdict(tuned.cost)},
+        "idealisations": [plain(asdict(one)) for one in idealisations(tuned.best)],
         "interrupted": tuned.interrupted,
         "configuration": configuration,
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -144,20 +144,29 @@ def simulate_one(
 
 def print_result(result: Result, *, json: bool) -> None:
     """Print outcome and figures of merit of a run."""
+    from dualwinch.simulation.analysis.idealisations import idealisations, summary
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
-    metrics = result.metrics
+    metrics, found = result.metrics, idealisations(result.experiment)
     columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
     table = FigureTable("metrics", columns, [list(dict(metrics).values())])
     kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        print_json({**facts, "metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}})
+        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
+        print_json({**facts, "idealisations": [asdict(one) for one in found]})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
+    say_idealised(summary(found))
+
+
+def say_idealised(words: str) -> None:
+    """Print what the plant leaves out, in one line; nothing where it leaves out nothing."""
+    if words:
+        terminal(soft_wrap=True).print(words, highlight=False)
 
 
 NO_COMPILER = (
@@ -213,9 +222,11 @@ def simulate_ensemble(
 
 def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble."""
+    from dualwinch.simulation.analysis.idealisations import idealisations, summary
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
+    found = idealisations(experiment)
     columns = [FigureColumn.of(*known) for known in metric_quantities(experiment.metrics).items()]
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
@@ -223,6 +234,7 @@ def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     if json:
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
+        facts |= {"idealisations": [asdict(one) for one in found]}
         print_json({**facts, "units": table.record()["units"], "statistics": statistics})
         return
     console = terminal()
@@ -235,3 +247,4 @@ def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     console.print(table.render_down())
     if set(result.outcome_counts) != {"completed"}:
         console.print("Statistics are those of the completed scenarios.")
+    say_idealised(summary(found))

@@ -361,6 +361,7 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
 
 def print_study(tuned: TuningResult) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
+    from dualwinch.simulation.analysis.idealisations import idealisations, summary
     from dualwinch.tuning.result import (
         advice,
         authority,
@@ -399,6 +400,8 @@ def print_study(tuned: TuningResult) -> None:
         say(beyond)
     for number, sentence in enumerate(advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")
+    if idealised := summary(idealisations(tuned.best)):
+        say(idealised)
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost

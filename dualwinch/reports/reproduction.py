@@ -10,6 +10,7 @@ import numpy as np
 from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import data_uri, number_text, write_page
+from dualwinch.simulation.analysis.idealisations import idealisations
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTENTS, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
@@ -106,6 +107,7 @@ def write_report(
             for number in sorted({number for number, _kind in runs})
         ],
         comparison=_comparison(figures),
+        idealised=dict.fromkeys(one.statement for run in runs.values() for one in idealisations(run.experiment)),
         configuration=configuration.strip(),
         versions=versions,
         introduction=INTRODUCTION,

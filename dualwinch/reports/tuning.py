@@ -8,9 +8,11 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import write_whole
+from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, template, write_page
+from dualwinch.simulation.analysis.idealisations import idealisations, summary
 from dualwinch.simulation.ensembles.result import in_words
 from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.tuning.benchmark.comparison import RULE
@@ -69,7 +71,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         "tuning.html.j2",
         summary=_summary(tuned),
         gained=gained(tuned),
-        assumed=ASSUMED,
+        idealised=[one.statement for one in idealisations(tuned.best)],
         costs=costs(tuned),
         steps=next_steps(tuned, folder),
         best=folder / "best.toml",
@@ -182,12 +184,6 @@ COSTS = {
 }
 """Statistics that better tracking is paid with → their names."""
 
-ASSUMED = (
-    "All of this holds on ropes without mass and drums as light as the configuration's: on an independent plant, gains "
-    "tuned on drums of 1.8 kg m² are lost with 2.36 kg/m of rope, or with 30 kg m² more on the drums."
-)
-"""What tuned gains rest on."""
-
 
 def gained(tuned: TuningResult) -> str:
     """The typical error of the best, the start and the paper's gains as lengths; empty where it was not measured."""
@@ -291,6 +287,7 @@ def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, st
         OSError: the file cannot be written.
     """
     headings, rows = found.table()
+    idealised = summary(idealisations(loads_ensemble(found.terms.configuration).experiment))
     write_page(
         path,
         "race.html.j2",
@@ -298,7 +295,7 @@ def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, st
         rule=RULE,
         headings=headings,
         rows=rows,
-        notes=found.notes(),
+        notes=[*found.notes(), *([_sentence(idealised)] if idealised else [])],
         picture=data_uri(found.plot()),
         fronts=data_uri(found.plot_fronts()),
         ablations=found.ablations(),

@@ -68,6 +68,9 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     wanted = "worst.min_tension >= 80 N; worst.peak_tension <= 6000 N; mean.chatter <= 0.25 times the paper's"
     assert f"subject to {wanted}" in said.err
     study = json.loads((tmp_path / "out" / "study.json").read_text())
+    assert [one["name"] for one in study["idealisations"]][:2] == ["winch inertia", "sag"]
+    assert study["idealisations"][0]["statement"] in page
+    assert "\nidealised: winches of 1.8 kg m²" in said.out
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
     assert best.controller.estimator.kind == "calibrating-kalman"
