@@ -80,10 +80,14 @@ class RopeEnds:
 
 @dataclass(frozen=True)
 class RopePull:
-    """What a rope does: its tension in N at the drum, its pull on the vehicle in N, and the rates of its state."""
+    """What a rope does: its tension in N at the drum, its pull on the vehicle in N, and the rates of its state.
+
+    Its segments' tensions, from the drum on, differ from these by what holds the rope back.
+    """
 
     at_drum: Scalar
     at_vehicle: Scalar
+    segments: tuple[Scalar, ...]
     rate: RopeState
 
 
@@ -148,6 +152,52 @@ def _evenly(rope: RopeLaw, wound: Scalar, stretch: Scalar, wound_rate: Scalar, s
         vector([wound - share * stretch for share in shares]),
         vector([wound_rate - share * stretch_rate for share in shares]),
     )
+
+
+PASSES = 3
+"""Passes in which the speeds of a moving rope's nodes and what holds them back are reconciled; each gains 1e-4."""
+
+
+def steady_rope(
+    rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, way: Scalar, speed: Scalar, *, density: Scalar
+) -> tuple[RopeState, Scalar, Scalar]:
+    """State of a rope of constant tensions while its vehicle moves, and what its drum winds: in m, and its rate in m/s.
+
+    The strain of every segment stays, and so does the depth of the sag: it is that at rest. Along the rope the tension
+    differs by what water and rollers put against it.
+
+    Args:
+        rope: the rope.
+        tension: at the drum in N.
+        length: in m.
+        track: the rollers that carry it.
+        way: of the vehicle towards the winch in m.
+        speed: of the vehicle towards the winch in m/s.
+        density: of the water in kg/m³.
+    """
+    waves = rope.segments > 1 and present(rope.mass_per_length)
+    n = rope.segments if waves else 1
+    speeds, positions, depth = [speed] * (n + 1), [way] * (n + 1), 0.0
+    for _ in range(PASSES if is_heavy(rope) else 1):
+        held = [rope_drag(rope, node, length, track, density) / n for node in speeds]
+        pulls = [tension - held[0] / 2]
+        for share in held[1:-1]:
+            pulls.append(pulls[-1] - share)
+        surplus, growth = 0.0, 0.0
+        if present(rope.submerged_weight):
+            span = span_of(length, track)
+            depth = rope.submerged_weight * span**2 / (8 * sum(pulls) / n)
+            longer = arc(depth, span)
+            surplus, growth = longer * length, longer if present(track.roller_spacing) else -longer
+        for node in reversed(range(n)):
+            damping = rope.tangent(pulls[node], length)[1]
+            seen = pulls[node] - damping * growth * speed  # the damper does not see what the sag takes up
+            stretch, slope = rope.steady_stretch(seen, length, -speed)
+            positions[node] = positions[node + 1] + (stretch - surplus) / n
+            speeds[node] = speeds[node + 1] - (slope - growth) * speed / n
+    inner = Waves(vector(positions[1:-1]), vector(speeds[1:-1])) if waves else NO_STATE
+    sag = Sag(depth, 0.0) if present(rope.submerged_weight) else NO_STATE
+    return RopeState(inner, sag), positions[0], speeds[0]
 
 
 def arc(depth: Scalar, span: Scalar) -> Scalar:
@@ -231,7 +281,7 @@ def rope_pull(
     for stretch, rate in zip(stretches, rates, strict=True):
         pull = rope.pull(stretch + surplus, rate + surplus_rate, length, closeness)
         tensions.append(one_sided(stretch + surplus, pull) if slack else pull)
-    held = [_held_back(rope, speed, length, track, density) / n for speed in speeds]
+    held = [rope_drag(rope, speed, length, track, density) / n for speed in speeds]
     waves, sag = NO_STATE, NO_STATE
     if isinstance(state.waves, Waves):
         mass = lumped_mass(rope, length)
@@ -246,6 +296,7 @@ def rope_pull(
     return RopePull(
         at_drum=tensions[0] + held[0] / 2,
         at_vehicle=tensions[-1] - held[-1] / 2,
+        segments=tuple(tensions),
         rate=RopeState(waves, sag),
     )
 
@@ -254,7 +305,7 @@ ROLLING_SPEED = 0.01
 """Speed of the rope in m/s over which the friction of the rollers changes its sign, as that of the rail (A3)."""
 
 
-def _held_back(rope: RopeLaw, speed: Scalar, length: Scalar, track: Track, density: Scalar) -> Scalar:
+def rope_drag(rope: RopeLaw, speed: Scalar, length: Scalar, track: Track, density: Scalar) -> Scalar:
     """Force in N that water and rollers put against a whole rope that moves at a speed in m/s."""
     skin = 0.5 * density * rope.skin_friction * math.pi * rope.diameter * length
     rollers = track.roller_friction * rope.submerged_weight * length

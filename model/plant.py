@@ -14,11 +14,12 @@ from dualwinch.model.heavy_ropes import (
     end_mass,
     is_heavy,
     resting_rope,
+    rope_drag,
     rope_on_drum,
     rope_pull,
 )
 from dualwinch.model.quantities.part import NO_STATE, PartChoice
-from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.quantity import Mark, Quantity, elements, vector
 from dualwinch.model.quantities.tree import alike, leaves, shape_of, symbols
 from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, rope_lengths
 from dualwinch.model.scalar import Scalar, present, reciprocals
@@ -29,9 +30,9 @@ from dualwinch.model.winch import (
     angle_of,
     blank_motor,
     gear_torque,
-    resting_motor,
     shaft_torque,
     specified_winch,
+    steady_motor,
     winch_rates,
     winding,
 )
@@ -221,6 +222,34 @@ def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Pl
     return found
 
 
+def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, Scalar]:
+    """Forces in N that are constant in steady motion, while positions go on: tensions along the ropes, gear torques.
+
+    By the position's key in the plant's state: a drum's stands for the tension of the segment next to it, a node's for
+    that of the segment beyond it, a rotor's for the torque that its gearbox transmits, over the drum's radius.
+    """
+    found: dict[str, Scalar] = {}
+    of_sides = zip(plant.sides, rope_pulls(state, plant, t), state.motors, state.drums, strict=True)
+    for (number, _, winch, *_), pull, motor, drum in of_sides:
+        first, *others = pull.segments
+        found[f"theta_{number}"] = first
+        if others:
+            ends = elements(vector(others))
+            found |= {f"rope_{number}.waves.position{end}": tension for end, tension in ends.items()}
+        if isinstance(motor, Rotor):
+            found[f"motor_{number}.theta"] = gear_torque(*drum, motor, winch) / winch.drum_radius
+    return found
+
+
+def rope_resistance(x: Scalar, v: Scalar, plant: Plant) -> Scalar:
+    """Net rope force F1 − F2 in N at the drums that moves both ropes at v in m/s through water and over rollers."""
+    density, lengths = plant.vehicle.water_density, rope_lengths(x, plant.track)
+    return sum(
+        side.direction * rope_drag(side.rope, side.direction * v, length, plant.track, density)
+        for side, length in zip(plant.sides, lengths, strict=True)
+    )
+
+
 def derivative(
     state: PlantState, torques: Torques, environment: DisturbanceInputs, plant: Plant, t: Scalar = NEW
 ) -> PlantState:
@@ -268,7 +297,8 @@ def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
         rope, stretch = resting_rope(side.rope, preload / 2, length, plant.track, way)
         angles.append(angle_of(stretch + way, side.winch))
         ropes.append(rope)
-        motors.append(resting_motor(preload / 2, angles[-1], side.winch))
+        load = winding(angles[-1], side.winch).radius * (preload / 2)
+        motors.append(steady_motor(load, angles[-1], 0.0, side.winch))
     return PlantState(x, 0.0, angles[0], 0.0, angles[1], 0.0, *ropes, *motors)
 
 

@@ -173,12 +173,27 @@ def total_inertia(winch: Winch) -> Scalar:
     return winch.inertia + winch.gear_ratio**2 * winch.rotor_inertia
 
 
-def resting_motor(tension: Scalar, theta: Scalar, winch: Winch) -> Any:
-    """State of the rotor at rest, the rope under a tension in N and the drum at the angle theta in rad."""
+def steady_motor(load: Scalar, theta: Scalar, omega: Scalar, winch: Winch) -> Any:
+    """State of the rotor while its gearbox transmits a constant torque.
+
+    Args:
+        load: that torque in N m; its sign says on which flank the teeth are in contact.
+        theta: drum angle in rad.
+        omega: drum speed in rad/s.
+        winch: the winch.
+    """
     if not present(winch.gear_stiffness):
         return NoState()
-    twist = winding(theta, winch).radius * tension / winch.gear_stiffness + winch.backlash / 2
-    return Rotor(theta + twist + transmission(theta, winch), 0.0)
+    half = winch.backlash / 2
+    twist = load / winch.gear_stiffness + where(load >= 0, half, -half)
+    return Rotor(theta + twist + transmission(theta, winch), omega)
+
+
+def with_gear_loss(tension: Scalar, omega: Scalar, winch: Winch) -> Scalar:
+    """Tension in N that the drum has to carry at its speed in rad/s, the gearbox's friction under load included."""
+    if not present(winch.gear_loss):
+        return tension
+    return tension + winch.gear_loss * absolute(tension) * tanh(omega / FRICTION_SPEED)
 
 
 def blank_motor(winch: Winch) -> Any:
@@ -218,8 +233,7 @@ def winch_rates(
     """
     radius = winding(theta, winch).radius
     turning = rope * radius**2
-    if present(winch.gear_loss):
-        tension = tension + winch.gear_loss * absolute(tension) * tanh(omega / FRICTION_SPEED)
+    tension = with_gear_loss(tension, omega, winch)
     if not isinstance(motor, Rotor):
         return drum_acceleration(omega, tension, torque, winch, radius, turning), motor
     passed = gear_torque(theta, omega, motor, winch)

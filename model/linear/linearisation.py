@@ -16,15 +16,18 @@ from dualwinch.model.plant import (
     Plant,
     PlantState,
     Torques,
+    blank_state,
     derivative,
     plant_structure,
     shaft_torques,
     tensions,
 )
-from dualwinch.model.quantities.description import describe
+from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.tree import leaves, numbers, symbols
 
 STATES = tuple(describe(PlantState))
+"""States of a plant whose ropes have neither mass nor weight and whose gears are rigid; others have more."""
+
 INPUTS = ("tau_1", "tau_2", "D", "current")
 OUTPUTS = ("x", "v", "F1", "F2", "omega_1", "omega_2")
 
@@ -34,10 +37,13 @@ UNITS = {
     "current": describe(DisturbanceInputs)["current"].quantity.unit,
     **{name: describe(OperatingPoint)[name].quantity.unit for name in ("F1", "F2")},
 }
-"""Name → unit of every state, input and output."""
+"""Name → unit of these states and of every input and output."""
 
-NAMES: dict[str, Any] = {"states": STATES, "inputs": INPUTS, "outputs": OUTPUTS, "units": UNITS}
-"""What every linear model of the plant calls its signals, by field of `LinearSystem`."""
+
+def names_of(plant: Plant) -> dict[str, Any]:
+    """What the linear model of a plant calls its signals, by field of `LinearSystem`."""
+    states = {key: leaf.quantity.unit for key, leaf in describe_parts(blank_state(plant)).items()}
+    return {"states": tuple(states), "inputs": INPUTS, "outputs": OUTPUTS, "units": UNITS | states}
 
 
 def linearise(
@@ -54,9 +60,10 @@ def linearise(
 ) -> LinearSystem:
     """The plant without controller, linearised at an operating point.
 
-    States are those of `PlantState`; inputs the motor torques tau_1 and tau_2, the disturbance force D and the
-    ambient current; outputs x, v, F1, F2, omega_1, omega_2. In a cruise, position and rope lengths are frozen at x:
-    the system holds for motions that are quick against length/v.
+    States are those of `PlantState`, with those of ropes that have mass or weight and of rotors behind gearboxes that
+    give; inputs the motor torques tau_1 and tau_2, the disturbance force D and the ambient current; outputs x, v, F1,
+    F2, omega_1, omega_2. In a cruise, position, rope lengths and the sag's depth are frozen at x: the system holds for
+    motions that are quick against length/v. Ropes stay taut, and teeth in contact as they are at the operating point.
 
     Args:
         x: position in m.
@@ -116,8 +123,9 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
         np.array(np.split(side_by_side.full(), len(points), axis=1))
         for side_by_side in _jacobians(plant_structure(plant))(*arguments)
     ]
+    names = names_of(plant)
     systems = [
-        LinearSystem(A, B, C, D, dt=None, **NAMES, operating_point=numbers(point))
+        LinearSystem(A, B, C, D, dt=None, **names, operating_point=numbers(point))
         for A, B, C, D, point in zip(*jacobians, points, strict=True)
     ]
     return systems if dt is None else [system.discretised(dt) for system in systems]
@@ -127,10 +135,11 @@ def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | Non
 def _jacobians(structure: Plant) -> ca.Function:
     """``(state, torques, environment, parameters) -> (A, B, C, D)``."""
     plant, p = symbols(structure, "p")
-    state, x = symbols(PlantState(), "x")
+    state, x = symbols(blank_state(structure), "x")
     asked, u = symbols(Torques(), "u")
     environment, w = symbols(DisturbanceInputs(), "w")
-    torques = shaft_torques(asked, state.theta_1, state.theta_2, plant)
+    (angle_1, _), (angle_2, _) = state.shafts
+    torques = shaft_torques(asked, angle_1, angle_2, plant)
     dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)
     y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)

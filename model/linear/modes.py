@@ -4,17 +4,21 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum
 from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.model.plant import Plant, PlantState
-from dualwinch.model.quantities.description import describe
+from dualwinch.model.plant import Plant, PlantState, Side, blank_state
+from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.ropes import rope_lengths
+from dualwinch.model.scalar import present
 from dualwinch.model.vehicle import inertia
+from dualwinch.model.winch import total_inertia
 
 RIGID = 0.05
 """A mode is rigid where the ropes stretch by less than this share of the largest displacement."""
@@ -37,20 +41,135 @@ class Shape(NamedTuple):
 
 
 def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
-    """A mode's name in words, by each state's share in it and complex amplitude."""
+    """A mode's name in words, by each state's share in it and complex amplitude.
+
+    What has most of its kinetic energy names it: drums and vehicle, waves in a rope, a gearbox whose rotor and drum
+    swing against each other, or the sag. Longitudinal modes of a rope are counted from the one in which all of it moves
+    one way, at c/4L where the drum has no inertia; a heavy drum makes that its own mode, and the second is near c/2L.
+    """
     prefix = plant_prefix(system.states)
     x = system.operating_point.get("x")
-    if prefix is None or x is None or sum(participation[prefix + name] for name in describe(PlantState)) < 0.5:
+    if prefix is None or x is None or _share_of_plant(participation, plant, prefix) < 0.5:
         return _by_states(participation)
     moved = displacements(shape, plant, prefix)
-    largest = max(map(abs, moved))
-    if max(map(abs, moved.stretches)) < RIGID * largest:
+    inner = [_inside(side, shape, prefix) for side in plant.sides]
+    largest = max(map(abs, (*moved, *(inside.largest(*KINDS) for inside in inner))))
+    if max(map(abs, (*moved.stretches, *(inside.sag for inside in inner)))) < RIGID * largest:
         speed, position = participation[prefix + "v"], participation[prefix + "x"]
         return "rigid drift: speed" if speed > position else "rigid drift: position"
-    sides = zip(plant.sides, rope_lengths(x, plant.track), ("F1", "F2"), strict=True)
+    lengths = rope_lengths(x, plant.track)
+    weights = [_side_masses(side, length, plant) for side, length in zip(plant.sides, lengths, strict=True)]
+    energies = [
+        mass.energies(drum, moved.vehicle, inside)
+        for mass, drum, inside in zip(weights, (moved.drum_1, moved.drum_2), inner, strict=True)
+    ]
+    vehicle = inertia(plant.vehicle) * abs(moved.vehicle) ** 2
+    totals = {kind: sum(energy[kind] for energy in energies) for kind in energies[0]}
+    kind = max(totals, key=lambda each: totals[each] + (vehicle if each == "drum" else 0.0))
+    if kind != "drum":
+        return _by_kind(kind, [energy[kind] for energy in energies], inner, moved)
     tension = system.operating_point.get
+    sides = zip(plant.sides, lengths, ("F1", "F2"), strict=True)
     springs = [side.rope.tangent(tension(name, PRELOAD / 2), length)[0] for side, length, name in sides]
-    return _by_energies(moved, plant, springs)
+    return _by_energies(moved, (inertia(plant.vehicle), *(mass.drum + mass.rotor for mass in weights)), springs)
+
+
+class Inside(NamedTuple):
+    """A mode within a rope and a gearbox: complex displacements in m, along the track but for the sag.
+
+    Attributes:
+        nodes: of the rope, from the drum to the vehicle.
+        sag: of the rope, 0 where it has none.
+        rotor: at the drum's rim; None where the gearbox is rigid.
+    """
+
+    nodes: tuple[complex, ...]
+    sag: complex
+    rotor: complex | None
+
+    def largest(self, *kinds: str) -> complex:
+        """The largest displacement of some kinds of modes (`KINDS`)."""
+        moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
+        return max((way for kind in kinds for way in moved[kind]), key=abs, default=0j)
+
+
+def _inside(side: Side, shape: Mapping[str, complex], prefix: str) -> Inside:
+    rope, rotor = f"{prefix}rope_{side.number}.", f"{prefix}motor_{side.number}.theta"
+    nodes = (side.direction * way for name, way in shape.items() if name.startswith(f"{rope}waves.position"))
+    turn = side.direction * side.winch.drum_radius
+    return Inside(tuple(nodes), shape.get(f"{rope}sag.depth", 0j), turn * shape[rotor] if rotor in shape else None)
+
+
+class SideMasses(NamedTuple):
+    """Masses in kg of a winch and its rope, as they move along the track or, of the sag, amid a span."""
+
+    drum: float
+    rotor: float
+    end: float
+    node: float
+    sag: float
+
+    def energies(self, drum: complex, vehicle: complex, inside: Inside) -> dict[str, float]:
+        """Kind of a mode → twice its kinetic energy over the square of its angular frequency."""
+        moving = {
+            "drum": self.drum * abs(drum) ** 2,
+            "waves": self.node * sum(abs(node) ** 2 for node in inside.nodes)
+            + self.end * (abs(drum) ** 2 + abs(vehicle) ** 2),
+            "gear": 0.0,
+            "sag": self.sag * abs(inside.sag) ** 2,
+        }
+        if inside.rotor is None:
+            return moving
+        turning = self.rotor * abs(inside.rotor) ** 2
+        if (inside.rotor * drum.conjugate()).real >= 0:
+            return moving | {"drum": moving["drum"] + turning}
+        return moving | {"drum": 0.0, "gear": moving["drum"] + turning}
+
+
+def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
+    rope, winch, square = side.rope, side.winch, side.winch.drum_radius**2
+    gives, end = present(winch.gear_stiffness), end_mass(rope, length)
+    rotor = winch.gear_ratio**2 * winch.rotor_inertia / square if gives else 0.0
+    drum = winch.inertia if gives else total_inertia(winch)
+    return SideMasses(
+        drum=drum / square + rope_on_drum(rope, length, plant.track) - end,
+        rotor=rotor,
+        end=end,
+        node=lumped_mass(rope, length) if present(rope.mass_per_length) else 0.0,
+        sag=8 / 15 * (rope.mass_per_length + rope.added_mass_per_length) * length,
+    )
+
+
+def _share_of_plant(participation: Mapping[str, float], plant: Plant, prefix: str) -> float:
+    return sum(participation.get(prefix + name, 0.0) for name in describe_parts(blank_state(plant)))
+
+
+KINDS = {
+    "waves": ("rope {}, longitudinal mode {}", "both ropes {}, longitudinal mode {}"),
+    "gear": ("gear {}", "both gears {}"),
+    "sag": ("sag of rope {}", "sag of both ropes {}"),
+}
+"""Kind of a mode within ropes and gearboxes → its name, of one side and of both."""
+
+
+def _by_kind(kind: str, energies: Sequence[float], inner: Sequence[Inside], moved: Shape) -> str:
+    """A mode's name by its kind and the energies that both sides have of it."""
+    one, two = KINDS[kind]
+    stronger = int(energies[1] > energies[0])
+    nodes = inner[stronger].nodes
+    along = [moved.vehicle, *reversed(nodes), (moved.drum_1, moved.drum_2)[stronger]]
+    number = 1 + _sign_changes(along)
+    if min(energies) < TAKES_PART * sum(energies):
+        return one.format(stronger + 1, number)
+    first, second = (inside.largest(kind) for inside in inner)
+    return two.format("together" if (first * second.conjugate()).real > 0 else "opposed", number)
+
+
+def _sign_changes(along: Sequence[complex]) -> int:
+    """Nodes of a mode's shape, by its displacements along a rope; small ones do not count."""
+    largest = max(along, key=abs)
+    shown = [(way / largest).real for way in along if abs(way) > RIGID * abs(largest)]
+    return sum(first * second < 0 for first, second in pairwise(shown))
 
 
 def plant_prefix(states: Sequence[str]) -> str | None:
@@ -71,10 +190,8 @@ def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") 
     )
 
 
-def _by_energies(moved: Shape, plant: Plant, springs: Sequence[float]) -> str:
-    """A mode's name by the bodies and ropes, of given spring rates in N/m, that have its energy."""
-    drums_masses = (side.winch.inertia / side.winch.drum_radius**2 for side in plant.sides)
-    masses = inertia(plant.vehicle), *drums_masses
+def _by_energies(moved: Shape, masses: Sequence[float], springs: Sequence[float]) -> str:
+    """A mode's name by the bodies and ropes, of given masses in kg and spring rates in N/m, that have its energy."""
     vehicle, *drums = _taking_part(masses, moved)
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]

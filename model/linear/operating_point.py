@@ -9,9 +9,9 @@ approximation; only position and drum angles change along it. `RopeLaw.steady_st
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,22 +19,36 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.heavy_ropes import MASSLESS, steady_rope
 from dualwinch.model.plant import (
     DisturbanceInputs,
     Plant,
     PlantState,
     Torques,
+    blank_state,
     derivative,
+    inner_forces,
     plant_structure,
+    rope_resistance,
     shaft_torques,
-    tensions,
 )
-from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.quantities.tree import leaves, numbers, symbols
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.part import NO_STATE
+from dualwinch.model.quantities.quantity import Mark, Quantity
+from dualwinch.model.quantities.tree import leaves, numbers, symbols, with_leaves
 from dualwinch.model.ropes import SHORTEST_ROPE, Track, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.model.winch import angle_of, friction_torque, shaft_torque, winding
+from dualwinch.model.winch import (
+    Rotor,
+    angle_of,
+    friction_torque,
+    gear_torque,
+    shaft_torque,
+    steady_motor,
+    winding,
+    with_gear_loss,
+)
 
 PRELOAD = 2000.0
 """Sum of both tensions in N (paper Section 4.1)."""
@@ -52,9 +66,12 @@ class SteadyMotion(NamedTuple):
     F2: Scalar
 
 
-def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant) -> Scalar:
-    """Net rope force F1 − F2 in N that keeps the speed v in m/s: friction, drag and disturbance (paper Section 2.3)."""
-    opposing = friction(v, plant.vehicle, environment.normal_force_variation)
+def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant, x: Scalar = 0.0) -> Scalar:
+    """Net rope force F1 − F2 in N at the drums that keeps the speed v in m/s (paper Section 2.3).
+
+    Friction, drag and disturbance of the vehicle at x in m, and what water and rollers put against the ropes.
+    """
+    opposing = friction(v, plant.vehicle, environment.normal_force_variation) + rope_resistance(x, v, plant)
     return opposing + drag(v - environment.current, plant.vehicle) - environment.force
 
 
@@ -73,18 +90,23 @@ def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
     """State and torques of the steady motion that passes x in m at v in m/s, with the tensions F1 and F2 in N.
 
     The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
-    angle the motion is steady for that instant.
+    angle, and with ropes whose friction changes with their length, the motion is steady for that instant.
     """
-    drums, torques = [], []
+    drums, ropes, motors, torques, density = [], [], [], [], plant.vehicle.water_density
     for side, tension, length in zip(plant.sides, tensions, rope_lengths(x, plant.track), strict=True):
-        stretch, slope = side.rope.steady_stretch(tension, length, -side.direction * v)
-        theta = angle_of(stretch + side.direction * x, side.winch)
+        way, speed = side.direction * x, side.direction * v
+        rope, wound, rate = steady_rope(side.rope, tension, length, plant.track, way, speed, density=density)
+        theta = angle_of(wound, side.winch)
         radius = winding(theta, side.winch).radius
-        omega = side.direction * v * (1 - slope) / radius
+        omega = rate / radius
+        load = radius * with_gear_loss(tension, omega, side.winch) + friction_torque(omega, side.winch)
+        motor = steady_motor(load, theta, omega, side.winch)
         drums += [theta, omega]
-        torque = (radius * tension + friction_torque(omega, side.winch)) / side.winch.gear_ratio
-        torques.append(torque / shaft_torque(1.0, theta, side.winch))
-    return SteadyMotion(PlantState(x, v, *drums), Torques(*torques), *tensions)
+        ropes.append(rope)
+        motors.append(motor)
+        shaft = motor.theta if isinstance(motor, Rotor) else theta
+        torques.append(load / side.winch.gear_ratio / shaft_torque(1.0, shaft, side.winch))
+    return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors), Torques(*torques), *tensions)
 
 
 FASTEST = 10.0
@@ -148,6 +170,31 @@ def remarks(preload: float, forces: Sequence[float]) -> tuple[str, ...]:
     return (f"a rope is at its limit: the tensions' sum is {_newtons(total)}, not the preload's {_newtons(preload)}",)
 
 
+def gear_torques(state: PlantState, plant: Plant) -> dict[str, float]:
+    """Torques in N m that gearboxes that give transmit to their drums: ``gear_1``, ``gear_2``."""
+    of_sides = zip(plant.sides, state.motors, state.drums, strict=True)
+    return {
+        f"gear_{side.number}": float(gear_torque(*drum, motor, side.winch))
+        for side, motor, drum in of_sides
+        if isinstance(motor, Rotor)
+    }
+
+
+def contact(torques: Mapping[str, float], plant: Plant) -> tuple[str, ...]:
+    """Of which contact a linearisation is, in words: nothing where no gearbox has backlash.
+
+    Args:
+        torques: what gearboxes transmit in N m, by the names ``gear_1`` and ``gear_2``; others are ignored.
+        plant: says which have backlash.
+    """
+    sides = {f"gear_{side.number}": side for side in plant.sides if side.winch.backlash > 0}
+    touching = [(side.number, torques[name]) for name, side in sides.items() if name in torques]
+    if not touching:
+        return ()
+    words = " and ".join(f"{torque:.4g} N m in gearbox {number}" for number, torque in touching)
+    return (f"linear while ropes stay taut and teeth in contact, which transmit {words}",)
+
+
 def _newtons(force: float) -> str:
     return f"{force:,.0f} N".replace(",", " ")
 
@@ -175,11 +222,15 @@ class OperatingPoint:
     slack_2: Annotated[bool, Quantity("", "rope 2 hangs loose")]
     violations: Annotated[tuple[str, ...], Quantity("", "limits that are not respected, in words")]
     remarks: Annotated[tuple[str, ...], Quantity("", "what else is to be known, in words")]
+    rope_1: Any = MASSLESS
+    rope_2: Any = MASSLESS
+    motor_1: Any = NO_STATE
+    motor_2: Any = NO_STATE
 
     @property
     def state(self) -> PlantState:
         """The plant's state."""
-        return PlantState(self.x, self.v, self.theta_1, self.omega_1, self.theta_2, self.omega_2)
+        return PlantState(**{name: getattr(self, name) for name in PlantState.__dataclass_fields__})
 
     @property
     def torques(self) -> Torques:
@@ -261,7 +312,7 @@ def operating_points(
     parameters = np.repeat(np.array([list(numbers(plant).values())]).T, points.shape[1], axis=1)
     structure = plant_structure(plant)
     found = operating_point_law(structure)(inputs, parameters).full()
-    left = _left(structure)(found[:6], found[6:8], inputs[3:5], parameters).full()
+    left = _left(structure)(found[:-4], found[-4:-2], inputs[3:5], parameters).full()
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
     return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
@@ -284,7 +335,7 @@ def operating_point_law(structure: Plant) -> ca.Function:
     point = ca.SX.sym("point", 7)
     x, v, preload, force, current, tension_min, tension_max = ca.vertsplit(point)
     environment = DisturbanceInputs(force, current)
-    shared = shared_tensions(resistance(v, environment, plant), preload, tension_min, tension_max)
+    shared = shared_tensions(resistance(v, environment, plant, x), preload, tension_min, tension_max)
     cruise = steady_motion(x, v, shared, plant)
     values = [*leaves(cruise.state).values(), *leaves(cruise.torques).values(), cruise.F1, cruise.F2]
     return ca.Function("steady_motion", [point, p], [ca.vertcat(*values)])
@@ -294,13 +345,19 @@ def operating_point_law(structure: Plant) -> ca.Function:
 def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
     plant, p = symbols(structure, "p")
-    (state, x), (asked, u), w = symbols(PlantState(), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
-    torques = shaft_torques(asked, state.theta_1, state.theta_2, plant)
-    rate = derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)
-    radius_1, radius_2 = plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    accelerations = ca.vertcat(rate.v, radius_1 * rate.omega_1, radius_2 * rate.omega_2)
-    tension_rates = ca.jtimes(ca.vertcat(*tensions(state, plant)), x, ca.vertcat(*leaves(rate).values()))
-    left = [ca.norm_inf(accelerations), ca.norm_inf(tension_rates)]
+    (state, x), (asked, u), w = symbols(blank_state(structure), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
+    (angle_1, _), (angle_2, _) = state.shafts
+    torques = shaft_torques(asked, angle_1, angle_2, plant)
+    rates, known = leaves(derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)), describe_parts(state)
+    radii = {str(number): winch.drum_radius for number, _, winch, *_ in plant.sides}
+    accelerations = [
+        rate * radii[key.partition(".")[0][-1]] if known[key].quantity.unit == "rad/s" else rate
+        for key, rate in rates.items()
+        if Mark.RATE in known[key].marks
+    ]
+    forces = ca.vertcat(*inner_forces(state, plant).values())
+    tension_rates = ca.jtimes(forces, x, ca.vertcat(*rates.values()))
+    left = [ca.norm_inf(ca.vertcat(*accelerations)), ca.norm_inf(tension_rates)]
     return ca.Function("left", [x, u, w, p], [ca.vertcat(*left)])
 
 
@@ -308,21 +365,24 @@ def _point(
     column: NDArray[np.float64], asked: NDArray[np.float64], plant: Plant, limits: tuple[float, float]
 ) -> OperatingPoint:
     values = [float(value) + 0.0 for value in column]  # -0.0 becomes 0.0
-    state, torques, forces, left = PlantState(*values[:6]), Torques(*values[6:8]), values[8:10], values[10:]
+    blank = blank_state(plant)
+    state = with_leaves(blank, dict(zip(leaves(blank), values, strict=False)))
+    *torques, F1, F2, residual, tension_rate = values[len(leaves(blank)) :]
+    forces = F1, F2
     _, v, preload, force, current = (float(value) for value in asked[:5])
     slack = [plant.rope_slack and tension <= 0 for tension in forces]
     return OperatingPoint(
-        **leaves(state),
-        **leaves(torques),
-        F1=forces[0],
-        F2=forces[1],
+        **vars(state),
+        **vars(Torques(*torques)),
+        F1=F1,
+        F2=F2,
         preload=preload,
         force=force,
         current=current,
-        residual=left[0],
-        tension_rate=left[1],
+        residual=residual,
+        tension_rate=tension_rate,
         slack_1=slack[0],
         slack_2=slack[1],
-        violations=violations(v, forces, values[6:8], plant, limits),
-        remarks=remarks(preload, forces),
+        violations=violations(v, forces, torques, plant, limits),
+        remarks=remarks(preload, forces) + contact(gear_torques(state, plant), plant),
     )

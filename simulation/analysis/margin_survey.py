@@ -64,7 +64,7 @@ def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
     """
     t = np.linspace(0, experiment.duration, INSTANTS)
     fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
-    needed = float(resistance(fastest, DisturbanceInputs(), experiment.plant))
+    needed = float(resistance(fastest, DisturbanceInputs(), experiment.plant, experiment.plant.track.length / 2))
     steady = fastest > 0 and abs(needed) < experiment.controller.limits.force
     speeds = (-fastest, 0.0, fastest) if steady else (0.0,)
     return [(share * experiment.plant.track.length, v) for share in SHARES for v in speeds]

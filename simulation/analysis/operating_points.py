@@ -21,10 +21,9 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
-from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, tensions
-from dualwinch.model.quantities.description import describe
+from dualwinch.model.plant import DisturbanceInputs, Plant, blank_state, inner_forces
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Creep
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, start_function
@@ -68,10 +67,10 @@ PRESSED = 1.0
 """Integral in N s that presses a torque against its limit, where a tension command is at its limit."""
 
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
-"""Changes of tension are counted in kN, those of position beyond ``v Ts`` in mm."""
+"""Changes of inner forces are counted in kN, those of position beyond ``v Ts`` in mm."""
 
-PLANT = tuple(f"motion.plant.{name}" for name in describe(PlantState))
-"""States of the plant; a rope's tension has to repeat, and its drum's angle may go on."""
+PLANT = "motion.plant."
+"""What the states of the plant begin with."""
 
 QUICK_BUILD = ("-O1",)
 """The function is long and straight: more takes a compiler thrice as long and brings nothing."""
@@ -165,7 +164,7 @@ def loop_operating_point(
     """
     calm = in_calm(experiment)
     prepare(calm)
-    limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant)
+    limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant, x)
     if not abs(needed) < limits.force:
         raise ConfigurationError(
             f"v = {v:g}: steady motion needs a force of {float(needed):.4g} N, must be within ±{limits.force:g} N "
@@ -200,8 +199,8 @@ def with_taut_ropes(structure: Experiment) -> Experiment:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment in calm water, with perfect sensors, and without what no motion is steady with.
 
-    What goes round with drums and motors, eccentricity and ripple, and creeping ropes are disturbances of a loop, no
-    part of it.
+    What goes round with drums, gears and motors (eccentricity, transmission error, ripple) and creeping ropes are
+    disturbances of a loop, no part of it.
     """
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = replace(
@@ -216,7 +215,7 @@ def in_calm(experiment: Experiment) -> Experiment:
     )
     simulation = replace(experiment.simulation, jitter=0.0)
     plant = experiment.plant
-    still = {"eccentricity": 0.0, "torque_ripple": 0.0}
+    still = {"eccentricity": 0.0, "torque_ripple": 0.0, "transmission_error": 0.0}
     winch_1, winch_2 = replace(plant.winch_1, **still), replace(plant.winch_2, **still)
     plant = replace(plant, winch_1=winch_1, winch_2=winch_2, creep_1=Creep(), creep_2=Creep())
     return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
@@ -234,7 +233,7 @@ class LoopOperatingPoints:
         repeats: (s,) whether every state repeats there.
         facts: (s, 4) force command, what its limit leaves of it, and both tensions, in N.
         residual: (s,) largest change of a state that is left, over its size.
-        slopes: (s, n + 5, n + 4) derivatives (`_OpenSample.evaluate`).
+        slopes: (s, n + 3 + f, n + 4) derivatives (`_OpenSample.evaluate`).
     """
 
     parameters: Floats
@@ -348,16 +347,19 @@ class _OpenSample:
     Attributes:
         loop: the closed loop.
         kept: (n,) indices of its states that are no bookkeeping.
-        x, ropes: indices of the vehicle's position and of both drums' angles among those.
-        moving: (n,) which of them go on with the vehicle, beside the drums.
+        plant: indices of the plant's states.
+        x: index of the vehicle's position among those.
+        strained: (f,) indices of the positions that go on so that a force stays: drums, ropes' nodes and rotors
+            (`model.plant.inner_forces`).
+        moving: (n,) which of them go on with the vehicle, beside those.
         learnt: (n,) which of them are what has been learnt of a machine.
         remembers: (n,) which of them remember the last sample.
         adapting: (states,) which states are those of law and estimator.
         reference: index of the reference position among what comes from outside.
         evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)``, of many points. Values are the
-            kept states a sample later, what comes back to the openings, and both tensions' changes over the sample,
-            (n + 5,); facts are those of `LoopOperatingPoints`; slopes are derivatives of the values by kept states,
-            reference position and what leaves the openings, (n + 5, n + 4).
+            kept states a sample later, what comes back to the openings, and the inner forces' changes over the sample,
+            (n + 3 + f,); facts are those of `LoopOperatingPoints`; slopes are derivatives of the values by kept states,
+            reference position and what leaves the openings, (n + 3 + f, n + 4).
     """
 
     evaluate: Callable[..., tuple[Floats, ...]]
@@ -366,9 +368,12 @@ class _OpenSample:
         self.loop = closed_loop(structure)
         self.kept = np.flatnonzero(~self.loop.marked(Mark.BOOKKEEPING))
         names = [self.loop.states[index] for index in self.kept]
-        self.x, self.ropes = names.index(PLANT[0]), [names.index(name) for name in PLANT if "theta" in name]
+        blank = blank_state(structure.plant)
+        self.plant = [self.loop.states.index(PLANT + key) for key in leaves(blank)]
+        self.x = names.index(f"{PLANT}x")
+        self.strained = [names.index(PLANT + key) for key in inner_forces(blank, structure.plant)]
         self.moving = self.loop.marked(Mark.POSITION)[self.kept]
-        self.moving[self.ropes] = False
+        self.moving[self.strained] = False
         self.learnt = self.loop.marked(Mark.LEARNT)[self.kept]
         self.remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
         self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept]
@@ -398,10 +403,11 @@ def _open_function(structure: Experiment) -> ca.Function:
     returned = cut.sample(*arguments)[cut.sample.name_out().index("returned")]
     kept = np.flatnonzero(~loop.marked(Mark.BOOKKEEPING)).tolist()
     plant = with_leaves(structure.plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant.")
+    blank = blank_state(structure.plant)
 
     def forces(vector: ca.SX) -> ca.SX:
         named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
-        return ca.vertcat(*tensions(PlantState(*(named[key] for key in PLANT)), plant))
+        return ca.vertcat(*inner_forces(with_leaves(blank, named, PLANT), plant).values())
 
     values = ca.vertcat(following[kept], returned, forces(following) - forces(state))
     facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
@@ -428,14 +434,15 @@ def _first_guesses(
     of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
     point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
     state = start_function(structure)(parameters.T).full().T
-    state[:, [loop.states.index(name) for name in PLANT]] = point[:6].T
+    state[:, sample.plant] = point[:-4].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
     if near is not None:
         state = np.where(sample.adapting & np.isfinite(near), near, state)
     outside = np.zeros((count, len(loop.exogenous)))
     outside[:, sample.reference], outside[:, loop.exogenous.index("reference.v")] = x, v
-    force = point[8] - point[9]
-    leaving = np.array([force, point[6], point[7]]).T
+    *_, tau_1, tau_2, F1, F2 = point
+    force = F1 - F2
+    leaving = np.array([force, tau_1, tau_2]).T
     # what remembers the last sample, or whether there was one, knows it after two
     for _ in range(2):
         following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
@@ -458,7 +465,7 @@ def _first_guesses(
         repeats=np.zeros(count, bool),
         facts=np.full((count, 4), np.nan),
         residual=np.full(count, np.inf),
-        slopes=np.full((count, n + 5, n + 4), np.nan),
+        slopes=np.full((count, n + 3 + len(sample.strained), n + 4), np.nan),
     )
 
 
@@ -565,15 +572,15 @@ def _equations(
         What is left of the equations (a, n + 3), their matrices (a, n + 3, n + 3), which values something depends on,
         and which are unknown.
     """
-    n, ropes, moving = len(sample.kept), sample.ropes, np.append(sample.moving, [False] * 3)
+    n, strained, moving = len(sample.kept), sample.strained, np.append(sample.moving, [False] * 3)
     units = np.where(moving, POSITION_UNIT, 1.0)
     rest = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
-    rest[:, ropes] = found[:, n + 3 :] * ROPE_UNIT
+    rest[:, strained] = found[:, n + 3 :] * ROPE_UNIT
     every = at.slopes[:, : n + 3].copy()
     every[:, :n, :n] -= np.eye(n)
     every[:, n:, n + 1 :] -= np.eye(3)
     every *= units[:, None]
-    every[:, ropes] = at.slopes[:, n + 3 :] * ROPE_UNIT
+    every[:, strained] = at.slopes[:, n + 3 :] * ROPE_UNIT
     matrix = np.delete(every, n, axis=2)
     # a state that nothing depends on may grow for ever; one that nothing moves, such as an integral without a gain, is
     # where it began

@@ -1,0 +1,138 @@
+"""Linear models of plants with distributed ropes and gearboxes that give, against textbooks and small simulations."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.model.linear.linearisation import linearise
+from dualwinch.model.linear.modes import Mode, modes, track_modes
+from dualwinch.model.linear.operating_point import operating_point
+from dualwinch.model.plant import Plant, plant
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.ropes import Rope, Track
+from dualwinch.model.vehicle import Vehicle
+from dualwinch.model.winch import Winch
+
+STIFFNESS = 80e9 * 4.52e-4
+"""E A in N of Table 1."""
+
+CLAMPED = Vehicle(mass=1e15, friction_coefficient=0.0)
+"""A vehicle that nothing moves."""
+
+SITE = load_ensemble("site").experiment.plant
+
+
+def of(rope: Rope, winch: Winch, spacing: float = 0.0) -> Plant:
+    return Plant(
+        vehicle=CLAMPED,
+        track=Track(roller_spacing=spacing),
+        rope_1=rope,
+        rope_2=rope,
+        winch_1=winch,
+        winch_2=winch,
+    )
+
+
+def named(found: tuple[Mode, ...], label: str) -> Mode:
+    (mode,) = [mode for mode in found if mode.label == label]
+    return mode
+
+
+@pytest.mark.parametrize("segments", [2, 3, 8])
+def test_longitudinal_modes_are_those_of_a_lumped_bar(segments: int) -> None:
+    """Fixed at the vehicle, free at a drum without inertia: c/4L, 3 c/4L with the factors of the discrete chain."""
+    heavy = of(Rope(mass_per_length=2.36, segments=segments, shortest_mass=0.0, damping=10.0), Winch(inertia=1e-6))
+    found = modes(linearise(0.0, plant=heavy), heavy)
+    speed, length = math.sqrt(STIFFNESS / 2.36), 50.5
+    for number in range(1, segments):
+        omega = 2 * segments * speed / length * math.sin((2 * number - 1) * math.pi / (4 * segments))
+        mode = named(found, f"rope 1, longitudinal mode {number}")
+        assert mode.natural_frequency == pytest.approx(omega, rel=1e-6)
+        # of a damper of c N s/m beside a spring of k N/m over the whole rope: c omega/2k
+        assert mode.damping == pytest.approx(10.0 * omega / (2 * STIFFNESS / length), rel=1e-6)
+    first = named(found, "rope 1, longitudinal mode 1").natural_frequency / (2 * math.pi)
+    assert first == pytest.approx(speed / length / 4, rel=1.05 * (math.pi / (4 * segments)) ** 2 / 6)
+
+
+def test_rotor_and_drum_swing_on_the_gearbox_as_two_inertias_do() -> None:
+    """sqrt(K (1/J1 + 1/J2)), damped by d/2K times that; the ropes all but cut."""
+    winch = Winch(inertia=120.0, rotor_inertia=0.02, gear_stiffness=1.4e6, gear_damping=500.0, backlash=9e-4)
+    loose = of(Rope(modulus=1e3, damping=0.0), winch)
+    point = operating_point(25.0, plant=loose)
+    omega = math.sqrt(1.4e6 * (1 / 120 + 1 / (36**2 * 0.02)))
+    for mode in modes(linearise(25.0, plant=loose), loose):
+        if "gear" in mode.label:
+            assert mode.natural_frequency == pytest.approx(omega, rel=1e-6)
+            assert mode.damping == pytest.approx(500 * omega / (2 * 1.4e6), rel=1e-6)
+    assert point.motor_1.theta - point.theta_1 == pytest.approx(0.8 * 1000 / 1.4e6 + 4.5e-4)
+    (remark,) = point.remarks
+    assert remark.startswith("linear while ropes stay taut and teeth in contact, which transmit 800 N m in gearbox 1")
+
+
+@pytest.mark.parametrize(("tension", "span"), [(200.0, 1.0), (1000.0, 1.0), (6000.0, 5.0)])
+def test_a_slow_torque_sees_ernsts_modulus(tension: float, span: float) -> None:
+    """The drum's turn by a lasting torque, with the vehicle held."""
+    rope = Rope(submerged_weight=20.2, added_mass_per_length=2.96)
+    sagging = of(rope, Winch(), spacing=span)
+    system = linearise(25.0, 0.0, 2 * tension, sagging, tension_min=50.0, tension_max=2e4)
+    held = [k for k, name in enumerate(system.states) if name not in {"x", "v"}]
+    turn = -np.linalg.solve(system.A[np.ix_(held, held)], system.B[held, 0])[held.index(system.states.index("theta_1"))]
+    ernst = STIFFNESS / 25.5 / (1 + (20.2 * span) ** 2 * STIFFNESS / (12 * tension**3))
+    assert 36 / (0.8**2 * turn) == pytest.approx(ernst, rel=1e-6)
+
+
+def test_the_sag_of_a_rope_has_its_mode() -> None:
+    """Of one span between a fixed drum and a fixed vehicle: string of one term, stiffened by the rope's stretch."""
+    rope, span, tension = Rope(submerged_weight=20.2, added_mass_per_length=2.96, damping=0.0), 1.0, 3000.0
+    held = of(rope, Winch(inertia=1e12), spacing=span)
+    found = modes(linearise(25.0, 0.0, 2 * tension, held, tension_max=2e4), held)
+    depth = 20.2 * span**2 / (8 * tension)
+    string = 16 / 3 * tension / span**2 + (16 / 3 * depth / span**2) ** 2 * STIFFNESS
+    for word in ("together", "opposed"):
+        mode = named(found, f"sag of both ropes {word}")
+        assert mode.natural_frequency == pytest.approx(math.sqrt(string / (8 / 15 * 2.96)), rel=1e-4)
+
+
+@pytest.mark.parametrize(("x", "v", "preload"), [(12.0, 0.0, 2000.0), (3.0, 1.5, 6000.0), (44.0, -1.0, 8000.0)])
+def test_steady_motion_leaves_nothing_but_round_off(x: float, v: float, preload: float) -> None:
+    ropes = {
+        "rope_1": replace(SITE.rope_1, segments=5, spare_length=30.0),
+        "rope_2": replace(SITE.rope_2, segments=3, damping=300.0),
+        "winch_1": replace(SITE.winch_1, gear_loss=0.03),
+    }
+    point = operating_point(x, v, preload, replace(SITE, **ropes))
+    assert point.residual < 1e-5
+    assert point.tension_rate < 0.05  # rollers and water hold back less of a rope that grows shorter
+    assert math.isclose(point.F1 + point.F2, preload)
+
+
+@pytest.mark.parametrize("v", [0.0, 1.0])
+def test_a_small_kick_dies_away_as_the_linear_model_says(v: float) -> None:
+    """The nonlinear plant of the site from a kicked operating point, solved by itself, against exp(A t)."""
+    site, preload = replace(SITE, rope_slack=False), 6000.0
+    point, system, function = operating_point(20.0, v, preload, site), linearise(20.0, v, preload, site), plant(site)
+    start, u = np.array(list(leaves(point.state).values())), [point.tau_1, point.tau_2]
+    kick = np.zeros(len(start))
+    kick[[system.states.index(name) for name in ("omega_1", "rope_1.waves.speed", "motor_2.omega")]] = 1e-6
+
+    def rate(_: float, state: np.ndarray) -> np.ndarray:
+        return np.array(function(state, u, [0, 0, 0])[0]).ravel()
+
+    def after(begun: np.ndarray) -> np.ndarray:
+        return solve_ivp(rate, (0.0, 0.03), begun, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+
+    kicked, free, predicted = after(start + kick), after(start), expm(system.A * 0.03) @ kick
+    largest = np.maximum(np.abs(predicted), 1e-3 * np.abs(predicted).max())
+    np.testing.assert_array_less(np.abs(kicked - free - predicted) / largest, 0.02)
+
+
+def test_modes_of_the_site_are_followed_along_the_track() -> None:
+    systems = [linearise(x, 1.0, 6000.0, SITE) for x in np.arange(5.0, 21.0, 4.0)]
+    labels = {track.label for track in track_modes(systems, SITE)}
+    assert {"rope 1 – drum 1", "gear 1", "sag of rope 1", "rigid drift: speed"} <= labels
+    assert {"rope 1, longitudinal mode 2", "gear 2", "sag of rope 2"} <= labels
