@@ -6,6 +6,9 @@ compiler and the processor, the digest is that of the file itself. A file whose 
 processes that build the same library at once, and builds that are killed, leave nothing that could be taken for
 a library. Files of any other name or owner are neither used nor touched.
 
+To write a source can take longer than all that follows. An empty file ``<recipe>-<key>.recipe`` says which library
+comes of a recipe, the fingerprint of all that a source is made of: it is found without writing the source again.
+
 A library is code that is run: write access to its folder, or to one above it, decides what is run. So a folder is
 trusted as ssh trusts the folder of its keys: it and its files belong to the user, and no other user may write to it or
 to any folder above it. A folder that is not trusted is left as it is; libraries are then built anew in a folder that
@@ -23,10 +26,11 @@ import stat
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -157,6 +161,7 @@ BEING_LOADED = 60.0
 """Age in s since its last use below which a library may be one that another process is about to load."""
 
 LIBRARY = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.so")
+RECIPE = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.recipe")
 UNFINISHED = re.compile(r"unfinished-\d+-[0-9a-f]{8}\.so")
 BUILD = re.compile(r"build-\w{8}")
 """Names of what is put into the cache folder; builds are folders."""
@@ -197,25 +202,38 @@ _used: set[Path] = set()
 """Libraries that this process has looked up."""
 
 
-def library(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = ()) -> Path:
+Source: TypeAlias = str | Callable[[], str]
+"""One translation unit, or a function that writes it."""
+
+
+def library(source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (), recipe: str = "") -> Path:
     """The compiled library of a C source, from the cache or newly built.
 
     Args:
-        source: one translation unit.
+        source: one translation unit, or what writes it where no library of the recipe is known.
         compiler: what builds it.
         extra_flags: beside the compiler's own.
+        recipe: fingerprint of all that the source is made of; empty: there is none.
 
     Raises:
         CompileError: the compiler fails.
         CacheError: the cache folder cannot be used, or a limit of it is none.
     """
     folder, limits = cache_folder(), cache_limits()
-    key = fingerprint(source, compiler.identity, *extra_flags)
-    found = _look_up(folder, key)
+    build = compiler.identity, *extra_flags
+    recipe = recipe and fingerprint(recipe, *build)
+    found = _look_up_recipe(folder, recipe) if recipe else None
     if found is None:
-        found = _build(folder, key, source, compiler, extra_flags)
-        _used.add(found)
-        _sweep(folder, limits)
+        text = source if isinstance(source, str) else source()
+        key = fingerprint(text, *build)
+        found = _look_up(folder, key)
+        if found is None:
+            found = _build(folder, key, text, compiler, extra_flags)
+            _used.add(found)
+            _sweep(folder, limits)
+        if recipe:
+            with contextlib.suppress(OSError):
+                (folder / f"{recipe}-{key}.recipe").touch(mode=0o600)
     _used.add(found)
     return found
 
@@ -234,20 +252,23 @@ RETURNED = {"": None, "int": ctypes.c_int, "n": ctypes.c_int64}
 """Letters of signatures: an array, a count, a number."""
 
 
-def loaded(source: str, compiler: Compiler, extra_flags: tuple[str, ...] = (), **signatures: str) -> ctypes.CDLL:
+def loaded(
+    source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (), recipe: str = "", **signatures: str
+) -> ctypes.CDLL:
     """The library of a C source, loaded, with what its functions take and return.
 
     Args:
-        source: one translation unit.
+        source: one translation unit, or what writes it where no library of the recipe is known.
         compiler: what builds it.
         extra_flags: beside the compiler's own.
+        recipe: as of `library`.
         signatures: of each function that is called, a letter an argument and what it returns, as in ``"ppn -> int"``.
             Arrays must be C-contiguous; Python's lock is released during a call.
 
     Raises:
         CompileError, CacheError: as `library`.
     """
-    found = ctypes.CDLL(str(library(source, compiler, extra_flags)))
+    found = ctypes.CDLL(str(library(source, compiler, extra_flags, recipe)))
     for name, signature in signatures.items():
         arguments, _, returned = signature.partition(" -> ")
         function = getattr(found, name)
@@ -268,6 +289,14 @@ def _look_up(folder: Path, key: str) -> Path | None:
                 os.utime(file)
                 return file
             file.unlink()
+    return None
+
+
+def _look_up_recipe(folder: Path, recipe: str) -> Path | None:
+    for file in folder.glob(f"{recipe}-*.recipe"):
+        with contextlib.suppress(FileNotFoundError):  # another process sweeps
+            if RECIPE.fullmatch(file.name) and own(file) and (found := _look_up(folder, file.stem.partition("-")[2])):
+                return found
     return None
 
 
@@ -317,3 +346,8 @@ def _sweep(folder: Path, limits: CacheLimits) -> None:
             if beyond and file not in _used and age > BEING_LOADED:
                 file.unlink()
                 size -= facts.st_size
+    keys = {file.name.partition("-")[0] for file in libraries(folder)}
+    for file in folder.iterdir():
+        with contextlib.suppress(OSError):
+            if RECIPE.fullmatch(file.name) and own(file) and file.stem.partition("-")[2] not in keys:
+                file.unlink()

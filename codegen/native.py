@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.unit import recipe
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.source.c_source import c_source
 
@@ -124,13 +125,13 @@ def compile(  # noqa: A001
     """
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
-    source = _source(function)
-    call = loaded(source, compiler or find_compiler(), (*NON_FINITE, *flags), run="pppn").run
+    made_of = recipe((function,), "native")
+    found = loaded(lambda: _source(function), compiler or find_compiler(), (*NON_FINITE, *flags), made_of, run="pppn")
     return CompiledFunction(
         name=function.name(),
         inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
         outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
-        _call=call,
+        _call=found.run,
     )
 
 

@@ -3,11 +3,14 @@
    derive_NAME(parameters, derived), over arrays whose elements lie LANES apart, and sampled_lanes.h. The work of two
    vectors is interleaved, so that a processor has something to do while it waits for a result: where PAIRED, each call
    works on lanes l and l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that
-   are read at all.
+   are read at all, those of READ_EXOGENOUS.
 
    What a lane gives depends on its own numbers alone: lanes never mix. */
 
 #define LOOK_EVERY 64
+
+EXPORT const int signals_read[] = READ_EXOGENOUS;
+EXPORT const int64_t signals_read_count = READ;
 
 IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, double *restrict for_observe,
                       double *restrict for_move) {

@@ -11,7 +11,7 @@ from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
-from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, unit
+from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import BUILDING, GRAPHS
@@ -24,7 +24,8 @@ EVERY_SAMPLE = ("sample", "one_step")
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
-    functions = hoisted_all(system.functions)
+    with BUILDING:
+        functions = hoisted_all(system.functions)
     often = [function for function in functions if function.name() in EVERY_SAMPLE]
     read, used = all_read(functions, "exogenous"), all_read(often, "parameters")
     lanes = {
@@ -36,7 +37,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
         for function in functions
     }
     sizes = system.sizes | lane_sizes(compiler) | {"READ": len(read)}
-    listed = macros_of_lists(USED_PARAMETERS=used)
+    listed = macros_of_lists(USED_PARAMETERS=used, READ_EXOGENOUS=read)
     source = c_source(functions, lanes=lanes)
     return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "sampled_lanes.h", "batch.c")
 
@@ -99,7 +100,8 @@ class Batch:
 def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
     chosen = compiler or find_compiler()
-    with BUILDING:
-        source, read = batch_source(system, chosen), tuple(all_read(hoisted_all(system.functions), "exogenous"))
-    driver = loaded(source, chosen, lane_flags(chosen), batch="ppppnnpnnxpp")
+    made_of = recipe(system.functions, "batch", system.parts)
+    driver = loaded(lambda: batch_source(system, chosen), chosen, lane_flags(chosen), made_of, batch="ppppnnpnnxpp")
+    count = ctypes.c_int64.in_dll(driver, "signals_read_count").value
+    read = tuple((ctypes.c_int * count).in_dll(driver, "signals_read"))
     return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), driver.batch)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
-from dualwinch.codegen.drivers.unit import hoisted_all, unit
+from dualwinch.codegen.drivers.unit import hoisted_all, recipe, unit
 from dualwinch.codegen.sampled import PredictedSystem
 from dualwinch.codegen.source.c_source import LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import GRAPHS
@@ -283,5 +283,6 @@ def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None)
         "smooth": "pppnpppnppp -> int",
         "predict": "pppnpppppp -> int",
     }
-    driver = loaded(prediction_source(system, chosen), chosen, lane_flags(chosen), **signatures)
+    made_of = recipe(system.functions, "prediction", system.parts, system.fitted)
+    driver = loaded(lambda: prediction_source(system, chosen), chosen, lane_flags(chosen), made_of, **signatures)
     return Predictor(system.sizes, driver.filter, driver.predict, driver.smooth)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, unit
+from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.expressions import GRAPHS
@@ -85,5 +85,6 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
     chosen = compiler or find_compiler()
     own = FLAGS if chosen.is_clang else FLAGS + SCHEDULED
     flags = own if generator == "dualwinch" else CASADI_FLAGS
-    driver = loaded(rollout_source(system, generator), chosen, flags, rollout="pppnnpp -> int")
+    made_of = recipe(system.functions, "rollout", system.parts, generator)
+    driver = loaded(lambda: rollout_source(system, generator), chosen, flags, made_of, rollout="pppnnpp -> int")
     return Rollout(system.observe.numel_out("row"), driver.rollout)

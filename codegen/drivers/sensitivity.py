@@ -14,7 +14,7 @@ from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
-from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, unit
+from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import GRAPHS, as_written
@@ -204,7 +204,12 @@ def compile_sensitivity(
     """
     chosen = compiler or find_compiler()
     products = jacobian_products(smooth, varied)
-    source = sensitivity_source(system, smooth, products, varied, chosen)
-    driver = loaded(source, chosen, lane_flags(chosen), sensitivity="pppppppppnnppppp -> int")
+    driver = loaded(
+        lambda: sensitivity_source(system, smooth, products, varied, chosen),
+        chosen,
+        lane_flags(chosen),
+        recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),
+        sensitivity="pppppppppnnppppp -> int",
+    )
     derive = {name: hoisted(product.slopes)[0] for name, product in products.items()}
     return Sensitivity(varied, derive, driver.sensitivity)

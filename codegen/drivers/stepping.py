@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, unit
+from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import GRAPHS
@@ -105,7 +105,9 @@ def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | 
     chosen = compiler or find_compiler()
     flags = lane_flags(chosen) if not exact else () if chosen.is_clang else SCHEDULED
     signatures = {"prepare": "pp", "look": "pnn", "odd_command": "p -> n", "step": "pnnnp -> n"}
-    driver = loaded(stepping_source(commanded, chosen, exact=exact), chosen, flags, **signatures)
+    functions = *commanded.system.functions, commanded.sense
+    made_of = recipe(functions, "stepping", commanded.system.parts, commanded.commands, exact)
+    driver = loaded(lambda: stepping_source(commanded, chosen, exact=exact), chosen, flags, made_of, **signatures)
     return Stepping(1 if exact else LANES, commanded.sizes, driver)
 
 

@@ -69,15 +69,24 @@ class LinearisedGraph:
                     self._connect(source, target, ca.SX(1))
             else:
                 given = [values[operand] for operand in made_of]
-                values[step], vertices[step] = applied(operation, given), None
+                values[step] = applied(operation, given)
                 if self._fixed.issuperset(made_of):
                     self._fixed.add(step)
-                for operand, slope in zip(made_of, _partials(operation, len(given)).call(given), strict=True):
-                    source = vertices[operand]
-                    if source is not None and not slope.is_zero():
-                        self._connect(source, step, slope)
-                        vertices[step] = step
+                depends = self._connect_operands([vertices[operand] for operand in made_of], operation, given, step)
+                vertices[step] = step if depends else None
         self._drop_unused()
+
+    def _connect_operands(
+        self, sources: list[Vertex | None], operation: int, operands: list[ca.SX], target: Vertex
+    ) -> bool:
+        """Connect an operation's result with its operands; whether it depends on any of what is differentiated by."""
+        if not any(source is not None for source in sources):
+            return False
+        slopes = zip(sources, _partials(operation, operands), strict=True)
+        active = [(source, slope) for source, slope in slopes if source is not None and not slope.is_zero()]
+        for source, slope in active:
+            self._connect(source, target, slope)
+        return bool(active)
 
     def _connect(self, source: Vertex, target: Vertex, slope: ca.SX) -> None:
         edges = self.into.setdefault(target, {})
@@ -138,9 +147,17 @@ class LinearisedGraph:
         return into, slopes
 
 
-@built_once
-def _partials(operation: int, count: int) -> ca.Function:
+def _partials(operation: int, operands: list[ca.SX]) -> list[ca.SX]:
     """The derivatives of an operation by its operands."""
+    if operation == ca.OP_MUL:  # the most frequent ones without a call
+        return operands[::-1]
+    if operation in {ca.OP_ADD, ca.OP_SUB}:
+        return [ca.SX(1), ca.SX(1 if operation == ca.OP_ADD else -1)]
+    return _derivatives(operation, len(operands)).call(operands)
+
+
+@built_once
+def _derivatives(operation: int, count: int) -> ca.Function:
     operands = [ca.SX.sym(f"operand_{operand}") for operand in range(count)]
     value = applied(operation, operands)
     return ca.Function("partials", operands, [ca.jacobian(value, operand) for operand in operands])

@@ -1,11 +1,15 @@
 """Puts one C translation unit together: sizes as macros, generated functions, a driver."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 import casadi as ca
 
-from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.codegen.compiler import fingerprint
+from dualwinch.codegen.source.casadi_c import lacking
+from dualwinch.codegen.source.expressions import BUILDING, elements_read
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Generator
 
@@ -39,6 +43,29 @@ def _text(part: str) -> str:
 def c_file(name: str) -> str:
     """The text of a C file beside this one."""
     return (files("dualwinch.codegen.drivers") / name).read_text(encoding="utf-8")
+
+
+def recipe(functions: Sequence[ca.Function], *options: object) -> str:
+    """Fingerprint of all that a translation unit is made of (`cache.library`), in a fraction of the time to write it.
+
+    Args:
+        functions: that it is written of.
+        options: what else shapes it, beside the compiler; equal ones look the same.
+
+    Returns:
+        The fingerprint; empty where the emitter lacks an operation, so that each process warns of it.
+    """
+    with BUILDING:
+        if any(map(lacking, functions)):
+            return ""
+        return fingerprint(_version(), *map(repr, options), *(function.serialize() for function in functions))
+
+
+@cache
+def _version() -> str:
+    """Fingerprint of what writes C: the sources of `codegen`, and CasADi's version."""
+    sources = (path for path in Path(__file__).parents[1].rglob("*") if path.suffix in {".py", ".c", ".h"})
+    return fingerprint(ca.CasadiMeta.version(), *(path.read_text(encoding="utf-8") for path in sorted(sources)))
 
 
 def all_read(functions: Iterable[ca.Function], name: str) -> list[int]:

@@ -3,13 +3,12 @@
 import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 
 from dualwinch.codegen.errors import CodegenError, CodegenWarning
-from dualwinch.codegen.source.expressions import as_written, elements_read, instructions
+from dualwinch.codegen.source.expressions import GRAPHS, as_written, elements_read
 from dualwinch.codegen.source.operations import Style, name_of, patterns
 
 IGNORED = ("-Wunused-parameter", "-Wunused-function", "-Wunused-variable", "-Wconversion", "-Wshadow")
@@ -28,13 +27,13 @@ AFTER = "#if defined(__GNUC__)\n#pragma GCC diagnostic pop\n#endif\n"
 """Stand before and after CasADi's text, which is left as it is."""
 
 
-@lru_cache(maxsize=64)
+@GRAPHS.cached
 def lacking(function: ca.Function) -> str | None:
     """Why the emitter has no C for a function; None where it has C for all of its operations."""
     if not function.is_a("SXFunction"):
         return f"it is no function of SX expressions but of class {function.class_name()}"
     known = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    unknown = sorted({made.operation for made in instructions(function)} - known)
+    unknown = sorted({function.instruction_id(index) for index in range(function.n_instructions())} - known)
     return f"there is none for its '{name_of(unknown[0])}'" if unknown else None
 
 
@@ -111,7 +110,7 @@ def calling_statements(
     return lines
 
 
-@lru_cache(maxsize=64)
+@GRAPHS.cached
 def renamed(function: ca.Function, name: str) -> ca.Function:
     """The function under another name, operation by operation."""
     inputs: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()

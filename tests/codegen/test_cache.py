@@ -158,3 +158,41 @@ def test_a_folder_that_cannot_be_is_one_error(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path / "file" / "cache"))
     with pytest.raises(CacheError, match="DUALWINCH_CACHE_DIR"):
         cache_folder()
+
+
+def test_a_source_is_not_written_again_for_a_recipe(builds: list[str]) -> None:
+    written: list[int] = []
+
+    def writing(number: int) -> str:
+        written.append(number)
+        return answering(number)
+
+    gcc = find_compiler()
+    first, again = (library(lambda: writing(11), gcc, (), "eleven") for _ in range(2))
+    other = library(lambda: writing(12), gcc, (), "twelve")
+    assert first == again != other
+    assert written == [11, 12]
+    same = library(lambda: writing(11), gcc, (), "eleven, said otherwise")
+    assert same == first
+    assert library(lambda: writing(11), gcc, ("-DOTHER",), "eleven") != first
+    assert written == [11, 12, 11, 11]
+    assert len(builds) == 3
+
+
+def test_a_recipe_leads_to_no_library_that_is_gone_or_damaged() -> None:
+    first = library(lambda: answering(13), find_compiler(), (), "thirteen")
+    first.write_bytes(b"half a library")
+    again = library(lambda: answering(13), find_compiler(), (), "thirteen")
+    assert answer(again) == 13
+    cache._used.discard(again)
+    again.unlink()
+    library(answering(14), find_compiler())
+    assert not [file for file in cache_folder().iterdir() if file.suffix == ".recipe"]
+
+
+@POSIX
+def test_a_recipe_that_others_may_write_to_is_not_used() -> None:
+    first = library(lambda: answering(15), find_compiler(), (), "fifteen")
+    (note,) = (file for file in cache_folder().iterdir() if file.suffix == ".recipe")
+    note.chmod(0o666)
+    assert library(lambda: answering(16), find_compiler(), (), "fifteen") != first
