@@ -159,15 +159,15 @@ def _bounds(word: str, value: Any) -> tuple[float, float]:
 
 def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
     """Raise `ConfigurationError` where a draw may leave the range of its key."""
-    nominal = leaves(experiment)[key]
+    nominal, leaf = leaves(experiment)[key], leaf_of(key, experiment)
     if drawn.relative and nominal is None:
         raise ConfigurationError(f'{key}: has no nominal value of its own; give bounds without of = "nominal"')
     for end in drawn.ends(nominal):
         try:
-            with_leaves(experiment, {key: validated(leaf_of(key, experiment), end)})
+            with_leaves(experiment, {key: validated(leaf, end)})
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
-    if Mark.SHAPES_CODE_AT_ZERO in leaf_of(key, experiment).marks and 0 in {nominal, *drawn.ends(nominal)}:
+    if Mark.SHAPES_CODE_AT_ZERO in leaf.marks and 0 in {nominal, *drawn.ends(nominal)}:
         raise ConfigurationError(
             f"{key}: must be above 0, outside [distributions] too: whether it is 0 shapes the compiled code"
         )

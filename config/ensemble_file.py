@@ -105,6 +105,8 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
                 f"{key}: is drawn in the ensemble '{ensemble.name}', whatever its nominal value; edit the file"
             )
     experiment = override(ensemble.experiment, values)
+    if experiment is ensemble.experiment:
+        return ensemble
     for key, drawn in ensemble.distributions.items():
         check_range(key, drawn, experiment)
     return replace(ensemble, experiment=experiment)

@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from typing import TypeAlias
 
+import casadi as ca
+
+from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.scalar import Scalar, maximum
 
 Matrix: TypeAlias = tuple[tuple[Scalar, ...], ...]
@@ -105,13 +108,36 @@ def riccati(a: Matrix, g: Matrix, h: Matrix, doublings: int) -> Matrix:
         h: what is lost in a sample; likewise.
         doublings: steps; the solution is that of the Riccati recursion after 2^doublings samples.
     """
-    identity = diagonal(*[1.0] * len(a))
+    given = a, g, h
+    symbolic = any(isinstance(value, ca.SX) for matrix in given for row in matrix for value in row)
+    doubled = _doubled_symbols if symbolic else _doubled
     for _ in range(doublings):
-        w = plus(identity, times(g, h))
-        w_a, w_g = solve(w, a), solve(w, g)
-        a, g, h = (
-            times(a, w_a),
-            plus(g, times(a, w_g, transpose(a))),
-            plus(h, times(transpose(a), h, w_a)),
-        )
-    return h
+        given = doubled(*given)
+    return given[-1]
+
+
+def _doubled(a: Matrix, g: Matrix, h: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """One step of `riccati`."""
+    w = plus(diagonal(*[1.0] * len(a)), times(g, h))
+    w_a, w_g = solve(w, a), solve(w, g)
+    return times(a, w_a), plus(g, times(a, w_g, transpose(a))), plus(h, times(transpose(a), h, w_a))
+
+
+def _doubled_symbols(*matrices: Matrix) -> list[Matrix]:
+    """`_doubled` by a function, which expands a hundred times as fast as scalars are put together one by one."""
+    n = len(matrices[0])
+    found = _doubling(n).call([ca.vertcat(*(value for row in matrix for value in row)) for matrix in matrices])
+    return [_rows(ca.vertsplit(result), n) for result in found]
+
+
+@built_once
+def _doubling(n: int) -> ca.Function:
+    symbols = [ca.SX.sym(name, n * n) for name in "agh"]
+    results = _doubled(*(_rows(ca.vertsplit(symbol), n) for symbol in symbols))
+    return ca.Function(
+        "doubling", symbols, [ca.vertcat(*(value for row in matrix for value in row)) for matrix in results]
+    )
+
+
+def _rows(values: Sequence[Scalar], n: int) -> Matrix:
+    return tuple(tuple(values[start : start + n]) for start in range(0, n * n, n))

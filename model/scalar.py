@@ -17,7 +17,9 @@ Scalar: TypeAlias = Any
 
 def present(value: Scalar) -> bool:
     """Whether a number is not zero for good; a symbol may be any number, of an array one element is enough."""
-    return bool(np.any(value)) if isinstance(value, (int, float, np.ndarray, np.number)) else True
+    if isinstance(value, (int, float)):  # as most are
+        return bool(value)
+    return bool(np.any(value)) if isinstance(value, (np.ndarray, np.number)) else True
 
 
 def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:

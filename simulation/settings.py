@@ -139,9 +139,10 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
     Raises:
         ConfigurationError: it names nothing; the message says what may be meant.
     """
-    known, key = known_keys() | dict(describe_parts(experiment) if experiment else {}), current(key)
-    if key in known:
-        return known[key]
+    here, key = describe_parts(experiment) if experiment else {}, current(key)
+    if found := here.get(key) or known_keys().get(key):
+        return found
+    known = list(dict.fromkeys((*known_keys(), *here)))
     below = [name for name in known if name.startswith(key + ".")]
     if below:
         first = ", ".join(name.removeprefix(key + ".") for name in below[:6])

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from numbers import Integral, Real
 from operator import ge, gt, le, lt
 from typing import Annotated, Any
@@ -253,7 +253,7 @@ class Leaf:
                 upper = min(upper, bound_of(constraint))
         return lower, upper
 
-    @property
+    @cached_property
     def is_number(self) -> bool:
         """Whether the value is a number at run time, and not a choice of structure."""
         if Mark.SHAPES_CODE in self.marks or not self.marks.isdisjoint(AHEAD):
@@ -290,7 +290,11 @@ class Leaf:
         return right and self._within(value)
 
     def _within(self, value: Any) -> bool:
-        return all(COMPARISONS[type(each)][1](value, bound_of(each)) for each in self.constraints)
+        return all(compare(value, bound) for compare, bound in self._comparisons)
+
+    @cached_property
+    def _comparisons(self) -> tuple[tuple[Callable[[Any, Any], bool], Any], ...]:
+        return tuple((COMPARISONS[type(each)][1], bound_of(each)) for each in self.constraints)
 
     def _is_chosen(self, value: Any) -> bool:
         if Mark.PARTS not in self.marks:

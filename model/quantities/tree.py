@@ -64,6 +64,8 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
         inside = () if slot.plain else slot.groups(value)
+        if inside and slot.key not in values and not any(key.startswith(slot.below) for key in values):
+            continue
         if slot.choice:
             parts = _chosen(slot.choice, inside, values.get(slot.key), slot.below)
             parts = tuple(with_leaves(part, values, slot.below) for part in parts)
