@@ -1,4 +1,4 @@
-"""Ropes with mass and weight: longitudinal waves, sag between rollers, drag along the rope (assumption A14).
+"""Ropes with mass and weight: longitudinal waves, sag between rollers, drag, hysteresis (assumption A14).
 
 A rope runs from its drum, where ``wound`` metres of it have been retrieved, to the vehicle; its chord is longer than
 the unstretched rope by ``stretch``. Ways along the rope are positive where they retrieve it.
@@ -18,17 +18,23 @@ with the transverse mass m and the weight w a metre and the mean tension T. At r
 the tension is Ernst's modulus. One mode suffices while lambda² = (w s)² E A/T³ is below 15 (errors of 1 to 2 % in the
 first symmetric frequency); beyond 100 it errs by a quarter.
 
+**Hysteresis.** Wires rub on each other as the strain changes: beside its law a rope pulls with ``hysteresis z``, where
+z follows the strain, in units of ``hysteresis_strain``, by Dahl's model with the limit 1 (`model.friction`). A cycle of
+strain between ± a loses 4 T (a − d tanh(a/d)) a metre of rope, with the largest force T and the strain d.
+
 References: Irvine, *Cable Structures* (1981), chapters 2 and 3; Ernst, *Der Bauingenieur* 40 (1965).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
 
+from dualwinch.model.friction import bristle_rate
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity, vector
-from dualwinch.model.ropes import RopeLaw, Track, one_sided
+from dualwinch.model.ropes import SHORTEST_ROPE, RopeLaw, Track, one_sided
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, sqrt, tanh
 
 
@@ -49,15 +55,23 @@ class Sag:
 
 
 @dataclass(frozen=True)
+class Hysteresis:
+    """Friction between the wires of a rope."""
+
+    share: Annotated[Scalar, Quantity("1", "friction between the wires over its largest"), Mark.SETTLES]
+
+
+@dataclass(frozen=True)
 class RopeState:
-    """State of a rope of its own: nothing where it has neither mass nor weight."""
+    """State of a rope of its own: nothing where it has neither mass nor weight, nor hysteresis."""
 
     waves: Any = NO_STATE
     sag: Any = NO_STATE
+    hysteresis: Any = NO_STATE
 
 
 MASSLESS = RopeState()
-"""The state of a rope with neither mass nor weight."""
+"""The state of a rope with neither mass nor weight, nor hysteresis."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +130,7 @@ def end_mass(rope: RopeLaw, length: Scalar) -> Scalar:
 
 def blank_rope(rope: RopeLaw) -> RopeState:
     """A state of a rope whose numbers mean nothing: what names its elements."""
-    return resting_rope(rope, 1.0, 1.0, Track(), 0.0)[0] if is_heavy(rope) else MASSLESS
+    return resting_rope(rope, 1.0, 1.0, Track(), 0.0)[0] if is_heavy(rope) or present(rope.hysteresis) else MASSLESS
 
 
 def is_heavy(rope: RopeLaw) -> bool:
@@ -139,7 +153,12 @@ def resting_rope(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, w
         span = span_of(length, track)
         depth = rope.submerged_weight * span**2 / (8 * tension)
         stretch, sag = stretch - arc(depth, span) * length, Sag(depth, 0.0)
-    return RopeState(_evenly(rope, way + stretch, stretch, 0.0, 0.0), sag), stretch
+    return RopeState(_evenly(rope, way + stretch, stretch, 0.0, 0.0), sag, _unused(rope)), stretch
+
+
+def _unused(rope: RopeLaw) -> Any:
+    """Hysteresis of a rope that has not been strained."""
+    return Hysteresis(0.0) if present(rope.hysteresis) else NO_STATE
 
 
 def _evenly(rope: RopeLaw, wound: Scalar, stretch: Scalar, wound_rate: Scalar, stretch_rate: Scalar) -> Any:
@@ -179,10 +198,10 @@ def steady_rope(
     n = rope.segments if waves else 1
     speeds, positions, depth = [speed] * (n + 1), [way] * (n + 1), 0.0
     for _ in range(PASSES if is_heavy(rope) else 1):
-        held = [rope_drag(rope, node, length, track, density) / n for node in speeds]
-        pulls = [tension - held[0] / 2]
-        for share in held[1:-1]:
-            pulls.append(pulls[-1] - share)
+        along = drag_along(rope, speeds, length, track, density)
+        pulls = [tension - along[0]]
+        for near, far in pairwise(along):
+            pulls.append(pulls[-1] - near - far)
         surplus, growth = 0.0, 0.0
         if present(rope.submerged_weight):
             span = span_of(length, track)
@@ -197,7 +216,7 @@ def steady_rope(
             speeds[node] = speeds[node + 1] - (slope - growth) * speed / n
     inner = Waves(vector(positions[1:-1]), vector(speeds[1:-1])) if waves else NO_STATE
     sag = Sag(depth, 0.0) if present(rope.submerged_weight) else NO_STATE
-    return RopeState(inner, sag), positions[0], speeds[0]
+    return RopeState(inner, sag, _unused(rope)), positions[0], speeds[0]
 
 
 def arc(depth: Scalar, span: Scalar) -> Scalar:
@@ -249,7 +268,7 @@ LEAST_PULL = 50.0
 
 
 def rope_pull(
-    rope: RopeLaw, state: RopeState, ends: RopeEnds, track: Track, *, density: Scalar, slack: bool
+    rope: RopeLaw, state: RopeState, ends: RopeEnds, track: Track, *, density: Scalar, slack: bool, step: Scalar = 0.0
 ) -> RopePull:
     """Tensions of a rope, and how it moves on.
 
@@ -260,12 +279,14 @@ def rope_pull(
         track: the rollers that carry it.
         density: of the water in kg/m³.
         slack: whether it goes slack; else it may push.
+        step: in s, over which the rate of the hysteresis is the mean; tensions are those at its end (`bristle_rate`).
     """
     n, length, closeness = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.closeness
     surplus, surplus_rate = 0.0, 0.0  # of the arc over the chord, m of the whole rope
+    steep = 0.0  # depth of the sag over the span squared
     if isinstance(state.sag, Sag):
-        span = span_of(length, track)
-        steep = state.sag.depth / span**2
+        spans = maximum(closeness, 1 / track.roller_spacing) if present(track.roller_spacing) else closeness
+        steep = state.sag.depth * spans**2  # without a division
         surplus = 8 / 3 * steep * state.sag.depth * length
         surplus_rate = 16 / 3 * steep * state.sag.rate * length
     stretches, rates, speeds = [ends.stretch], [ends.stretch_rate], [ends.wound_rate]
@@ -277,32 +298,51 @@ def rope_pull(
         rates = [n * (near - far) for near, far in pairwise(speeds)]
     else:
         speeds.append(ends.wound_rate - ends.stretch_rate)
+    rubbing, hysteresis = 0.0, NO_STATE
+    if isinstance(state.hysteresis, Hysteresis):
+        # a rope that gets longer at constant strain stretches; sag of the same depth on more rollers is no strain
+        stretch = ends.stretch + (0.0 if present(track.roller_spacing) else 2 * surplus)
+        growing = stretch * closeness * (ends.stretch_rate - ends.wound_rate)
+        straining = (ends.stretch_rate + surplus_rate - growing) * closeness
+        hysteresis = Hysteresis(bristle_rate(state.hysteresis.share, straining / rope.hysteresis_strain, 1.0, step))
+        rubbing = rope.hysteresis * (state.hysteresis.share + step * hysteresis.share)
     tensions = []
     for stretch, rate in zip(stretches, rates, strict=True):
-        pull = rope.pull(stretch + surplus, rate + surplus_rate, length, closeness)
+        pull = rope.pull(stretch + surplus, rate + surplus_rate, length, closeness) + rubbing
         tensions.append(one_sided(stretch + surplus, pull) if slack else pull)
-    held = [rope_drag(rope, speed, length, track, density) / n for speed in speeds]
+    along = drag_along(rope, speeds, length, track, density)
     waves, sag = NO_STATE, NO_STATE
     if isinstance(state.waves, Waves):
-        mass = lumped_mass(rope, length)
-        forces = [tensions[node] - tensions[node + 1] - held[node + 1] for node in range(n - 1)]
-        waves = Waves(state.waves.speed, vector([force / mass for force in forces]))
+        lightest = 1 / maximum(rope.shortest_mass, SHORTEST_ROPE)
+        ease = n / rope.mass_per_length * minimum(closeness, lightest)  # 1/lumped_mass
+        forces = [tensions[k] - tensions[k + 1] - along[k] - along[k + 1] for k in range(n - 1)]
+        waves = Waves(state.waves.speed, vector([force * ease for force in forces]))
     if isinstance(state.sag, Sag):
         rate, mean = state.sag.rate, sum(tensions) / n
         across = 16 / 35 * 0.5 * density * rope.cross_drag * rope.diameter * absolute(rate) * rate
-        lifting = 16 / 3 * mean * state.sag.depth / span**2  # pyright: ignore[reportPossiblyUnboundVariable]
+        lifting = 16 / 3 * mean * steep
         moved = 8 / 15 * (rope.mass_per_length + rope.added_mass_per_length)
         sag = Sag(rate, (2 / 3 * rope.submerged_weight - lifting - across) / moved)
     return RopePull(
-        at_drum=tensions[0] + held[0] / 2,
-        at_vehicle=tensions[-1] - held[-1] / 2,
+        at_drum=tensions[0] + along[0],
+        at_vehicle=tensions[-1] - along[-1],
         segments=tuple(tensions),
-        rate=RopeState(waves, sag),
+        rate=RopeState(waves, sag, hysteresis),
     )
 
 
 ROLLING_SPEED = 0.01
 """Speed of the rope in m/s over which the friction of the rollers changes its sign, as that of the rail (A3)."""
+
+
+def drag_along(rope: RopeLaw, speeds: Sequence[Scalar], length: Scalar, track: Track, density: Scalar) -> list[Scalar]:
+    """Force in N that holds back either end of each segment, half of `rope_drag` at its mean speed.
+
+    `speeds` in m/s are those of the ends of all segments, from the drum on.
+    """
+    n = len(speeds) - 1
+    means = [(near + far) / 2 for near, far in pairwise(speeds)]
+    return [rope_drag(rope, mean, length, track, density) / (2 * n) for mean in means]
 
 
 def rope_drag(rope: RopeLaw, speed: Scalar, length: Scalar, track: Track, density: Scalar) -> Scalar:

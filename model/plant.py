@@ -23,7 +23,16 @@ from dualwinch.model.quantities.quantity import Mark, Quantity, elements, vector
 from dualwinch.model.quantities.tree import alike, leaves, shape_of, symbols
 from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, rope_lengths
 from dualwinch.model.scalar import Scalar, present, reciprocals
-from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
+from dualwinch.model.vehicle import (
+    Vehicle,
+    blank_bristles,
+    drag,
+    friction,
+    inertia,
+    rail_friction,
+    resting_bristles,
+    slope_force,
+)
 from dualwinch.model.winch import (
     Rotor,
     Winch,
@@ -89,6 +98,7 @@ class PlantState:
     rope_2: Any = MASSLESS
     motor_1: Any = NO_STATE
     motor_2: Any = NO_STATE
+    rail: Any = NO_STATE
 
     @property
     def ropes(self) -> tuple[Any, Any]:
@@ -131,9 +141,12 @@ class DisturbanceInputs:
 
 
 def is_distributed(plant: Plant) -> bool:
-    """Whether ropes have mass or weight, or gearboxes give or rub: more than the paper's six states know."""
-    return any(
-        is_heavy(side.rope) or present(side.winch.gear_stiffness) or present(side.winch.gear_loss)
+    """Whether ropes have mass or weight, gearboxes give or rub, or friction has a state: more than six states know."""
+    return present(plant.vehicle.bristle_stiffness) or any(
+        is_heavy(side.rope)
+        or present(side.rope.hysteresis)
+        or present(side.winch.gear_stiffness)
+        or present(side.winch.gear_loss)
         for side in plant.sides
     )
 
@@ -141,11 +154,14 @@ def is_distributed(plant: Plant) -> bool:
 def blank_state(plant: Plant) -> PlantState:
     """A state of a plant whose numbers mean nothing: what names its elements."""
     ropes, motors = (map(blank_rope, (plant.rope_1, plant.rope_2)), map(blank_motor, (plant.winch_1, plant.winch_2)))
-    return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors)
+    return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors, rail=blank_bristles(plant.vehicle))
 
 
-def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[RopePull, RopePull]:
-    """What both ropes do at the time t in s (paper Section 2.2, E1, A1, A2; with mass and weight A14)."""
+def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 0.0) -> tuple[RopePull, RopePull]:
+    """What both ropes do at the time t in s (paper Section 2.2, E1, A1, A2; with mass and weight A14).
+
+    `step` is as of `derivative`.
+    """
     lengths, found = rope_lengths(state.x, plant.track), []
     closenesses = reciprocals(*lengths)
     ropes = zip(plant.sides, state.drums, state.ropes, lengths, closenesses, strict=True)
@@ -159,8 +175,8 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[RopePu
             length=length,
             closeness=closeness,
         )
-        density = plant.vehicle.water_density
-        found.append(rope_pull(side.rope, own, ends, plant.track, density=density, slack=plant.rope_slack))
+        water = {"density": plant.vehicle.water_density}
+        found.append(rope_pull(side.rope, own, ends, plant.track, **water, slack=plant.rope_slack, step=step))
     return found[0], found[1]
 
 
@@ -171,7 +187,12 @@ def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, 
 
 
 def vehicle_acceleration(
-    v: Scalar, pull: Scalar, environment: DisturbanceInputs, vehicle: Vehicle, ropes: Scalar = 0.0
+    v: Scalar,
+    pull: Scalar,
+    environment: DisturbanceInputs,
+    vehicle: Vehicle,
+    ropes: Scalar = 0.0,
+    rubbing: Scalar | None = None,
 ) -> Scalar:
     """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3).
 
@@ -181,19 +202,25 @@ def vehicle_acceleration(
         environment: what acts on it from outside.
         vehicle: the vehicle.
         ropes: mass in kg of the rope that moves with it.
+        rubbing: friction on the rail in N; default: that of this speed.
     """
-    resistance = friction(v, vehicle, environment.normal_force_variation)
+    resistance = friction(v, vehicle, environment.normal_force_variation) if rubbing is None else rubbing
     resistance += drag(v - environment.current, vehicle)
     return (pull - resistance + environment.force) / (inertia(vehicle) + ropes)
 
 
-def towed_acceleration(
-    state: PlantState, pulls: tuple[RopePull, RopePull], environment: DisturbanceInputs, plant: Plant
-) -> Scalar:
-    """Acceleration of the vehicle in m/s² under the pulls of both ropes, with the rope that moves with it."""
-    lengths = rope_lengths(state.x, plant.track)
+def towed_vehicle(
+    state: PlantState, pull: Scalar, environment: DisturbanceInputs, plant: Plant, step: Scalar = 0.0
+) -> tuple[Scalar, Any]:
+    """Acceleration of the vehicle in m/s² under a net rope force in N, and the rate of the bristles on the rail.
+
+    The rope that moves with it, the rail's slope and its friction count; `step` is as of `derivative`.
+    """
+    vehicle, lengths = plant.vehicle, rope_lengths(state.x, plant.track)
     ropes = sum(end_mass(side.rope, length) for side, length in zip(plant.sides, lengths, strict=True))
-    return vehicle_acceleration(state.v, pulls[0].at_vehicle - pulls[1].at_vehicle, environment, plant.vehicle, ropes)
+    rubbing, rail = rail_friction(state.v, state.rail, vehicle, environment.normal_force_variation, step)
+    downhill = pull - slope_force(state.x, vehicle, plant.track)
+    return vehicle_acceleration(state.v, downhill, environment, vehicle, ropes, rubbing), rail
 
 
 @dataclass(frozen=True)
@@ -251,19 +278,29 @@ def rope_resistance(x: Scalar, v: Scalar, plant: Plant) -> Scalar:
 
 
 def derivative(
-    state: PlantState, torques: Torques, environment: DisturbanceInputs, plant: Plant, t: Scalar = NEW
+    state: PlantState,
+    torques: Torques,
+    environment: DisturbanceInputs,
+    plant: Plant,
+    t: Scalar = NEW,
+    step: Scalar = 0.0,
 ) -> PlantState:
-    """Time derivative of the state at a time in s, under the `shaft_torques` (paper Section 2.5 with E1–E3)."""
-    pulls, lengths = rope_pulls(state, plant, t), rope_lengths(state.x, plant.track)
+    """Time derivative of the state at a time in s, under the `shaft_torques` (paper Section 2.5 with E1–E3).
+
+    States of friction (`Mark.SETTLES`) may settle within a step of an integrator: their rates are the means over a
+    `step` in s, and forces are those at its end. A step of 0 is the derivative itself.
+    """
+    pulls, lengths = rope_pulls(state, plant, t, step), rope_lengths(state.x, plant.track)
     given = torques.tau_1, torques.tau_2
     of_sides = zip(plant.sides, state.drums, state.motors, pulls, given, lengths, strict=True)
     (alpha_1, motor_1), (alpha_2, motor_2) = (
         winch_rates(theta, omega, motor, pull.at_drum, torque, side.winch, rope_on_drum(side.rope, length, plant.track))
         for side, (theta, omega), motor, pull, torque, length in of_sides
     )
+    acceleration, rail = towed_vehicle(state, pulls[0].at_vehicle - pulls[1].at_vehicle, environment, plant, step)
     return PlantState(
         x=state.v,
-        v=towed_acceleration(state, pulls, environment, plant),
+        v=acceleration,
         theta_1=state.omega_1,
         omega_1=alpha_1,
         theta_2=state.omega_2,
@@ -272,6 +309,7 @@ def derivative(
         rope_2=pulls[1].rate,
         motor_1=motor_1,
         motor_2=motor_2,
+        rail=rail,
     )
 
 
@@ -299,7 +337,8 @@ def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
         ropes.append(rope)
         load = winding(angles[-1], side.winch).radius * (preload / 2)
         motors.append(steady_motor(load, angles[-1], 0.0, side.winch))
-    return PlantState(x, 0.0, angles[0], 0.0, angles[1], 0.0, *ropes, *motors)
+    rail = resting_bristles(x, plant.vehicle, plant.track)
+    return PlantState(x, 0.0, angles[0], 0.0, angles[1], 0.0, *ropes, *motors, rail=rail)
 
 
 def holding_torques(preload: Scalar, plant: Plant) -> Torques:
@@ -308,10 +347,14 @@ def holding_torques(preload: Scalar, plant: Plant) -> Torques:
 
 
 def rigid_plant(plant: Plant) -> Plant:
-    """The same machine with ropes that neither stretch by a law of their own nor weigh, and gears that do not give."""
+    """The same machine whose ropes neither stretch by a law of their own nor weigh, and whose gears do not give.
+
+    Friction on the rail follows the speed at once.
+    """
     rigid = {"gear_stiffness": 0.0, "gear_loss": 0.0}
     return replace(
         plant,
+        vehicle=replace(plant.vehicle, bristle_stiffness=0.0),
         rope_1=Rope(),
         rope_2=Rope(),
         track=replace(plant.track, roller_spacing=0.0),
@@ -324,6 +367,8 @@ def specified_plant(plant: Plant) -> Plant:
     """The plant of the data sheets, without what is unknown of it."""
     return replace(
         plant,
+        vehicle=replace(plant.vehicle, stiction=0.0, bristle_stiffness=0.0, bristle_damping=0.0),
+        track=replace(plant.track, tilt=0.0, waviness=0.0),
         winch_1=specified_winch(plant.winch_1),
         winch_2=specified_winch(plant.winch_2),
         creep_1=Creep(),
@@ -335,6 +380,7 @@ def plant_structure(plant: Plant) -> Plant:
     """The laws of a plant's ropes and whether they go slack, with numbers of no plant in particular."""
     return Plant(
         rope_slack=plant.rope_slack,
+        vehicle=shape_of(plant.vehicle),
         track=shape_of(plant.track),
         rope_1=alike(plant.rope_1),
         rope_2=alike(plant.rope_2),

@@ -37,6 +37,24 @@ class Track:
         Quantity("1", "friction of the rollers over the weight they carry", "0.05 to 0.2, A14"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
+    tilt: Annotated[
+        float,
+        at.Ge(-0.1),
+        at.Le(0.1),
+        Quantity("rad", "slope of the rail, positive where it rises towards winch 1", "A14"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
+    waviness: Annotated[
+        NonNegative,
+        at.Le(0.1),
+        Quantity("rad", "amplitude of the slope of a wavy rail, beside tilt", "A14"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
+    wavelength: Annotated[Positive, Quantity("m", "length of the rail's waves", "A14"), Mark.UNKNOWN, Mark.COURSE] = (
+        10.0
+    )
     rope_offset: Annotated[
         float, at.Ge(0.05), Quantity("m", "rope between winch and vehicle at the rail's end", "A1")
     ] = 0.5
@@ -125,6 +143,16 @@ class RopeLaw(Part):
     cross_drag: Annotated[
         NonNegative, Quantity("1", "drag coefficient across the rope", "1.2, A14"), Mark.OFF_AT_ZERO
     ] = 0.0
+    hysteresis: Annotated[
+        NonNegative,
+        Quantity("N", "largest friction between the rope's wires (Dahl); 0: none", "up to 14, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    hysteresis_strain: Annotated[
+        Positive,
+        Quantity("1", "strain after which that friction has changed by 1 − 1/e of the way", "4e-6, A14"),
+        Mark.COURSE,
+    ] = 4e-6
 
     def __init_subclass__(cls, **options: Any) -> None:
         """What follows from a tension is not inherited by a law that writes another one."""

@@ -64,6 +64,11 @@ def absolute(value: Scalar) -> Scalar:
     return ca.fabs(value)
 
 
+def sign(value: Scalar) -> Scalar:
+    """-1, 0 or 1."""
+    return ca.sign(value)
+
+
 def tanh(value: Scalar) -> Scalar:
     """Hyperbolic tangent."""
     return ca.tanh(value)
@@ -109,3 +114,8 @@ def power(base: Scalar, exponent: Scalar) -> Scalar:
 def rounded(value: Scalar) -> Scalar:
     """Nearest integer, halves upwards."""
     return ca.floor(value + 0.5)
+
+
+def quantise(value: Scalar, step: Scalar) -> Scalar:
+    """The value rounded to a multiple of `step`; unchanged where the step is 0."""
+    return value + where(step > 0, step * rounded(value / maximum(step, 1e-100)) - value, 0.0)

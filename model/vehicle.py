@@ -1,10 +1,21 @@
-"""The underwater vehicle and what holds it back: rail friction and drag (paper Section 2.3)."""
+"""The underwater vehicle and what holds it back: rail friction, the rail's slope and drag (paper Section 2.3).
 
+Friction is Coulomb's, smoothed about rest (A3), with Stribeck's excess at low speeds where it is given. With
+``bristle_stiffness`` it is LuGre's (`model.friction`): the vehicle sticks, breaks away, and in steady motion feels the
+same Stribeck curve::
+
+    F = sigma_0 z + sigma_1 dz/dt,    dz/dt = v − |v| z sigma_0/g(v),    g(v) = mu N (1 + stiction exp(−(v/v_s)²))
+"""
+
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
+from dualwinch.model.friction import bristle_rate
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
-from dualwinch.model.scalar import Scalar, absolute, tanh
+from dualwinch.model.ropes import Track
+from dualwinch.model.scalar import Scalar, absolute, exp, present, sign, sin, tanh
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,39 @@ class Vehicle:
         NonNegative, Quantity("1", "Coulomb friction on the rail", "A3"), Mark.OFF_AT_ZERO
     ] = 0.1
     friction_velocity: Annotated[Positive, Quantity("m/s", "speed over which friction changes its sign", "A3")] = 0.01
+    stiction: Annotated[
+        NonNegative,
+        Quantity("1", "share by which friction at rest exceeds that of sliding", "0 to 0.5, A14"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+    ] = 0.0
+    stribeck_velocity: Annotated[
+        Positive,
+        Quantity("m/s", "speed at which 1/e of stiction is left (Stribeck)", "0.01, A14"),
+        Mark.UNKNOWN,
+        Mark.COURSE,
+    ] = 0.01
+    bristle_stiffness: Annotated[
+        NonNegative,
+        Quantity("N/m", "stiffness of LuGre's bristles; 0: friction follows the speed at once", "5e6, A14"),
+        Mark.SHAPES_CODE_AT_ZERO,
+        Mark.UNKNOWN,
+        Mark.COURSE,
+    ] = 0.0
+    bristle_damping: Annotated[
+        NonNegative,
+        Quantity("N s/m", "damping of LuGre's bristles", "1e5, A14"),
+        Mark.OFF_AT_ZERO,
+        Mark.UNKNOWN,
+        Mark.COURSE,
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class Bristles:
+    """Bristles between the vehicle and its rail."""
+
+    deflection: Annotated[Scalar, Quantity("m", "deflection of the bristles on the rail"), Mark.SETTLES]
 
 
 def inertia(vehicle: Vehicle) -> Scalar:
@@ -35,9 +79,58 @@ def inertia(vehicle: Vehicle) -> Scalar:
 
 
 def friction(v: Scalar, vehicle: Vehicle, normal_force_variation: Scalar = 0.0) -> Scalar:
-    """Rail friction F_f in N at the speed v in m/s; opposes motion (paper Section 2.3, E2, A3)."""
-    normal_force = vehicle.normal_force + normal_force_variation
-    return vehicle.friction_coefficient * normal_force * tanh(v / vehicle.friction_velocity)
+    """Rail friction F_f in N at the speed v in m/s; opposes motion (paper Section 2.3, E2, A3, A14)."""
+    direction = sign(v) if present(vehicle.bristle_stiffness) else tanh(v / vehicle.friction_velocity)
+    return stribeck(v, vehicle, normal_force_variation) * direction
+
+
+def stribeck(v: Scalar, vehicle: Vehicle, normal_force_variation: Scalar = 0.0) -> Scalar:
+    """Size in N of the rail friction in steady motion at the speed v in m/s: Stribeck's curve."""
+    sliding = vehicle.friction_coefficient * (vehicle.normal_force + normal_force_variation)
+    share = v / vehicle.stribeck_velocity
+    return sliding * (1 + vehicle.stiction * exp(-share * share))
+
+
+def slope_force(x: Scalar, vehicle: Vehicle, track: Track) -> Scalar:
+    """Force in N down a rail that rises towards winch 1, at the position x in m, for angles of at most 0.1 rad.
+
+    What weighs is what buoyancy leaves of the vehicle's weight, and the rail carries: the mean force on it.
+    """
+    return vehicle.normal_force * (track.tilt + track.waviness * sin(2 * math.pi / track.wavelength * x))
+
+
+def blank_bristles(vehicle: Vehicle) -> Any:
+    """A state of the bristles whose numbers mean nothing; none where there are none."""
+    return Bristles(0.0) if present(vehicle.bristle_stiffness) else NO_STATE
+
+
+def resting_bristles(x: Scalar, vehicle: Vehicle, track: Track) -> Any:
+    """State of the bristles that hold a vehicle at rest on a slope at x in m, between ropes of equal tension."""
+    if not present(vehicle.bristle_stiffness):
+        return NO_STATE
+    return Bristles(-slope_force(x, vehicle, track) / vehicle.bristle_stiffness)
+
+
+def steady_bristles(v: Scalar, vehicle: Vehicle) -> Any:
+    """State of the bristles in steady motion at the speed v in m/s."""
+    if not present(vehicle.bristle_stiffness):
+        return NO_STATE
+    return Bristles(friction(v, vehicle) / vehicle.bristle_stiffness)
+
+
+def rail_friction(
+    v: Scalar, bristles: Any, vehicle: Vehicle, normal_force_variation: Scalar, step: Scalar
+) -> tuple[Scalar, Any]:
+    """Friction in N on the rail, and the rate of the bristles' state, its mean over a step (`bristle_rate`).
+
+    Friction is that of bristles at the end of the step: they move before the vehicle does (semi-implicit).
+    """
+    if not isinstance(bristles, Bristles):
+        return friction(v, vehicle, normal_force_variation), bristles
+    limit = stribeck(v, vehicle, normal_force_variation) / vehicle.bristle_stiffness
+    rate = bristle_rate(bristles.deflection, v, limit, step)
+    bent = bristles.deflection + step * rate
+    return vehicle.bristle_stiffness * bent + vehicle.bristle_damping * rate, Bristles(rate)
 
 
 def drag(v: Scalar, vehicle: Vehicle) -> Scalar:

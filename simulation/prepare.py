@@ -21,7 +21,7 @@ from dualwinch.model.reference import Reference, cruise_speed, setpoint
 from dualwinch.model.ropes import Track, kelvin_voigt
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.integrators.problem import swing_rate
+from dualwinch.simulation.integrators.problem import bristle_swing_rate, swing_rate
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
     KEPT,
@@ -194,19 +194,23 @@ def _check_substeps(experiment: Experiment) -> None:
     integrator = solver_of(experiment).integrator
     needed = math.ceil(substeps_for(fastest, simulation, integrator))
     if simulation.substeps < needed:
+        swings = "vehicle on its bristles" if fastest == bristle_swing_rate(plant.vehicle) else "shortest rope"
         raise ConfigurationError(
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {integrator} at "
-            f"simulation.sample_time = {simulation.sample_time:g} s (the shortest rope swings at {fastest:.4g} rad/s)"
+            f"simulation.sample_time = {simulation.sample_time:g} s (the {swings} swings at {fastest:.4g} rad/s)"
         )
 
 
 def fastest_swing(plant: Plant) -> Any:
-    """How fast in rad/s the Kelvin–Voigt ropes of a plant swing with their drums; an array where its numbers are."""
+    """How fast in rad/s Kelvin–Voigt ropes with their drums, or a vehicle on its bristles, swing at most.
+
+    An array where the plant's numbers are.
+    """
     rates = [
         swing_rate(kelvin_voigt(rope), winch, plant.track)
         for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
     ]
-    return np.maximum(*rates)
+    return np.maximum(np.maximum(*rates), bristle_swing_rate(plant.vehicle))
 
 
 def substeps_for(fastest: Any, simulation: Simulation, integrator: str) -> Any:

@@ -15,8 +15,7 @@ from dualwinch.model.plant import (
     Torques,
     inner_signals,
     rope_pulls,
-    towed_acceleration,
-    vehicle_acceleration,
+    towed_vehicle,
 )
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark, Quantity
@@ -116,11 +115,8 @@ def row_of(
     F1, F2 = forces
     pulls = rope_pulls(state, plant, t)
     inner = inner_signals(state, pulls, plant)
-    acceleration = (
-        towed_acceleration(state, pulls, environment, plant)
-        if inner
-        else vehicle_acceleration(state.v, F1 - F2, environment, plant.vehicle)
-    )
+    pull = pulls[0].at_vehicle - pulls[1].at_vehicle if inner else F1 - F2
+    acceleration, _ = towed_vehicle(state, pull, environment, plant)
     believed_resistance = friction(state.v, nominal.vehicle) + drag(state.v, nominal.vehicle)
     believed = (F1 - F2 - believed_resistance) / inertia(nominal.vehicle)
     row = Row(

@@ -1,15 +1,16 @@
-"""Sensors: noise, bias, resolution and outages of the measurements (all perfect by default)."""
+"""Sensors: noise, bias, lag, resolution and outages of the measurements (all perfect by default)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeAlias
 
 import annotated_types as at
 
 from dualwinch.controllers.parts import Measurement
 from dualwinch.model.plant import Plant, PlantState
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
-from dualwinch.model.scalar import Scalar, maximum, rounded, where
+from dualwinch.model.scalar import Scalar, exp, maximum, present, quantise, where
 
 Silence: TypeAlias = Literal["held", "missing"]
 
@@ -76,6 +77,13 @@ class Sensors:
     tension_noise: Annotated[
         NonNegative, Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
+    load_cell_time_constant: Annotated[
+        NonNegative,
+        Quantity(
+            "s", "time constant of both load cells with their amplifiers; 0: none", "1/(2 pi bandwidth), assumption"
+        ),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     load_cell_error_1: Annotated[
         float,
         at.Gt(-1),
@@ -137,11 +145,20 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class LoadCells:
+    """What load cells that lag carry on from earlier samples."""
+
+    F1: Annotated[Scalar, Quantity("N", "tensions before, as load cell 1 remembers them")]
+    F2: Annotated[Scalar, Quantity("N", "tensions before, as load cell 2 remembers them")]
+
+
+@dataclass(frozen=True)
 class Readings:
     """Readings of the last sample."""
 
     theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 1"), Mark.BOOKKEEPING] = 0.0
     theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 2"), Mark.BOOKKEEPING] = 0.0
+    load_cells: Any = NO_STATE
 
 
 @dataclass(frozen=True)
@@ -151,14 +168,16 @@ class HeldReadings(Readings):
     x: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
 
 
+def sensors_structure(sensors: Sensors) -> Sensors:
+    """What of some sensors shapes code, with numbers of no sensors in particular."""
+    silence = silence_of(sensors)
+    outages = {"outage": silence, "outage_length": 1.0} if silence else {}
+    return Sensors(**outages, load_cell_time_constant=1.0 if present(sensors.load_cell_time_constant) else 0.0)
+
+
 def silence_of(sensors: Sensors) -> Silence | None:
     """Reading of the position sensor while it is silent; None: it never is."""
     return sensors.outage if sensors.outage_length > 0 else None
-
-
-def quantise(value: Scalar, step: Scalar) -> Scalar:
-    """The value rounded to a multiple of `step`; unchanged where the step is 0."""
-    return value + where(step > 0, step * rounded(value / maximum(step, 1e-100)) - value, 0.0)
 
 
 def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
@@ -192,18 +211,35 @@ def measurement(
     )
 
 
-def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> Readings:
-    """Drum angles in rad as the encoders count them."""
-    return Readings(
-        theta_1=quantise(exact.theta_1, encoder_step(plant.winch_1.gear_ratio, sensors)),
-        theta_2=quantise(exact.theta_2, encoder_step(plant.winch_2.gear_ratio, sensors)),
-    )
+def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> dict[str, Scalar]:
+    """Drum angles in rad as the encoders count them, by their names in `Readings`."""
+    return {
+        "theta_1": quantise(exact.theta_1, encoder_step(plant.winch_1.gear_ratio, sensors)),
+        "theta_2": quantise(exact.theta_2, encoder_step(plant.winch_2.gear_ratio, sensors)),
+    }
 
 
-def first_readings(state: PlantState, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
-    """Readings before the first sample; of the position only where it may be held."""
-    exact = measurement(state, (0.0, 0.0), plant, sensors)
-    encoders = read_encoders(exact, plant, sensors)
+def load_cells(
+    cells: LoadCells, tensions: tuple[Scalar, Scalar], sensors: Sensors, sample_time: Scalar
+) -> tuple[LoadCells, tuple[Scalar, Scalar]]:
+    """Readings in N of load cells that lag, and what they carry on, at tensions in N.
+
+    A lag of first order, exact for tensions that change evenly from sample to sample (first-order hold): with the time
+    constant T, the sample time h and a = exp(−h/T), a reading y = F + (1 − a) T/h (w − F) and w' = F + a (w − F).
+    """
+    samples = sample_time / sensors.load_cell_time_constant
+    left = exp(-samples)
+    behind = cells.F1 - tensions[0], cells.F2 - tensions[1]
+    carried = (tension + left * late for tension, late in zip(tensions, behind, strict=True))
+    seen_1, seen_2 = (t + (1 - left) / samples * late for t, late in zip(tensions, behind, strict=True))
+    return LoadCells(*carried), (seen_1, seen_2)
+
+
+def first_readings(state: PlantState, tension: Scalar, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
+    """Readings before the first sample, both ropes under a tension in N; of the position only where it may be held."""
+    exact = measurement(state, (tension, tension), plant, sensors)
+    cells = LoadCells(tension, tension) if present(sensors.load_cell_time_constant) else NO_STATE
+    encoders = Readings(**read_encoders(exact, plant, sensors), load_cells=cells)
     return HeldReadings(**vars(encoders), x=exact.x) if silence == "held" else encoders
 
 
@@ -232,12 +268,18 @@ def measure(
     Returns:
         The readings, to be kept for the next sample, and the measurement.
     """
+    carried = last.load_cells
+    if isinstance(carried, LoadCells):
+        carried, tensions = load_cells(carried, tensions, sensors, sample_time)
     exact = measurement(state, tensions, plant, sensors, sensors.position_drift * noise.drift)
-    now, counting = read_encoders(exact, plant, sensors), sensors.encoder_counts > 0
+    now, counting = (
+        replace(last, **read_encoders(exact, plant, sensors), load_cells=carried),
+        sensors.encoder_counts > 0,
+    )
     x = quantise(exact.x + sensors.position_noise * noise.position, sensors.position_resolution)
     if silence and isinstance(last, HeldReadings):
         x = where(noise.silent > 0, last.x, x)
-        now = HeldReadings(**vars(now), x=x)
+        now = replace(now, x=x)
     elif silence:
         x = where(noise.silent > 0, math.nan, x)
     return now, Measurement(

@@ -274,17 +274,21 @@ NOTES = (
         "assumption",
         "mass and weight of ropes, winches",
         "Ropes have neither mass nor weight (2.2), gearboxes are rigid (2.4), and a drum of 1.6 m diameter has an "
-        "inertia of 1.8 kg m² (Table 1).",
-        "So by default. Mass, sag on rollers, drag, rotors and gearboxes that give can be set, and the ensemble "
-        "`site` has them.",
+        "inertia of 1.8 kg m² (Table 1). The rail is level, and friction on it the same at all speeds (2.3).",
+        "So by default. Mass, sag on rollers, drag, hysteresis, rotors and gearboxes that give, Stribeck's friction "
+        "with LuGre's bristles and a sloping rail can be set, and the ensemble `site` has them.",
         keys=(
             "plant.rope_1.mass_per_length",
             "plant.rope_1.submerged_weight",
             "plant.track.roller_spacing",
             "plant.winch_1.rotor_inertia",
             "plant.winch_1.gear_stiffness",
+            "plant.rope_1.hysteresis",
+            "plant.vehicle.stiction",
+            "plant.vehicle.bristle_stiffness",
+            "plant.track.tilt",
         ),
-        modules=("model/heavy_ropes.py", "model/winch.py"),
+        modules=("model/heavy_ropes.py", "model/winch.py", "model/friction.py", "model/vehicle.py"),
         effect="On an independent plant, gains tuned on this one leave 0.027 mm; with ropes of 2.36 kg/m 11 of 12 "
         "machines are lost, with 30 kg m² more on the drums all 12, with sag on rollers every 1 m 7. The paper's gains "
         "leave 0.323 mm, 0.326 mm, 0.325 mm and 0.322 mm, and are lost with 220 kg m².",

@@ -38,7 +38,7 @@ from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, numbers, symbols, with_leaves
 from dualwinch.model.ropes import SHORTEST_ROPE, Track, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
-from dualwinch.model.vehicle import drag, friction
+from dualwinch.model.vehicle import drag, friction, slope_force, steady_bristles
 from dualwinch.model.winch import (
     Rotor,
     angle_of,
@@ -69,9 +69,10 @@ class SteadyMotion(NamedTuple):
 def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant, x: Scalar = 0.0) -> Scalar:
     """Net rope force F1 − F2 in N at the drums that keeps the speed v in m/s (paper Section 2.3).
 
-    Friction, drag and disturbance of the vehicle at x in m, and what water and rollers put against the ropes.
+    Friction, slope, drag and disturbance of the vehicle at x in m, and what water and rollers put against the ropes.
     """
     opposing = friction(v, plant.vehicle, environment.normal_force_variation) + rope_resistance(x, v, plant)
+    opposing += slope_force(x, plant.vehicle, plant.track)
     return opposing + drag(v - environment.current, plant.vehicle) - environment.force
 
 
@@ -106,7 +107,8 @@ def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
         motors.append(motor)
         shaft = motor.theta if isinstance(motor, Rotor) else theta
         torques.append(load / side.winch.gear_ratio / shaft_torque(1.0, shaft, side.winch))
-    return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors), Torques(*torques), *tensions)
+    rail = steady_bristles(v, plant.vehicle)
+    return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors, rail), Torques(*torques), *tensions)
 
 
 FASTEST = 10.0
@@ -226,6 +228,7 @@ class OperatingPoint:
     rope_2: Any = MASSLESS
     motor_1: Any = NO_STATE
     motor_2: Any = NO_STATE
+    rail: Any = NO_STATE
 
     @property
     def state(self) -> PlantState:

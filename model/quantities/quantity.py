@@ -155,6 +155,7 @@ class Mark(Enum):
     POSITION = "a state that moves on with the vehicle, and is its position in steady motion"
     SPEED = "a state that is the vehicle's speed in steady motion"
     RATE = "a state that is the rate of another one of a mechanism"
+    SETTLES = "a state of friction, which settles faster than steps of an integrator are long"
     HELD = "a signal that keeps its value from one sample to the next"
     BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
     LEARNT = "a state that says what has been learnt of a machine's constants, in thousands of samples"

@@ -41,6 +41,9 @@ Scenarios = Sequence[Experiment | Scenario]
 IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE})
 """Marks of numbers that are the same in a whole group."""
 
+OF_SIGNALS = frozenset({Mark.SCALES_DRAWS, Mark.DRAWN_AHEAD})
+"""Marks of numbers from which random signals follow: in common too, where it shapes code whether they are zero."""
+
 GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.length", "plant.track.rope_offset")
 """What the keys of others begin with: of what a controller believes, and of where a run goes, more follows."""
 
@@ -160,7 +163,7 @@ def plain_numbers(experiment: Experiment) -> frozenset[str]:
         for key, leaf in describe_parts(experiment).items()
         if leaf.kind in {float, int} and not leaf.optional
         if leaf.marks.isdisjoint(IN_COMMON) and not key.startswith(others)
-        if Mark.SHAPES_CODE_AT_ZERO not in leaf.marks or key.startswith("plant.")  # other signals follow elsewhere
+        if Mark.SHAPES_CODE_AT_ZERO not in leaf.marks or leaf.marks.isdisjoint(OF_SIGNALS)
     )
 
 

@@ -23,16 +23,22 @@ def _along(
     return with_leaves(start, {key: before[key] + step * slopes[key] for key in before if key in moving})
 
 
+def _marked(motion: Motion, *marks: Mark) -> set[str]:
+    """Keys of the states with one of some marks."""
+    return {key for key, leaf in describe_parts(motion).items() if not leaf.marks.isdisjoint(marks)}
+
+
 def rk4(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
     """Motion after a step of length h in s from the time t in s, by the classical fourth-order Runge–Kutta method.
 
     Explicit: stable while the fastest rope–drum frequency times the sub-step stays below 2.8. Its order drops to one
-    where a rope goes slack or tight within a sub-step.
+    where a rope goes slack or tight within a sub-step, and where friction has a state, which moves before the others.
     """
-    k1 = problem.derivative(t, motion)
-    k2 = problem.derivative(t + h / 2, _along(motion, k1, h / 2))
-    k3 = problem.derivative(t + h / 2, _along(motion, k2, h / 2))
-    k4 = problem.derivative(t + h, _along(motion, k3, h))
+    friction = _marked(motion, Mark.SETTLES)
+    k1 = problem.derivative(t, motion, h)
+    k2 = problem.derivative(t + h / 2, _along(motion, k1, h / 2, but=friction), h)
+    k3 = problem.derivative(t + h / 2, _along(motion, k2, h / 2, but=friction), h)
+    k4 = problem.derivative(t + h, _along(motion, k3, h, but=friction), h)
     sums = zip(*(leaves(k).values() for k in (k1, k2, k3, k4)), strict=True)
     total = dict(zip(leaves(k1), (a + 2 * (b + c) + d for a, b, c, d in sums), strict=True))
     return _along(motion, with_leaves(k1, total), h / 6)
@@ -45,12 +51,12 @@ def verlet(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
     stays below 2. Frequencies err by (omega h)²/24, and no mode without damping loses or gains energy (Hairer, Lubich
     and Wanner, Geometric Numerical Integration, 2006, Section I.1.4). Damping forces are those of the speed at the
     beginning of the step: the method is of second order without them, else of first, with half the damping's rate
-    times the step as the share by which the damping errs.
+    times the step as the share by which the damping errs. States of friction are those of mid-steps.
     """
-    rates = {key for key, leaf in describe_parts(motion).items() if Mark.RATE in leaf.marks}
-    middle = _along(motion, problem.derivative(t, motion), h / 2, but=rates)
-    kicked = _along(middle, problem.derivative(t + h / 2, middle), h, only=rates)
-    return _along(kicked, problem.derivative(t + h, kicked), h / 2, but=rates)
+    kicked_on = _marked(motion, Mark.RATE, Mark.SETTLES)
+    middle = _along(motion, problem.derivative(t, motion), h / 2, but=kicked_on)
+    kicked = _along(middle, problem.derivative(t + h / 2, middle, h), h, only=kicked_on)
+    return _along(kicked, problem.derivative(t + h, kicked), h / 2, but=kicked_on)
 
 
 @dataclass(frozen=True)

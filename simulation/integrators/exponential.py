@@ -21,7 +21,7 @@ from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.plant import PlantState, vehicle_acceleration
 from dualwinch.model.ropes import Rope, compliance, crept, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, reciprocals, where
-from dualwinch.model.vehicle import inertia
+from dualwinch.model.vehicle import inertia, slope_force
 from dualwinch.model.winch import (
     FRICTION_SPEED,
     Winch,
@@ -40,9 +40,10 @@ def exponential(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motio
     return exponential_step(problem, motion, t, h, slack=problem.plant.rope_slack)[0]
 
 
-def _slow_acceleration(problem: Problem, t: Scalar, v: Scalar, phase: Scalar) -> Scalar:
+def _slow_acceleration(problem: Problem, t: Scalar, x: Scalar, v: Scalar, phase: Scalar) -> Scalar:
     """Acceleration of the vehicle in m/s² by everything but the ropes."""
-    return vehicle_acceleration(v, 0.0, problem.environment_at(t, v, phase), problem.plant.vehicle)
+    vehicle, track = problem.plant.vehicle, problem.plant.track
+    return vehicle_acceleration(v, -slope_force(x, vehicle, track), problem.environment_at(t, v, phase), vehicle)
 
 
 def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, slack: bool) -> tuple[Motion, Scalar]:
@@ -72,7 +73,8 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
 
     middle_v = state.v + 1 / (2 * h) * mean_acceleration(motion.slow)  # Eq. 17
     frequency = vortex_frequency(middle_v, problem.disturbance, plant.vehicle)
-    slow = _slow_acceleration(problem, t + h / 2, middle_v, motion.phase + h / 2 * frequency)
+    middle_x = state.x + h / 2 * state.v
+    slow = _slow_acceleration(problem, t + h / 2, middle_x, middle_v, motion.phase + h / 2 * frequency)
     a = mean_acceleration(slow)
     stretch_1, rate_1, pull_1 = rope_1.end(a)
     stretch_2, rate_2, pull_2 = rope_2.end(a)
@@ -201,7 +203,10 @@ def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
     """
     moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
     before, after, plant = motion.plant, moved.plant, problem.plant
-    least = _straightness(before.v, after.v, plant.vehicle.friction_velocity, RAIL_STEP)
+    vehicle = plant.vehicle
+    scale, stribeck = vehicle.friction_velocity, vehicle.stribeck_velocity
+    scale = where(vehicle.stiction > 0, maximum(scale, stribeck), scale)
+    least = _straightness(before.v, after.v, scale, RAIL_STEP)
     for winch, start, end in (
         (plant.winch_1, before.omega_1, after.omega_1),
         (plant.winch_2, before.omega_2, after.omega_2),

@@ -13,6 +13,7 @@ from dualwinch.model.plant import DisturbanceInputs, Plant, PlantState, Torques,
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.ropes import Rope, RopeLaw, Track, stiffness, viscosity
 from dualwinch.model.scalar import Scalar, present
+from dualwinch.model.vehicle import Vehicle, inertia
 from dualwinch.model.winch import Winch, base_radius, total_inertia
 
 
@@ -50,12 +51,12 @@ class Problem:
         vortex = vortex_force(t, v, phase, self.disturbance, self.plant.vehicle)
         return replace(self.environment, force=self.environment.force + vortex)
 
-    def derivative(self, t: Scalar, motion: Motion) -> Motion:
-        """Time derivative of the motion at the time t in s."""
+    def derivative(self, t: Scalar, motion: Motion, step: Scalar = 0.0) -> Motion:
+        """Time derivative of the motion at the time t in s; friction's over a step in s (`model.plant.derivative`)."""
         state = motion.plant
         environment = self.environment_at(t, state.v, motion.phase)
         return Motion(
-            plant=derivative(state, self.torques, environment, self.plant, t),
+            plant=derivative(state, self.torques, environment, self.plant, t, step),
             phase=vortex_frequency(state.v, self.disturbance, self.plant.vehicle),
         )
 
@@ -68,7 +69,18 @@ def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:
     if is_heavy(rope) or present(winch.gear_stiffness):
         return _chain_rate(rope, winch, track)
     mobility = base_radius(winch) ** 2 / total_inertia(winch)
-    return np.maximum(np.sqrt(mobility * stiffness(track.rope_offset, rope)), mobility * viscosity(rope) / 2)
+    return np.maximum(np.sqrt(mobility * _spring_rate(track.rope_offset, rope)), mobility * viscosity(rope) / 2)
+
+
+def bristle_swing_rate(vehicle: Vehicle) -> Any:
+    """How fast in rad/s a vehicle swings, or settles, on the bristles of its rail; an array where its numbers are."""
+    mass = inertia(vehicle)
+    return np.maximum(np.sqrt(vehicle.bristle_stiffness / mass), vehicle.bristle_damping / mass)
+
+
+def _spring_rate(length: Any, rope: Rope) -> Any:
+    """Largest spring rate in N/m of a rope of a length in m: of its law, and of its hysteresis where a motion turns."""
+    return stiffness(length, rope) + 2 * rope.hysteresis / (rope.hysteresis_strain * length)
 
 
 def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
@@ -79,7 +91,7 @@ def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
     inner = np.asarray(lumped_mass(rope, np.asarray(length))) if nodes else 1.0
     drum = (winch.inertia if gives else total_inertia(winch)) / radius**2 + end_mass(rope, np.asarray(length))
     masses = [winch.gear_ratio**2 * winch.rotor_inertia / radius**2] * gives + [drum] + [inner] * nodes
-    springs = [winch.gear_stiffness / radius**2] * gives + [(nodes + 1) * stiffness(length, rope)] * (nodes + 1)
+    springs = [winch.gear_stiffness / radius**2] * gives + [(nodes + 1) * _spring_rate(length, rope)] * (nodes + 1)
     shape, size = np.broadcast_shapes(*map(np.shape, (*masses, *springs))), len(masses)
     scaled = np.zeros((*shape, size, size))  # the stiffness matrix over the square roots of the masses
     for place, (mass, spring) in enumerate(zip(masses, springs, strict=True)):

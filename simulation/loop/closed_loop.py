@@ -183,13 +183,13 @@ def initial_loop_state(experiment: Experiment, parts: Any = None) -> LoopState:
         parts: gives the numbers (`symbolic_parts`); default: the experiment.
     """
     given = parts or experiment
-    preload, actuator = given.controller.limits.preload, given.actuator
-    rest = resting_state(preload, given.plant, 0.0 - given.sensors.position_bias)
+    preload, actuator, sensors = given.controller.limits.preload, given.actuator, given.sensors
+    rest = resting_state(preload, given.plant, 0.0 - sensors.position_bias)
     holding = holding_torques(preload, given.plant)
     return LoopState(
         motion=Motion(rest),
         controller=initial_controller_state(given.controller),
-        readings=first_readings(rest, given.plant, given.sensors, silence_of(experiment.sensors)),
+        readings=first_readings(rest, preload / 2, given.plant, sensors, silence_of(experiment.sensors)),
         timing=Timing() if experiment.simulation.jitter > 0 else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
         actuator_2=actuator.holding_state(holding.tau_2),

@@ -20,7 +20,7 @@ from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.problem import fastest_rate
-from dualwinch.simulation.sensors import Sensors, silence_of
+from dualwinch.simulation.sensors import sensors_structure
 
 GENERAL: IntegratorName = "rk4"
 """The integrator of ropes that the others do not know."""
@@ -109,11 +109,11 @@ def structure_of(experiment: Experiment) -> Experiment:
 
     Everything that code is not shaped by is a number that it takes at run time, and has some value here.
     """
-    solver, simulation, silence = solver_of(experiment), experiment.simulation, silence_of(experiment.sensors)
+    solver, simulation = solver_of(experiment), experiment.simulation
     return Experiment(
         plant=plant_structure(experiment.plant),
         controller=_alike(experiment.controller),
-        sensors=Sensors(outage=silence, outage_length=1.0) if silence else Sensors(),
+        sensors=sensors_structure(experiment.sensors),
         actuator=alike(experiment.actuator),
         simulation=Simulation(
             integrator=solver.integrator,

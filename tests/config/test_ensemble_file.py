@@ -42,12 +42,15 @@ def test_the_rig_is_the_sea_and_more() -> None:
 
 
 def test_the_rig_holds_every_imperfection() -> None:
-    """All that is zero of a perfect machine is drawn, or set, but for ropes that weigh and winches that give."""
+    """All that is zero of a perfect machine is drawn, or set, but for what the site has."""
     assert _left_out("rig") == {
         *(f"plant.rope_{side}.{name}" for side in (1, 2) for name in ("mass_per_length", "submerged_weight")),
         *(f"plant.winch_{side}.{name}" for side in (1, 2) for name in ("gear_stiffness", "gear_loss")),
         *(f"plant.winch_{side}.transmission_error" for side in (1, 2)),
-        *("plant.track.roller_spacing", "sensors.speed_error"),
+        *(f"plant.rope_{side}.hysteresis" for side in (1, 2)),
+        *("plant.vehicle.stiction", "plant.vehicle.bristle_stiffness", "plant.vehicle.bristle_damping"),
+        *("plant.track.roller_spacing", "plant.track.tilt", "plant.track.waviness"),
+        *("sensors.speed_error", "sensors.load_cell_time_constant"),
     }
 
 

@@ -1,10 +1,12 @@
+import math
 from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.model.vehicle import Vehicle, drag, friction, inertia
+from dualwinch.model.ropes import Track
+from dualwinch.model.vehicle import Vehicle, drag, friction, inertia, slope_force
 
 VEHICLE = Vehicle()
 speeds = st.floats(-5, 5)
@@ -29,3 +31,17 @@ def test_rail_load_scales_the_friction(v: float, load: float) -> None:
 
 def test_added_mass_is_accelerated_too() -> None:
     assert inertia(replace(VEHICLE, added_mass=9.4e3)) == 1.94e4
+
+
+@pytest.mark.parametrize("v", [0.003, 0.01, 0.03, 0.1, 1.8])
+def test_friction_is_stribecks_curve(v: float) -> None:
+    sticky = replace(VEHICLE, stiction=0.5, stribeck_velocity=0.02, friction_velocity=1e-5)
+    assert friction(v, sticky) == pytest.approx(490 * (1 + 0.5 * math.exp(-((v / 0.02) ** 2))))
+
+
+@pytest.mark.parametrize("x", [0.0, 2.5, 7.5, 33.0])
+def test_the_weight_that_buoyancy_leaves_acts_down_the_slope(x: float) -> None:
+    """The vehicle of 10 t weighs 98 kN and displaces 93.2 kN of water: 4.9 kN on the rail, 4.9 N a milliradian."""
+    track = Track(tilt=1e-3, waviness=2e-3, wavelength=10.0)
+    angle = 1e-3 + 2e-3 * math.sin(2 * math.pi * x / 10)
+    assert slope_force(x, VEHICLE, track) == pytest.approx(4900 * math.sin(angle), rel=1e-5)

@@ -17,7 +17,7 @@ from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.sensors import Noise, Readings, Sensors, encoder_step, measure, quantise
+from dualwinch.simulation.sensors import LoadCells, Noise, Readings, Sensors, encoder_step, measure, quantise
 from dualwinch.simulation.simulate import simulate
 from tests.closeness import close
 
@@ -55,6 +55,29 @@ def test_noise_is_the_draw_times_its_standard_deviation() -> None:
     sensors = Sensors(position_noise=0.01, speed_noise=0.1, tension_noise=10.0)
     _, seen = measure(STATE, (1500.0, 900.0), noise, Readings(), Plant(), sensors, 1e-3)
     assert (seen.x, seen.v, seen.F1, seen.F2) == pytest.approx((12.3556, 1.5, 1505, 930))
+
+
+@pytest.mark.parametrize("hertz", [20.0, 50.0, 500.0])
+@pytest.mark.parametrize("rise", [0.0, 3e4])
+def test_load_cells_lag_as_a_first_order_low_pass_does(hertz: float, rise: float) -> None:
+    """After a step by 500 N that takes a sample, and on a ramp: the textbook's responses, whatever the sample time."""
+    lag, start, step, h = 1 / (2 * pi * hertz), 1000.0, 500.0, 1e-3
+    sensors = Sensors(load_cell_time_constant=lag, load_cell_error_2=0.1)
+    last = Readings(load_cells=LoadCells(start, start))
+    t = h * np.arange(41)
+    pulls = start + step * np.minimum(t / h, 1.0) + rise * t
+    seen = []
+    for pull in pulls:
+        last, reading = measure(STATE, (pull, pull), Noise(), last, Plant(), sensors, h)
+        seen.append((reading.F1, reading.F2 / 1.1))
+
+    def ramp(t: np.ndarray) -> np.ndarray:
+        """Response to the ramp max(t, 0)."""
+        t = np.maximum(t, 0.0)
+        return t - lag * (1 - np.exp(-t / lag))
+
+    expected = start + step / h * (ramp(t) - ramp(t - h)) + rise * ramp(t)
+    assert np.array(seen) == pytest.approx(np.array([expected, expected]).T, rel=1e-12)
 
 
 def test_noise_comes_before_quantisation() -> None:

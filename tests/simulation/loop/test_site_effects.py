@@ -1,0 +1,81 @@
+"""Friction with memory, a sloping rail, load cells that lag and torques in steps, in the loops of all engines."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
+
+EFFECTS = {
+    "plant.vehicle.stiction": 0.5,
+    "plant.vehicle.bristle_stiffness": 5e6,
+    "plant.vehicle.bristle_damping": 1e5,
+    "plant.track.tilt": 1e-3,
+    "plant.track.waviness": 1e-3,
+    "plant.rope_1.hysteresis": 14.0,
+    "plant.rope_2.hysteresis": 7.0,
+    "sensors.load_cell_time_constant": 3e-3,
+    "actuator.kind": "motor",
+    "actuator.motor.torque_step": 0.13,
+}
+
+DORMANT = {
+    "plant.vehicle.stribeck_velocity": 0.05,
+    "plant.vehicle.bristle_damping": 1e4,
+    "plant.track.wavelength": 3.0,
+    "plant.rope_1.hysteresis_strain": 1e-5,
+}
+"""How effects come and go, without their size."""
+
+
+def machine(values: Mapping[str, object], duration: float) -> Experiment:
+    return override(case(4), {**values, "simulation.duration": duration, "simulation.substeps": 20})
+
+
+@pytest.mark.slow
+def test_lanes_and_the_interpreter_agree() -> None:
+    experiment = machine(EFFECTS, 0.1)
+    lanes = rollout([], np.zeros((1, 0)), [experiment, experiment])
+    interpreted = simulate(experiment, engine="interpreter")
+    for name, (values,) in lanes.metrics.items():
+        assert values == pytest.approx([interpreted.metrics[name]] * 2, rel=1e-6, nan_ok=True), name
+
+
+@pytest.mark.parametrize("engine", ["compiled", pytest.param("casadi", marks=pytest.mark.slow)])
+def test_compiled_and_interpreted_agree(engine: EngineName) -> None:
+    experiment = machine(EFFECTS, 0.1)
+    found, interpreted = simulate(experiment, engine=engine), simulate(experiment, engine="interpreter")
+    for name, column in found.columns.items():
+        assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
+
+
+def test_readings_lag_and_commands_are_in_no_steps() -> None:
+    """A drive rounds what it is sent: the controller's own torques are as it computes them."""
+    result = simulate(machine(EFFECTS | {"simulation.readings": True}, 0.1), engine="interpreter")
+    assert np.ptp(result["F1"] - result["F1_read"]) > 1
+    assert (np.diff(result["tau_1"]) % 0.13 > 1e-3).any()
+    assert result["F1_read"][0] == result["F1"][0]
+
+
+def test_without_their_size_effects_are_not_there() -> None:
+    plain, dormant = (simulate(machine(values, 0.1), engine="interpreter") for values in ({}, DORMANT))
+    for name, column in plain.columns.items():
+        assert np.array_equal(column, dormant[name]), name
+    names = prepare(machine(DORMANT, 0.1)).loop.states
+    assert names == prepare(machine({}, 0.1)).loop.states
+    assert set(names) < set(prepare(machine(EFFECTS, 0.1)).loop.states)
+
+
+def test_bristles_too_stiff_for_the_steps_are_refused() -> None:
+    stiff = machine(EFFECTS | {"plant.vehicle.bristle_stiffness": 1e14}, 0.1)
+    with pytest.raises(
+        ConfigurationError, match=r"substeps = 20: must be >= 59 for verlet .*vehicle on its bristles swings"
+    ):
+        prepare(stiff)
