@@ -108,7 +108,7 @@ def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: 
         shaft = motor.theta if isinstance(motor, Rotor) else theta
         torques.append(load / side.winch.gear_ratio / shaft_torque(1.0, shaft, side.winch))
     rail = steady_bristles(v, plant.vehicle)
-    return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors, rail), Torques(*torques), *tensions)
+    return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors, rail=rail), Torques(*torques), *tensions)
 
 
 FASTEST = 10.0

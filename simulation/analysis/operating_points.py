@@ -22,6 +22,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
 from dualwinch.model.plant import DisturbanceInputs, Plant, blank_state, inner_forces
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Creep
@@ -199,8 +200,9 @@ def with_taut_ropes(structure: Experiment) -> Experiment:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment in calm water, with perfect sensors, and without what no motion is steady with.
 
-    What goes round with drums, gears and motors (eccentricity, transmission error, ripple) and creeping ropes are
-    disturbances of a loop, no part of it.
+    What goes round with drums, gears and motors (eccentricity, transmission error, ripple), waves of the rail and
+    creeping ropes are disturbances of a loop, no part of it. Friction has no memory: of any tension it might remember
+    any. Torques are in no steps.
     """
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = replace(
@@ -217,8 +219,22 @@ def in_calm(experiment: Experiment) -> Experiment:
     plant = experiment.plant
     still = {"eccentricity": 0.0, "torque_ripple": 0.0, "transmission_error": 0.0}
     winch_1, winch_2 = replace(plant.winch_1, **still), replace(plant.winch_2, **still)
-    plant = replace(plant, winch_1=winch_1, winch_2=winch_2, creep_1=Creep(), creep_2=Creep())
-    return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
+    plant = replace(
+        plant,
+        vehicle=replace(plant.vehicle, bristle_stiffness=0.0),
+        track=replace(plant.track, waviness=0.0),
+        rope_1=replace(plant.rope_1, hysteresis=0.0),
+        rope_2=replace(plant.rope_2, hysteresis=0.0),
+        winch_1=winch_1,
+        winch_2=winch_2,
+        creep_1=Creep(),
+        creep_2=Creep(),
+    )
+    actuator, known = experiment.actuator, describe_parts(experiment.actuator)
+    actuator = with_leaves(actuator, {key: 0.0 for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks})
+    return replace(
+        experiment, plant=plant, actuator=actuator, disturbance=Disturbance(), sensors=sensors, simulation=simulation
+    )
 
 
 @dataclass(eq=False)
