@@ -113,6 +113,15 @@ class Sensors:
         Mark.OFF_AT_ZERO,
         Mark.READS_IN_STEPS,
     ] = 0
+    drum_speed_resolution: Annotated[
+        NonNegative,
+        Quantity(
+            "rad/s",
+            "resolution of the drums' speeds as drives measure them; 0: differences of two encoder readings",
+            "assumption",
+        ),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     encoder_zero_1: Annotated[
         float,
         at.Ge(-1),
@@ -172,7 +181,10 @@ def sensors_structure(sensors: Sensors) -> Sensors:
     """What of some sensors shapes code, with numbers of no sensors in particular."""
     silence = silence_of(sensors)
     outages = {"outage": silence, "outage_length": 1.0} if silence else {}
-    return Sensors(**outages, load_cell_time_constant=1.0 if present(sensors.load_cell_time_constant) else 0.0)
+    shaping = {
+        name: 1.0 for name in ("load_cell_time_constant", "drum_speed_resolution") if present(getattr(sensors, name))
+    }
+    return Sensors(**outages, **shaping)
 
 
 def silence_of(sensors: Sensors) -> Silence | None:
@@ -219,6 +231,13 @@ def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> dict[st
     }
 
 
+def drum_speed(exact: Scalar, difference: Scalar, sensors: Sensors) -> Scalar:
+    """A drum's speed in rad/s: as its drive measures it, at its own rate, else the difference of encoder readings."""
+    if present(sensors.drum_speed_resolution):
+        return quantise(exact, sensors.drum_speed_resolution)
+    return where(sensors.encoder_counts > 0, difference, exact)
+
+
 def load_cells(
     cells: LoadCells, tensions: tuple[Scalar, Scalar], sensors: Sensors, sample_time: Scalar
 ) -> tuple[LoadCells, tuple[Scalar, Scalar]]:
@@ -262,7 +281,8 @@ def measure(
         last: the readings of the last sample.
         plant: gives gear ratios and drum radii.
         sensors: errors of the sensors.
-        sample_time: in s; a drum speed is the difference of two encoder readings over it.
+        sample_time: in s; where drives do not measure it, a drum speed is the difference of two encoder readings over
+            it.
         silence: `silence_of` these sensors.
 
     Returns:
@@ -272,10 +292,7 @@ def measure(
     if isinstance(carried, LoadCells):
         carried, tensions = load_cells(carried, tensions, sensors, sample_time)
     exact = measurement(state, tensions, plant, sensors, sensors.position_drift * noise.drift)
-    now, counting = (
-        replace(last, **read_encoders(exact, plant, sensors), load_cells=carried),
-        sensors.encoder_counts > 0,
-    )
+    now = replace(last, **read_encoders(exact, plant, sensors), load_cells=carried)
     x = quantise(exact.x + sensors.position_noise * noise.position, sensors.position_resolution)
     if silence and isinstance(last, HeldReadings):
         x = where(noise.silent > 0, last.x, x)
@@ -287,8 +304,8 @@ def measure(
         v=exact.v + sensors.speed_noise * noise.speed,
         F1=exact.F1 + sensors.tension_noise * noise.tension_1,
         F2=exact.F2 + sensors.tension_noise * noise.tension_2,
-        omega_1=where(counting, (now.theta_1 - last.theta_1) / sample_time, exact.omega_1),
-        omega_2=where(counting, (now.theta_2 - last.theta_2) / sample_time, exact.omega_2),
+        omega_1=drum_speed(exact.omega_1, (now.theta_1 - last.theta_1) / sample_time, sensors),
+        omega_2=drum_speed(exact.omega_2, (now.theta_2 - last.theta_2) / sample_time, sensors),
         theta_1=now.theta_1,
         theta_2=now.theta_2,
     )

@@ -97,8 +97,8 @@ def speed_wheel(rng: np.random.Generator) -> Mapping[str, float]:
 
 
 def electronics(rng: np.random.Generator) -> Mapping[str, float]:
-    """Load cells of 50 to 500 Hz (t); torques in steps of 0.1 % of 130 N m (CiA 402)."""
-    return {"cell_bandwidth": 10 ** rng.uniform(np.log10(50), np.log10(500)), "torque_step": 0.13}
+    """Load cells of 50 to 500 Hz (t); torques in steps of 0.1 % of 130 N m (CiA 402); speeds of 7e-4 rad/s."""
+    return {"cell_bandwidth": 10 ** rng.uniform(np.log10(50), np.log10(500)), "torque_step": 0.13, "speed_noise": 2e-4}
 
 
 def rail(rng: np.random.Generator) -> Mapping[str, float]:

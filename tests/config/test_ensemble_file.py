@@ -50,7 +50,7 @@ def test_the_rig_holds_every_imperfection() -> None:
         *(f"plant.rope_{side}.hysteresis" for side in (1, 2)),
         *("plant.vehicle.stiction", "plant.vehicle.bristle_stiffness", "plant.vehicle.bristle_damping"),
         *("plant.track.roller_spacing", "plant.track.tilt", "plant.track.waviness"),
-        *("sensors.speed_error", "sensors.load_cell_time_constant"),
+        *("sensors.speed_error", "sensors.load_cell_time_constant", "sensors.drum_speed_resolution"),
     }
 
 

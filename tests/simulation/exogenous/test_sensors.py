@@ -91,6 +91,14 @@ def test_encoder_counts_motor_turns() -> None:
     assert encoder_step(36.0, Sensors(encoder_counts=1024)) == pytest.approx(2 * pi / 36 / 1024)
 
 
+def test_drives_measure_drum_speeds_at_the_sample_itself() -> None:
+    """Rounded to their resolution, whatever the encoders' counts say of the sample before."""
+    sensors = Sensors(encoder_counts=1024, drum_speed_resolution=0.25)
+    _, seen = measure(STATE, (0.0, 0.0), Noise(), Readings(theta_1=99.0), Plant(), sensors, 1e-3)
+    assert seen.omega_1 == pytest.approx(0.25 * round(STATE.omega_1 / 0.25))
+    assert seen.omega_2 == pytest.approx(0.25 * round(STATE.omega_2 / 0.25))
+
+
 def test_drum_speed_is_the_difference_of_two_encoder_readings() -> None:
     sensors, step = Sensors(encoder_counts=1024), 2 * pi / 36 / 1024
     last, _ = measure(STATE, (0.0, 0.0), Noise(), Readings(), Plant(), sensors, 1e-3)

@@ -22,6 +22,7 @@ EFFECTS = {
     "plant.rope_1.hysteresis": 14.0,
     "plant.rope_2.hysteresis": 7.0,
     "sensors.load_cell_time_constant": 3e-3,
+    "sensors.drum_speed_resolution": 7e-4,
     "actuator.kind": "motor",
     "actuator.motor.torque_step": 0.13,
 }

@@ -50,6 +50,7 @@ def test_every_part_there_is_has_code_of_its_own() -> None:
         ({"plant.rope_1.hysteresis": 7.0}, True),
         ({"plant.vehicle.bristle_stiffness": 5e6}, True),
         ({"sensors.load_cell_time_constant": 1e-3}, True),
+        ({"sensors.drum_speed_resolution": 1e-3}, True),
         ({"plant.vehicle.stiction": 0.5, "plant.track.tilt": 1e-3, "plant.track.waviness": 1e-3}, False),
         ({"simulation.delay_samples": 2}, True),
         ({"simulation.substeps": 7}, True),
