@@ -24,10 +24,10 @@ class Measurement:
     v: Annotated[Scalar, Quantity("m/s", "measured speed")]
     F1: Annotated[Scalar, Quantity("N", "measured tension of rope 1")]
     F2: Annotated[Scalar, Quantity("N", "measured tension of rope 2")]
-    omega_1: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 1")]
-    omega_2: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 2")]
-    theta_1: Annotated[Scalar, Quantity("rad", "measured angle of drum 1")]
-    theta_2: Annotated[Scalar, Quantity("rad", "measured angle of drum 2")]
+    omega_1: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 1, positive where it retrieves rope")]
+    omega_2: Annotated[Scalar, Quantity("rad/s", "measured speed of drum 2, positive where it retrieves rope")]
+    theta_1: Annotated[Scalar, Quantity("rad", "measured angle of drum 1, positive where it has retrieved rope")]
+    theta_2: Annotated[Scalar, Quantity("rad", "measured angle of drum 2, positive where it has retrieved rope")]
 
 
 @dataclass(frozen=True)

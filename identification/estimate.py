@@ -5,12 +5,13 @@ L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
+from dualwinch.controllers.controller import Controller
 from dualwinch.identification.filter import LogFilters, all_completed
 from dualwinch.identification.likelihood import Likelihood
 from dualwinch.identification.noise import NoiseEstimator, initial_measurement_noise
@@ -78,7 +79,7 @@ class PredictionErrorMethod:
         self.unknowns, self.options = tuple(unknowns), options
         self._experiment, self._search, self._threads = experiment, options.search, threads
         keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
-        zeros = zeros_of(self.structure, parameters_of(experiment), varying=keys)
+        zeros = zeros_of(self.structure, parameters_of(replace(experiment, controller=Controller())), varying=keys)
         self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]

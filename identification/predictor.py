@@ -20,13 +20,14 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.options import InitialStateOptions, NoiseOptions
 from dualwinch.model.actuators import drive
+from dualwinch.model.linear.operating_point import steady_motion
 from dualwinch.model.plant import Torques, holding_torques, tensions, torques_amid
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.ropes import crept, rope_lengths
+from dualwinch.model.ropes import crept
 from dualwinch.model.scalar import Scalar, exp
 from dualwinch.model.vehicle import friction
-from dualwinch.model.winch import angle_of, winding
+from dualwinch.model.winch import winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
@@ -245,22 +246,26 @@ def initial_state(
             break
     x = x if math.isfinite(x) else 0.0
 
-    expected = dict.fromkeys(names, 0.0) | {"motion.plant.x": x, "motion.plant.v": v}
-    together = {"motion.plant.x": options.position}
-    speeds, own = {"motion.plant.v": options.speed}, list[dict[str, float]]()
-    held, lengths = vars(holding_torques(2.0, plant)).values(), rope_lengths(x, plant.track)  # held: 1 N in each rope
-    for side, torque, newton, length in zip(plant.sides, torques, held, lengths, strict=True):
-        number, theta, omega = side.number, f"motion.plant.theta_{side.number}", f"motion.plant.omega_{side.number}"
-        zero, error = (getattr(sensors, f"load_cell_{name}_{number}") for name in ("zero", "error"))
-        tension = (read[f"F{number}"] - zero) / (1 + error)
-        tension = tension if math.isfinite(tension) else torque / newton
-        stretch = float(side.rope.resting_stretch(max(tension, 1.0), length))
-        wound = stretch + side.direction * x + crept(t, side.creep)[0]
-        turn = 1 / float(winding(0.0, side.winch).radius)
-        expected |= {theta: float(angle_of(wound, side.winch)), omega: side.direction * v * turn}
-        expected |= leaves(experiment.actuator.holding_state(torque), f"actuator_{number}.")
-        together[theta], speeds[omega] = side.direction * options.position * turn, side.direction * options.speed * turn
-        own += [{theta: options.stretch * stretch * turn}, {omega: options.speed * turn}]
-    directions = [together, speeds, *own, *({f"unrecorded.{name}": each.deviation} for name, each in process.items())]
+    expected, pulls = dict.fromkeys(names, 0.0), list[float]()
+    for side, torque, newton in zip(plant.sides, torques, vars(holding_torques(2.0, plant)).values(), strict=True):
+        zero, error = (getattr(sensors, f"load_cell_{name}_{side.number}") for name in ("zero", "error"))
+        tension = (read[f"F{side.number}"] - zero) / (1 + error)
+        pulls.append(max(tension if math.isfinite(tension) else torque / newton, 1.0))  # newton: holds 1 N in a rope
+        expected |= leaves(experiment.actuator.holding_state(torque), f"actuator_{side.number}.")
+    creep_1, creep_2 = (crept(t, side.creep)[0] for side in plant.sides)
+
+    def moving(x: float, v: float, pull_1: float, pull_2: float) -> dict[str, float]:
+        state = steady_motion(x, v, (pull_1, pull_2), plant, (creep_1, creep_2)).state
+        return {key: float(value) for key, value in leaves(state, "motion.plant.").items()}
+
+    point, more = (x, v, *pulls), 1 + options.stretch
+    known = moving(*point)
+    others = [(x + options.position, *point[1:]), (x, v + options.speed, *pulls)]
+    others += [(x, v, more * pulls[0], pulls[1]), (x, v, pulls[0], more * pulls[1])]
+    directions = [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
+    for side in plant.sides:
+        turn, of_shafts = 1 / winding(0.0, side.winch).radius, (f"omega_{side.number}", f"motor_{side.number}.omega")
+        directions.append({f"motion.plant.{name}": options.speed * turn for name in of_shafts})
+    directions += [{f"unrecorded.{name}": each.deviation} for name, each in process.items()]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
-    return np.array([expected[name] for name in names], float), root.T @ root
+    return np.array([(expected | known)[name] for name in names], float), root.T @ root

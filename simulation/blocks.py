@@ -339,10 +339,9 @@ def _at_rest(experiment: Experiment) -> dict[str, float]:
     """Sensor values and motor torques at rest before the first sample, by the names of inputs."""
     preload, plant = experiment.controller.limits.preload, experiment.plant
     rest = resting_state(preload, plant)
-    forces = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
-    return {
-        key: float(value) for key, value in (leaves(rest) | forces | leaves(holding_torques(preload, plant))).items()
-    }
+    read = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
+    read |= {f"theta_{number}": angle for number, (angle, _) in enumerate(rest.shafts, start=1)}
+    return {key: float(value) for key, value in (leaves(rest) | read | leaves(holding_torques(preload, plant))).items()}
 
 
 def _variables(names: Iterable[str], starts: Iterable[float], about: Facts) -> tuple[Variable, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
     print_json,
+    say_idealised,
     terminal,
     version_notes,
     write_figure,
@@ -97,6 +99,7 @@ def identify(
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.config.folders import check_folder
     from dualwinch.identification.identify import identify
+    from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.results.file_formats import format_of
 
     share, most = _share("--hold-out", hold_out), _share("--unrecorded", unrecorded)
@@ -122,11 +125,13 @@ def identify(
             unrecorded=most,
             progress=progress,
         )
-    facts = found.to_record() | version_notes()
+    left_out = idealisations(found.experiment)
+    facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | version_notes()
     if json:
         print_json(facts)
     else:
         terminal(soft_wrap=True).print(repr(found), highlight=False)
+        say_idealised(left_out)
     if out:
         write_text(out, lambda: to_toml(found.experiment))
         drawn = out.with_name(f"{out.stem}-ensemble.toml")

@@ -16,6 +16,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from dualwinch.model.quantities.quantity import Quantity
+    from dualwinch.simulation.analysis.idealisations import Idealisation
     from dualwinch.simulation.metrics.metric import MetricQuantity
 
 
@@ -215,6 +216,14 @@ def json_text(facts: Mapping[str, Any]) -> str:
 def print_json(facts: Mapping[str, Any]) -> None:
     """Print a mapping as JSON."""
     sys.stdout.write(json_text(facts))
+
+
+def say_idealised(found: "Sequence[Idealisation]") -> None:
+    """Print what a plant leaves out, in one line; nothing where it leaves out nothing."""
+    from dualwinch.simulation.analysis.idealisations import summary
+
+    if words := summary(found):
+        terminal(soft_wrap=True).print(words, highlight=False)
 
 
 def write_text(file: Path | None, text: Callable[[], str]) -> None:

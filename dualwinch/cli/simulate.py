@@ -16,6 +16,7 @@ from dualwinch.cli.output import (
     FigureTable,
     check_file,
     print_json,
+    say_idealised,
     styled,
     terminal,
     version_notes,
@@ -144,7 +145,7 @@ def simulate_one(
 
 def print_result(result: Result, *, json: bool) -> None:
     """Print outcome and figures of merit of a run."""
-    from dualwinch.simulation.analysis.idealisations import idealisations, summary
+    from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, found = result.metrics, idealisations(result.experiment)
@@ -160,13 +161,7 @@ def print_result(result: Result, *, json: bool) -> None:
     console = terminal()
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
-    say_idealised(summary(found))
-
-
-def say_idealised(words: str) -> None:
-    """Print what the plant leaves out, in one line; nothing where it leaves out nothing."""
-    if words:
-        terminal(soft_wrap=True).print(words, highlight=False)
+    say_idealised(found)
 
 
 NO_COMPILER = (
@@ -222,7 +217,7 @@ def simulate_ensemble(
 
 def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble."""
-    from dualwinch.simulation.analysis.idealisations import idealisations, summary
+    from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
@@ -247,4 +242,4 @@ def print_ensemble(result: EnsembleResult, *, json: bool) -> None:
     console.print(table.render_down())
     if set(result.outcome_counts) != {"completed"}:
         console.print("Statistics are those of the completed scenarios.")
-    say_idealised(summary(found))
+    say_idealised(found)

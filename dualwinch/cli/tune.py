@@ -19,7 +19,7 @@ from rich.text import Text
 
 from dualwinch import __version__
 from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, seconds_from, share_from
-from dualwinch.cli.output import FigureColumn, FigureTable, styled, terminal, versions
+from dualwinch.cli.output import FigureColumn, FigureTable, say_idealised, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
 
@@ -361,7 +361,7 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
 
 def print_study(tuned: TuningResult) -> None:
     """Print what was found, what it is worth, what would help and what it took."""
-    from dualwinch.simulation.analysis.idealisations import idealisations, summary
+    from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.tuning.result import (
         advice,
         authority,
@@ -400,8 +400,7 @@ def print_study(tuned: TuningResult) -> None:
         say(beyond)
     for number, sentence in enumerate(advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")
-    if idealised := summary(idealisations(tuned.best)):
-        say(idealised)
+    say_idealised(idealisations(tuned.best))
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost

@@ -87,15 +87,24 @@ def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_m
     return (total + net) / 2, (total - net) / 2
 
 
-def steady_motion(x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant) -> SteadyMotion:
+def steady_motion(
+    x: Scalar,
+    v: Scalar,
+    tensions: tuple[Scalar, Scalar],
+    plant: Plant,
+    creep: tuple[Scalar, Scalar] = (0.0, 0.0),
+) -> SteadyMotion:
     """State and torques of the steady motion that passes x in m at v in m/s, with the tensions F1 and F2 in N.
+
+    The ropes have become longer by their creep in m.
 
     The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
     angle, and with ropes whose friction changes with their length, the motion is steady for that instant.
     """
     drums, ropes, motors, torques, density = [], [], [], [], plant.vehicle.water_density
-    for side, tension, length in zip(plant.sides, tensions, rope_lengths(x, plant.track), strict=True):
-        way, speed = side.direction * x, side.direction * v
+    lengths = rope_lengths(x, plant.track)
+    for side, tension, length, longer in zip(plant.sides, tensions, lengths, creep, strict=True):
+        way, speed = side.direction * x + longer, side.direction * v
         rope, wound, rate = steady_rope(side.rope, tension, length, plant.track, way, speed, density=density)
         theta = angle_of(wound, side.winch)
         radius = winding(theta, side.winch).radius
