@@ -56,7 +56,6 @@ from .model.actuators import Motor as Motor
 from .model.actuators import NoState as NoState
 from .model.disturbance import Disturbance as Disturbance
 from .model.errors import ConfigurationError as ConfigurationError
-from .model.linear.linearisation import linearise as linearise
 from .model.linear.modes import modes as modes
 from .model.linear.system import LinearSystem as LinearSystem
 from .model.motions import Setpoint as Setpoint
@@ -79,11 +78,14 @@ from .simulation.analysis.idealisations import Idealisation as Idealisation
 from .simulation.analysis.idealisations import idealisations as idealisations
 from .simulation.analysis.linear_loop import linear_broken_loop as linear_broken_loop
 from .simulation.analysis.linear_loop import linear_closed_loop as linear_closed_loop
+from .simulation.analysis.linear_loop import linearise as linearise
 from .simulation.analysis.margins import Margins as Margins
 from .simulation.analysis.margins import margins as margins
 from .simulation.analysis.operating_points import operating_point as operating_point
 from .simulation.analysis.preload import LeastPreload as LeastPreload
 from .simulation.analysis.preload import least_preload as least_preload
+from .simulation.analysis.resonance import ResonanceGain as ResonanceGain
+from .simulation.analysis.resonance import resonance_gains as resonance_gains
 from .simulation.analysis.stability import Certificate as Certificate
 from .simulation.analysis.stability import NearbyGains as NearbyGains
 from .simulation.analysis.stability import certify as certify

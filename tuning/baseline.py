@@ -94,7 +94,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
-    for side in plant.sides if _swings(plant) else ():
+    for side in plant.sides if swings(plant) else ():
         length = plant.track.length / 2 + plant.track.rope_offset
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
         impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
@@ -120,7 +120,7 @@ HEAVY = 20.0
 """Inertia of a winch over its drum's radius squared, in kg, from which on it swings on its rope."""
 
 
-def _swings(plant: Plant) -> bool:
+def swings(plant: Plant) -> bool:
     """Whether drums swing on their ropes as those of light drums on ropes without mass do not."""
     return is_distributed(plant) or any(
         total_inertia(side.winch) > HEAVY * side.winch.drum_radius**2 for side in plant.sides

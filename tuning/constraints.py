@@ -13,6 +13,8 @@ from dualwinch.model.quantities.quantity import Quantity, behind_number, suggest
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.recordings import UNITS, factor
 from dualwinch.simulation.analysis.margin_survey import WorstMargin
+from dualwinch.simulation.analysis.resonance import RESONANCE
+from dualwinch.simulation.analysis.stability import sliding_mode
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
@@ -29,8 +31,9 @@ MARGINS = {
     "phase_margin": ("phase", Quantity("deg", "largest extra phase lag")),
     "delay_margin": ("delay", Quantity("s", "largest extra delay")),
     "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes, 0 to 2")),
+    "resonance_margin": (RESONANCE, Quantity("1", "largest factor on the loop gain at the drums' resonance, by rule")),
 }
-"""Name of a margin → its kind (`simulation.analysis.margins.KINDS`), unit and meaning."""
+"""Name of a margin → its kind (`simulation.analysis.margins.KINDS`, or `RESONANCE`), unit and meaning."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class MarginStatistic:
 
     @property
     def margin(self) -> str:
-        """Which margin, of `simulation.analysis.margins.KINDS`."""
+        """Which margin, as `simulation.analysis.margin_survey.MarginSurvey` calls it."""
         return MARGINS[self.metric][0]
 
     @property
@@ -139,6 +142,7 @@ NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
 QUIET = "mean.chatter<=0.25*paper"
 NO_LOUDER = "mean.chatter<=1*paper"
 NO_HEAVIER = "mean.continuous_load<=1.05*paper"
+DAMPED = "worst.resonance_margin>=1"
 
 
 @dataclass(frozen=True)
@@ -185,8 +189,8 @@ class Constraint:
         return f"{self.statistic.name} {sign} {bound}"
 
 
-def default_constraints(ensemble: bool, *, lag: bool = False) -> tuple[str, ...]:
-    """No slack rope, no peak beyond the limit, and quieter than the paper's.
+def default_constraints(ensemble: bool, *, lag: bool = False, resonance: bool = False) -> tuple[str, ...]:
+    """No slack rope, no peak beyond the limit, quieter than the paper's, and a damped resonance of the drums.
 
     By far quieter, where sensors are noisy and motors pass on all the chatter that they are asked for. Where they are
     late, motors have to bear hardly more load than with the paper's gains: there a higher preload gains next to
@@ -195,10 +199,12 @@ def default_constraints(ensemble: bool, *, lag: bool = False) -> tuple[str, ...]
     Args:
         ensemble: whether the tuning is in one.
         lag: whether torques follow their commands late.
+        resonance: whether drums swing on their ropes, and the law is one that the rule for it is about.
     """
+    damped = (DAMPED,) if resonance else ()
     if ensemble and lag:
-        return NO_SLACK, NO_PEAK, NO_LOUDER, NO_HEAVIER
-    return NO_SLACK, NO_PEAK, QUIET if ensemble else NO_LOUDER
+        return NO_SLACK, NO_PEAK, NO_LOUDER, NO_HEAVIER, *damped
+    return NO_SLACK, NO_PEAK, QUIET if ensemble else NO_LOUDER, *damped
 
 
 def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
@@ -244,6 +250,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     name, sign, factor, term = parts.groups()
     own = experiment.metrics
     statistic = margin_statistic(name, own) or statistic_from(name, own)
+    if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
+        sliding_mode(experiment, f"--constraint {text}: must be")
     scale = 1.0 if factor is None else _number(factor, text)
     if term == "paper":
         return Constraint(text, statistic, sign == ">=", scale, of_paper=True)

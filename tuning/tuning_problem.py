@@ -10,6 +10,7 @@ from dualwinch.config.experiment_file import experiment_from, loads, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.stability import SLIDING_MODE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -20,6 +21,7 @@ from dualwinch.tuning.baseline import (
     default_estimator,
     default_reserve,
     further_gains,
+    swings,
 )
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
@@ -114,7 +116,8 @@ def tuning_problem(
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
-    defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator))
+    resonance = swings(base.plant) and isinstance(base.controller.law, SLIDING_MODE)
+    defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator), resonance=resonance)
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
     problem = TuningProblem(

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 from rich.text import Text
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions
+from dualwinch.cli.linearise import print_resonance, resonance_tables
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, NominalMachine
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
+    records,
     styled,
     terminal,
     versions,
@@ -41,6 +43,7 @@ app = App(
 @app.default
 def certify(
     *,
+    ensemble: NominalMachine = None,
     given: ControllerOptions = CONTROLLER,
     out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
     plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
@@ -49,12 +52,12 @@ def certify(
 
     The theorem covers the position laws fando-nftsm and nftsm. Prints every condition with both sides and a verdict,
     the share of the run in which the theorem's Lyapunov function decreases, nearby gains that satisfy the conditions
-    (or why there are none), and what the proof assumes.
+    (or why there are none), what the proof assumes, and, beside the theorem, the rule for the drums' resonance.
     """
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains
 
-    asked = given.experiment()
+    asked = given.nominal(ensemble)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
@@ -93,6 +96,8 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     console.print("\nAssumptions of the proof, whatever the gains:")
     for gap in GAPS:
         console.print(f"  - {gap}", highlight=False)
+    console.print()
+    print_resonance(resonance_tables(result.experiment))
 
 
 def conditions_table(conditions: Sequence[Condition]) -> FigureTable:
@@ -181,6 +186,7 @@ def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
             "decreasing_share": near.certificate.decreasing if near.certificate else None,
         },
         "gaps": list(GAPS),
+        **records(resonance_tables(result.experiment)),
         "configuration": to_toml(result.experiment),
         "versions": versions(),
     }

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -52,6 +52,8 @@ app = App(
     dualwinch linearise --loop closed --v 0.5 --plot poles.png
     dualwinch linearise --loop broken --cut tau_1 --v 0.5 --plot margins.png
     dualwinch linearise --loop broken --v 0.5 --plot amplitude.png --figure amplitude
+    dualwinch linearise --ensemble site --v 1
+    dualwinch linearise --ensemble site --loop closed --v 1 --set controller.winch_1.damping=164
 """,
 )
 
@@ -76,6 +78,7 @@ def linearise(
     dt: Annotated[
         float | None, Parameter(help="Sample time in s: discrete time, inputs held (default: continuous).")
     ] = None,
+    ensemble: NominalMachine = None,
     given: ControllerOptions = CONTROLLER,
     out: Annotated[Path | None, Parameter(help="File for the matrices: .json, .mat or .npz.")] = None,
     plot: Figure = None,
@@ -90,15 +93,17 @@ def linearise(
     """Linearise the plant at an operating point or along a sweep; print its modes and the sample rate they need.
 
     At rest the operating point is an equilibrium, else steady motion with constant tensions. Every derivative is
-    exact.
+    exact. Ropes with mass and sag, and gearboxes that give, add their modes; ropes are taken as taut and teeth as in
+    contact.
 
     The closed loop is that of one sample of plant and controller, the broken one is it cut open at a signal; of it,
-    gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error.
+    gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error. Both come
+    with the rule for the drums' resonance on their ropes.
     """
     from dualwinch.config.folders import check_folder
     from dualwinch.model.linear.system import save_sweep, writer
 
-    experiment = given.experiment()
+    experiment = given.nominal(ensemble)
     if preload is not None:
         experiment = _with_preload(experiment, preload)
     if out:
@@ -118,6 +123,10 @@ def linearise(
         tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
     else:
         tables = print_sweep(systems, points, experiment.plant, swept)
+    if loop != "open" and swept is None:
+        resonance = resonance_tables(_with_preload(experiment, values["preload"][0]), values["x"][0])
+        print_resonance(resonance)
+        tables += resonance
     if out:
         facts = records(tables)
         save_sweep(systems, out, facts) if swept else systems[0].save(out, facts)
@@ -260,16 +269,19 @@ def _drawn(
     return found
 
 
-def _point_columns(*names: str) -> list[FigureColumn]:
-    """Columns of numbers of an operating point, from its metadata; all of them by default."""
-    from dualwinch.model.linear.operating_point import OperatingPoint
-    from dualwinch.model.quantities.description import describe
+def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[FigureColumn]:
+    """Columns of numbers of an operating point, from its metadata.
 
-    known = describe(OperatingPoint)
+    Args:
+        names: of the numbers.
+        point: which has them; default: those that every one has.
+    """
+    from dualwinch.model.linear.operating_point import OperatingPoint
+    from dualwinch.model.quantities.description import describe, describe_parts
+
+    known = describe(OperatingPoint) if point is None else describe_parts(point)
     rounded_off = {"residual", "tension_rate"}
-    return [
-        FigureColumn.of(name, known[name].quantity, ".2g" if name in rounded_off else ".7g") for name in names or known
-    ]
+    return [FigureColumn.of(name, known[name].quantity, ".2g" if name in rounded_off else ".7g") for name in names]
 
 
 PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -298,10 +310,10 @@ def print_broken(
     systems: Sequence[LinearSystem], experiment: Experiment, values: Values, swept: str | None, cut: str
 ) -> list[FigureTable]:
     """Print margins of broken loops and, of a single one of a sliding-mode law, how they depend on the amplitude."""
-    from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
-    from dualwinch.controllers.laws.nftsm import Nftsm
+    from dualwinch.model.linear.operating_point import contact
     from dualwinch.simulation.analysis.describing_function import amplitude_sweep
     from dualwinch.simulation.analysis.margins import margins
+    from dualwinch.simulation.analysis.stability import SLIDING_MODE
     from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 
     console = terminal()
@@ -313,7 +325,9 @@ def print_broken(
     first = _point_columns(swept) if swept else []
     tables = [FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)]
     console.print(tables[0].render())
-    if swept is None and isinstance(experiment.controller.law, FandoNftsm | Nftsm) and systems[0].B.any():
+    for words in contact(systems[0].operating_point, experiment.plant):
+        console.print(words)
+    if swept is None and isinstance(experiment.controller.law, SLIDING_MODE) and systems[0].B.any():
         x, v, preload = (values[name][0] for name in SWEPT)
         points = amplitude_sweep(_with_preload(experiment, preload), x, v, cut, PRINTED_AMPLITUDES)
         amplitude = FigureColumn("amplitude", "m/s", "e2 m/s", form="g")
@@ -322,6 +336,47 @@ def print_broken(
         console.print(styled("bold", "by amplitude of the speed error", " (describing functions)"))
         console.print(tables[1].render())
     return tables
+
+
+def resonance_tables(experiment: Experiment, x: float | None = None) -> list[FigureTable]:
+    """The rule for the drums' resonance on their ropes, and its limits; nothing of a law that it is not about.
+
+    Args:
+        experiment: plant and gains.
+        x: position in m; default: amid the track.
+    """
+    from dualwinch.model.quantities.description import describe
+    from dualwinch.model.quantities.tables import readable_unit
+    from dualwinch.simulation.analysis import resonance
+    from dualwinch.simulation.analysis.stability import SLIDING_MODE
+
+    if not isinstance(experiment.controller.law, SLIDING_MODE):
+        return []
+    quantities = {name: leaf.quantity for name, leaf in describe(resonance.ResonanceGain).items()}
+    columns = [
+        FigureColumn(name, quantity.unit, shown_unit=readable_unit(quantity.unit), meaning=quantity.meaning)
+        for name, quantity in quantities.items()
+    ]
+    rows = [[*vars(each).values(), each.verdict] for each in resonance.resonance_gains(experiment, x)]
+    limits = {"threshold": resonance.THRESHOLD, "threshold_of_one_drum": resonance.OF_ONE_DRUM}
+    limits |= dict(zip(("undecided_from", "undecided_to"), resonance.UNDECIDED, strict=True))
+    return [
+        FigureTable("resonance", (*columns, FigureColumn("verdict", "", "")), rows),
+        FigureTable("resonance_limits", [FigureColumn(name) for name in limits], [list(limits.values())]),
+    ]
+
+
+def print_resonance(tables: Sequence[FigureTable]) -> None:
+    """Print `resonance_tables`."""
+    if not tables:
+        return
+    console, (threshold, of_one, low, high) = terminal(), tables[1].rows[0]
+    console.print(styled("bold", "drums' resonance on their ropes", " (loop gain there)"))
+    console.print(tables[0].render())
+    console.print(
+        f"at most {threshold:g} where both drums swing alike, amid the track, {of_one:g} where one does; "
+        f"from {low:g} to {high:g} look at the eigenvalues"
+    )
 
 
 def print_closed_sweep(
@@ -363,7 +418,7 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
 
     console, found, small = terminal(), modes(system, plant), len(system.states) <= SMALL
     console.print(styled("bold", "operating point"))
-    columns = _point_columns(*numbers(point))
+    columns = _point_columns(*numbers(point), point=point)
     tables = [FigureTable("operating_point", columns, [list(numbers(point).values())])]
     console.print(tables[0].render_down())
     for remark in point.remarks:

@@ -46,6 +46,10 @@ Plugins = Annotated[
     Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated.", negative=""),
 ]
 
+NominalMachine = Annotated[
+    str | None, Parameter(name="--ensemble", help="The nominal machine of an ensemble, such as `site`, or a TOML file.")
+]
+
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")]
@@ -114,6 +118,21 @@ class ExperimentOptions:
 
         self.use_parts()
         return experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
+
+    def nominal(self, ensemble: str | None) -> Experiment:
+        """The experiment, or the nominal machine of an ensemble with the values of case, file and options.
+
+        Raises:
+            ConfigurationError: as `experiment` and `ensemble`.
+        """
+        from dualwinch.config.ensemble_file import load_ensemble
+        from dualwinch.config.experiment_file import experiment_from
+        from dualwinch.simulation.settings import override
+
+        if ensemble is None:
+            return self.experiment()
+        self.use_parts()
+        return override(load_ensemble(ensemble, experiment_from(self.case, self.config)).experiment, self.values)
 
     def ensemble(self, name: str) -> Ensemble:
         """An ensemble: the case or file gives the values that its file lacks, and relative distributions follow.

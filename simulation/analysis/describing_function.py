@@ -7,6 +7,7 @@ the first harmonic's, the describing function, and a loop with it in the slope's
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class AmplitudePoint:
     margins: Margins
 
 
-def describing_gain(amplitude: float, exponent: float, smoothing: float) -> float:
+def describing_gain(amplitude: float, exponent: float | Floats, smoothing: float | Floats) -> Any:
     """First harmonic over amplitude of ``z (z² + eps²)^((a−1)/2)`` for ``z = A sin(w t)``: a real gain.
 
     It is ``eps^(a−1) 2F1((1−a)/2, 3/2; 2; −(A/eps)²)``: the slope at zero for small amplitudes, a constant times
@@ -55,12 +56,12 @@ def describing_gain(amplitude: float, exponent: float, smoothing: float) -> floa
     Args:
         amplitude: A, in the unit of z.
         exponent: a.
-        smoothing: eps, in the unit of z.
+        smoothing: eps, in the unit of z; an array where it or the exponent is one.
     """
     from scipy.special import hyp2f1
 
     size = (amplitude / smoothing) ** 2
-    return float(smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size))
+    return smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size)
 
 
 def amplitude_sweep(
@@ -93,8 +94,7 @@ def amplitude_sweep(
     template, parts = _parts(experiment, x, v, cut)
     points = []
     for amplitude in amplitudes:
-        terminal = describing_gain(amplitude, 2 - ratio, gains.smoothing)
-        surface = describing_gain(amplitude, ratio, gains.smoothing)
+        terminal, surface = (float(describing_gain(amplitude, each, gains.smoothing)) for each in (2 - ratio, ratio))
         weights = np.array([1.0, terminal, surface])
         matrices = {name: np.tensordot(weights, part, axes=1) for name, part in parts.items()}
         system = without_idle_states(replace(template, **matrices))

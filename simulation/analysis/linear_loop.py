@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.linearisation import linearise_at
 from dualwinch.model.linear.properties import states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
@@ -23,6 +24,7 @@ from dualwinch.simulation.analysis.operating_points import (
     LoopOperatingPoint,
     loop_operating_point,
     neighbours,
+    operating_point,
     with_taut_ropes,
     without_round_off,
 )
@@ -49,6 +51,37 @@ INPUTS = {
 
 OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
 """Columns of a result that are outputs of the closed loop, beside the controller's own signals."""
+
+
+def linearise(
+    x: float | None = None,
+    v: float = 0.0,
+    preload: float | None = None,
+    plant: Plant | None = None,
+    *,
+    experiment: Experiment | None = None,
+    dt: float | None = None,
+    **outside: float,
+) -> LinearSystem:
+    """The plant without controller, linearised at an operating point (`model.linear.linearisation.linearise`).
+
+    What is not given comes from the experiment, or is the paper's.
+
+    Args:
+        x: position in m; default: amid the track.
+        v: speed in m/s.
+        preload: sum of both tensions in N.
+        plant: in place of the experiment's.
+        experiment: default: the paper's.
+        dt: sample time in s of a discrete system whose inputs are held; None: continuous time.
+        outside: ``current`` in m/s, ``force`` in N, ``tension_min`` and ``tension_max`` in N, as `operating_point`.
+
+    Raises:
+        ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
+    """
+    given = plant or (experiment or Experiment()).plant
+    point = operating_point(x, v, preload, given, experiment=experiment, **outside)
+    return linearise_at([point], given, dt)[0]
 
 
 def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) -> LinearSystem:

@@ -13,6 +13,7 @@ from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, with_taut_ropes
+from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
 from dualwinch.simulation.batch.threads import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
@@ -104,6 +105,7 @@ class MarginSurvey:
         pairs = zip(calm, believed, strict=True)
         self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
         self._columns = [loop.parameters.index(name) for name in names]
+        self._length = loop.parameters.index("plant.track.length")
         self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self._near: list[Floats] = []
 
@@ -112,7 +114,7 @@ class MarginSurvey:
 
         Args:
             values: (n, names).
-            kinds: which margins, of `margins.KINDS`.
+            kinds: which margins, of `margins.KINDS` and `resonance.RESONANCE`; the latter alone needs no compiler.
 
         Returns:
             Kind → its least, for each of the n.
@@ -128,7 +130,7 @@ class MarginSurvey:
         ]
 
     def each(
-        self, values: ArrayLike, kinds: Iterable[str] = KINDS, machines: Sequence[int] | None = None
+        self, values: ArrayLike, kinds: Collection[str] = KINDS, machines: Sequence[int] | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
         """`worst` machine by machine.
 
@@ -140,12 +142,38 @@ class MarginSurvey:
         Returns:
             Kind → its least for each of the machines, for each of the n.
         """
-        self._look_near()
-        given, kinds = np.atleast_2d(np.asarray(values, float)), tuple(kinds)
+        given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
         chosen = range(len(self.machines)) if machines is None else machines
         pairs = [(row, machine) for row in range(len(given)) for machine in chosen]
-        each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, kinds), pairs, self._threads)
+        each = [dict[str, WorstMargin]() for _ in pairs]
+        if of_loops:
+            self._look_near()
+            each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), pairs, self._threads)
+        if len(of_loops) < len(kinds):
+            each = [
+                found | {RESONANCE: worst} for found, worst in zip(each, self._resonances(given, pairs), strict=True)
+            ]
         return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
+
+    def _resonances(self, values: Floats, pairs: Sequence[tuple[int, int]]) -> list[WorstMargin]:
+        """The margins of the drums' resonances, at the worst amplitude, of pairs of a row of values and a machine."""
+        rows, machines = np.array(pairs).T
+        parameters = self._with(values[rows], machines)
+        middle = parameters[:, self._length] / 2
+        terms = resonance_terms(self._structure, parameters, middle)
+        terms = terms.reshape(len(pairs), -1, terms.shape[-1])
+        worst, found = terms[..., -1].argmax(axis=1), []
+        for number, (index, x) in enumerate(zip(worst.tolist(), middle.tolist(), strict=True)):
+            frequency, *_, gain = terms[number, index].tolist()
+            cut, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
+            found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, cut, omega))
+        return found
+
+    def _with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
+        """Parameters (n, parameters) of machines with values (n, names) of the numbers that vary."""
+        parameters = self._parameters[machines]
+        parameters[:, self._columns] = values
+        return parameters
 
     def _look_near(self) -> None:
         """Find the operating points with the machines' own gains, near which those with others are looked for."""
@@ -169,8 +197,7 @@ class MarginSurvey:
         points = [self._points[machine] for _, machine in pairs]
         family = np.repeat(np.arange(len(pairs)), [len(each) for each in points])
         rows, machines = np.array(pairs)[family].T
-        parameters = self._parameters[machines]
-        parameters[:, self._columns] = values[rows]
+        parameters = self._with(values[rows], machines)
         x, v = np.concatenate(points).T
         near = np.concatenate([self._near[machine] for _, machine in pairs])
         found = loop_operating_points(self._structure, parameters, x, v, near)

@@ -25,6 +25,9 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
+SLIDING_MODE = FandoNftsm, Nftsm
+"""Laws with odd powers of the speed error."""
+
 
 def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm | Nftsm:
     """The sliding-mode law of an experiment.
@@ -37,7 +40,7 @@ def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm 
         ConfigurationError: it has another law.
     """
     law = experiment.controller.law
-    if not isinstance(law, FandoNftsm | Nftsm):
+    if not isinstance(law, SLIDING_MODE):
         raise ConfigurationError(f'controller.kind = "{law.kind}": {reason} "{FandoNftsm.kind}" or "{Nftsm.kind}"')
     return law
 

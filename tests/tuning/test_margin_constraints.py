@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningResult, margin_places
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
-from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.scoring.training_set import prepare, survey
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
@@ -78,6 +79,36 @@ def test_wrong_margins_are_one_line(text: str, message: str) -> None:
         bound(text)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_where_drums_swing_on_their_ropes_their_resonance_has_to_be_damped() -> None:
+    """By default, where ropes have mass or winches are heavy and the law is one that the rule is about."""
+
+    def bounds(**words: Any) -> list[str]:
+        return [constraint.label for constraint in tuning_problem(**words).constraints]
+
+    label = "worst.resonance_margin >= 1"
+    heavy = ["plant.winch_1.inertia=150", "plant.winch_2.inertia=150"]
+    assert label in bounds(ensemble="site")
+    assert label in bounds(case=4, settings=["plant.rope_1.mass_per_length=2.36"])
+    assert label in bounds(case=4, settings=heavy)
+    assert label not in bounds(case=4)
+    assert label not in bounds(ensemble="rig")
+    assert label not in bounds(case=4, settings=[*heavy, "controller.kind=pid-cascade"])
+    with pytest.raises(ConfigurationError, match=r'resonance_margin>=2: must be "fando-nftsm" or'):
+        bounds(case=4, settings=["controller.kind=pid-cascade"], constraints=["worst.resonance_margin>=2"])
+
+
+@pytest.mark.parametrize(("damping", "satisfied"), [(0.0, False), (164.0, True)])
+def test_the_papers_gains_satisfy_it_on_heavy_drums_where_these_are_damped(damping: float, satisfied: bool) -> None:
+    values = {"plant.winch_{}.inertia": 150.0, "plant.rope_{}.damping": 300.0, "controller.winch_{}.damping": damping}
+    settings = [f"{key.format(number)}={value}" for key, value in values.items() for number in (1, 2)]
+    problem = tuning_problem(case=4, settings=settings, space=[BETA])
+    surveyed = survey(problem, [])
+    assert surveyed is not None
+    (found,) = surveyed.worst([problem.space.parameters(problem.start)], [problem.margins[0].margin])
+    (constraint,) = (each for each in problem.constraints if each.statistic == problem.margins[0])
+    assert (constraint.violation(problem.margins[0].of(found)) <= 0) == satisfied
 
 
 def test_a_margin_is_no_objective() -> None:

@@ -15,12 +15,15 @@ def test_the_report_says_what_fails_and_the_file_holds_the_same(
     main(["certify", "--case", "4", "--out", str(out), "--plot", str(plot)])
     said = capsys.readouterr().out
     assert "Not certified: 2 of the paper's 5 conditions fail; with real ropes, 2 more (4 of the 7 rows above)." in said
-    verdicts = [line.split()[-1] for line in said.splitlines() if line.split()[-1:] in (["holds"], ["fails"])]
+    theorem, _, rule = said.partition("drums' resonance")
+    verdicts = [line.split()[-1] for line in theorem.splitlines() if line.split()[-1:] in (["holds"], ["fails"])]
     assert (verdicts.count("holds"), verdicts.count("fails")) == (3, 4)
     assert "the force is never cut off in this run" in said
     held = json.loads(out.read_text())
     assert held["certified"] is False
     assert held["conditions"][0]["left"] == 0.5
+    assert rule.count("holds") == len(held["resonance"]["rows"]) == 6
+    assert held["resonance"]["units"]["mass"] == "kg"
     assert held["nearby_gains"]["changes"]["controller.auxiliary.gamma"]["tried"] == 12000
     assert f"V decreases over {100 * held['decreasing_share']:.4g} %" in said
     assert len(held["curves"]["V"]) == len(held["curves"]["t"]) == 2000

@@ -41,6 +41,22 @@ def test_one_point_is_printed_and_written(tmp_path: Path, capsys: pytest.Capture
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_nominal_machine_of_an_ensemble_has_modes_of_ropes_gears_and_sag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "site.json"
+    main(["linearise", "--ensemble", "site", "--x", "10", "--v", "1", "--out", str(out)])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "linear while ropes stay taut and teeth in contact, which transmit 1480 N m in gearbox 1" in said
+    figures = json.loads(out.read_text())["figures"]["modes"]
+    assert {"rope 1 – drum 1", "gear 1", "sag of rope 1"} <= {row["mode"] for row in figures["rows"]}
+    assert figures["units"]["natural_frequency"] == "Hz"
+    main(["linearise", "--case", "4", "--set", "plant.rope_1.mass_per_length=2.36", "--loop", "closed", "--x", "5"])
+    said = capsys.readouterr().out
+    assert "rope 1, longitudinal" in said
+    assert "drums' resonance on their ropes" in said
+
+
 def test_a_sweep_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("track.json", "track.npz", "track.mat"):
         main(["linearise", "--v", "2.5", "--sweep", "x=1:47:2", "--out", str(tmp_path / name)])
