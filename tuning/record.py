@@ -87,7 +87,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
         "seeds": {name: problem.stream(name) for name in (TRAINING, VALIDATION, CHANCE, TEST)},
         "scenarios": {
             TRAINING: len(tuned.training.scenarios),
-            VALIDATION: sizes.draws + sizes.second_draws if verdict.has_test_set else 0,
+            VALIDATION: sizes.draws + sizes.vertices if verdict.has_test_set else 0,
             CHANCE: verdict.chance.draws if verdict.chance else 0,
             TEST: verdict.scored.scenarios if verdict.has_test_set else 0,
         },

@@ -1,4 +1,4 @@
-"""Hyper-parameters of the training set, of ranking and of the choice among trials."""
+"""Hyper-parameters of the training set, of ranking, validation, chance constraint and test set."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields
@@ -9,40 +9,29 @@ from dualwinch.model.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class SampleSizes:
-    """Numbers of candidates and scenarios in validation and test.
+    """Numbers of candidates and scenarios in validation, chance constraint and test.
 
     Attributes:
-        candidates: of the first group that is screened in the first validation set.
-        screening_rollouts: number of rollouts after which no further group of candidates is screened.
-        draws, vertices: of the ensemble, in the first validation set.
-        hard_draws, hard_among: further draws there, those with the largest demand among so many.
-        second_candidates, second_draws: those that go on to the second validation set, and its size.
-        further_draws: of the third validation set, where the chosen candidate alone is checked for peaks.
+        candidates: of a group that is evaluated in the validation set.
+        screening_rollouts: number of rollouts after which no further group is evaluated there.
+        draws, vertices: of the ensemble, in the validation set.
+        chance: fresh draws for each candidate that the chance constraint looks at; the default is that of
+            `tuning.scoring.chance.draws_needed` for the probabilities of `SelectionConfig`.
         test: scenarios of the test set.
-        chance: fresh draws of the chance constraint; the default is what the probabilities of `SelectionConfig` need
-            (`tuning.scoring.chance.draws_needed`).
     """
 
-    candidates: int = 16
+    candidates: int = 8
     screening_rollouts: int = 4000
-    draws: int = 96
+    draws: int = 256
     vertices: int = 32
-    hard_draws: int = 8
-    hard_among: int = 400
-    second_candidates: int = 8
-    second_draws: int = 192
-    further_draws: int = 1500
+    chance: int = 819
     test: int = 200
-    chance: int = 600
 
     @property
     def rollouts(self) -> int:
-        """Estimated number of rollouts of validation and test, the start's and the paper's included."""
-        scenarios = self.draws + self.vertices + self.hard_draws
-        first = max(self.screening_rollouts, self.candidates * scenarios // 2) + 2 * scenarios
-        return (
-            first + (self.second_candidates + 2) * self.second_draws + self.further_draws + self.chance + 3 * self.test
-        )
+        """Estimated number of rollouts of all of that, the start's and the paper's included."""
+        screening = max(self.screening_rollouts, self.candidates * (self.draws + self.vertices)) // 2
+        return screening + 2 * (self.draws + self.vertices + self.chance) + 3 * self.test
 
     def scaled(self, share: float, least: "SampleSizes") -> "SampleSizes":
         """A share of all sizes, none below `least` unless it is so already."""
@@ -52,7 +41,7 @@ class SampleSizes:
 
 @dataclass(frozen=True)
 class SelectionConfig:
-    """Hyper-parameters of the method that `tuning.scoring` describes.
+    """Hyper-parameters of the method that `tuning.scoring.selection` describes.
 
     Shares are of a bound where nothing else is said.
 
@@ -65,7 +54,8 @@ class SelectionConfig:
         leeway_beyond_authority: share by which bounds on the worst may be exceeded beyond the actuators' authority.
         margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
             (those on which the start's are least), and in validation and test.
-        back_off: distance that bounds on the worst case keep in training, for more scenarios have worse cases.
+        back_off: distance that bounds on the worst case keep in training and after a repair, for more scenarios have
+            worse cases.
         pool_size: active scenarios for the best candidates of a batch.
         pool_memory: weight of what was known of a scenario's violations before (exponential smoothing).
         pool_range: least and largest violation that counts there.
@@ -78,19 +68,12 @@ class SelectionConfig:
         most_slack: share of a run with a slack rope beyond which the run is stopped, where no rope may be slack.
         penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. 2 % cost a factor
             of e; an optimum on its bounds gains a few times the share by which it gives way, which is far less.
-        first_screened: scenarios of a validation set in which candidates are screened first.
-        stratum, stratum_growth: width of the first stratum of the objective as a share, and factor from each stratum to
-            the next; with 16 strata the last is three times the first.
-        authority_price: how many times the best training objective a candidate may have that is feasible beyond the
-            actuators' authority, for those scenarios to count.
-        selection_back_off: distance from a bound on the worst case up to which more of it makes up for a larger
-            objective in the ranking of validated candidates.
+        first_screened: scenarios of the validation set in which candidates are evaluated first.
         repair_most: violation beyond which a peak is not due to the reserve.
-        repair_least: smallest change of the reserve.
-        repair_back_off: distance from its bound that a repaired peak keeps in the further draws.
-        repair_steps: shares of the wanted change of the reserve that are tried, the largest feasible one is taken.
-        violation: ε, the largest probability that a draw violates a bound on the worst case.
+        repair_steps: shares of the wanted change of the reserve in the line search; the first feasible one is taken.
+        violation: ε, the largest probability that a draw violates a bound.
         confidence: 1 − β, of the chance constraint and of the intervals of the test set.
+        confirmed: K, the most candidates that the chance constraint looks at.
         sizes, least_sizes: of validation, chance constraint and test, and the smallest where time is short.
         size_steps: number of shares of `sizes` that are considered.
         time_share, time_least: time in s for preparing, validation and test, as a share of the search or at least.
@@ -120,18 +103,13 @@ class SelectionConfig:
     most_slack: float = 0.01
     penalty: float = 50.0
     first_screened: int = 12
-    stratum: float = 0.02
-    stratum_growth: float = 1.17
-    authority_price: float = 3.0
-    selection_back_off: float = 0.0025
     repair_most: float = 0.02
-    repair_least: float = 0.001
-    repair_back_off: float = 0.006
     repair_steps: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
     violation: float = 0.005
     confidence: float = 0.95
+    confirmed: int = 3
     sizes: SampleSizes = field(default_factory=SampleSizes)
-    least_sizes: SampleSizes = SampleSizes(16, 0, 8, 4, 1, 25, 2, 8, 250, 32, 100)
+    least_sizes: SampleSizes = SampleSizes(4, 0, 16, 4, 100, 32)
     size_steps: int = 20
     time_share: float = 0.3
     time_least: float = 3.0

@@ -141,7 +141,7 @@ def _chance_constrained(config: SelectionConfig, violation: float | None, confid
         return config
     asked = {"violation": violation, "confidence": confidence}
     config = replace(config, **{name: value for name, value in asked.items() if value is not None})
-    draws = draws_needed(config.violation, config.confidence)
+    draws = draws_needed(config.violation, config.confidence, config.confirmed)
     return replace(config, sizes=replace(config.sizes, chance=draws))
 
 

@@ -13,7 +13,7 @@ from dualwinch.tuning.tuning_problem import tuning_problem
 MakeProblem = Callable[..., TuningProblem]
 
 
-FEW = SelectionConfig(demand_among=80, sizes=SampleSizes(6, 100, 8, 4, 2, 20, 2, 8, 20, 24, 20))
+FEW = SelectionConfig(demand_among=80, sizes=SampleSizes(6, 100, 12, 4, 20, 24))
 """The usual choice of gains, in few scenarios."""
 
 

@@ -1,9 +1,9 @@
 """Chance constraint, by the scenario approach: the probability that a fresh draw violates a bound is at most ε.
 
-The chosen gains are run in M independent draws that took no part in search and choice, and do not change the choice. If
-they violate no bound there, their probability of violation is at most ε with confidence 1 − β where M ≥ ln(1/β)/ε
-(Tempo, Bai and Dabbene, Systems & Control Letters 30, 1997; Calafiore and Campi, IEEE TAC 51, 2006; Tempo, Calafiore
-and Dabbene, Randomized Algorithms for Analysis and Control of Uncertain Systems, 2013).
+M independent draws that took no part in search and validation are run. If K candidates are looked at, each in draws of
+its own, and one of them violates no bound, its probability of violation is at most ε with confidence 1 − β where
+M ≥ ln(K/β)/ε (Tempo, Bai and Dabbene, Systems & Control Letters 30, 1997; Calafiore and Campi, IEEE TAC 51, 2006;
+Tempo, Calafiore and Dabbene, Randomized Algorithms for Analysis and Control of Uncertain Systems, 2013).
 """
 
 import math
@@ -22,14 +22,15 @@ def clopper_pearson(violations: int, draws: int, confidence: float) -> tuple[flo
     )
 
 
-def draws_needed(violation: float, confidence: float) -> int:
-    """M = ln(1/β)/ε, rounded up.
+def draws_needed(violation: float, confidence: float, candidates: int) -> int:
+    """M = ln(K/β)/ε, rounded up.
 
     Args:
         violation: ε, the largest probability of a violation.
         confidence: 1 − β.
+        candidates: K, those that are looked at.
     """
-    return math.ceil(-math.log(1 - confidence) / violation)
+    return math.ceil(math.log(candidates / (1 - confidence)) / violation)
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,14 @@ class ChanceConstraint:
     Attributes:
         violation: ε asked for.
         confidence: 1 − β asked for.
-        draws: M, fresh ones.
+        candidates: K, those that may be looked at.
+        draws: M, fresh ones of the chosen candidate.
         violations: in how many of them a bound on the worst case is violated, or the run is not completed.
     """
 
     violation: float
     confidence: float
+    candidates: int
     draws: int
     violations: int
 
@@ -53,7 +56,8 @@ class ChanceConstraint:
         """The largest probability of a violation that the draws support, with the confidence (Clopper–Pearson)."""
         if self.violations >= self.draws:
             return 1.0
-        return float(beta.ppf(self.confidence, self.violations + 1, self.draws - self.violations))
+        rest = (1 - self.confidence) / self.candidates
+        return float(beta.ppf(1 - rest, self.violations + 1, self.draws - self.violations))
 
     @property
     def satisfied(self) -> bool:
@@ -68,7 +72,7 @@ class ChanceConstraint:
         if self.satisfied:
             return f"bounds are satisfied with probability ≥ {_share(1 - self.violation)} ({sure}: {seen})"
         words = f"bounds are satisfied with probability ≥ {_share(1 - self.supported)} ({sure}: {seen}"
-        needed = draws_needed(self.violation, self.confidence)
+        needed = draws_needed(self.violation, self.confidence, self.candidates)
         more = f", {needed} are needed" if self.draws < needed and not self.violations else ""
         return f"{words}{more}; asked for: {_share(1 - self.violation)})"
 
@@ -78,6 +82,7 @@ class ChanceConstraint:
             "violation": self.violation,
             "probability": 1 - self.violation,
             "confidence": self.confidence,
+            "candidates": self.candidates,
             "draws": self.draws,
             "violations": self.violations,
             "supported": self.supported,

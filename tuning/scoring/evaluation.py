@@ -263,11 +263,6 @@ class Evaluator(Scorer):
         prunes = prune and len(problem.objectives) == 1
         self._first = round(self._config.first_share * problem.scenarios) if prunes else 0
 
-    @property
-    def for_the_best(self) -> tuple[Experiment | Scenario, ...]:
-        """The training scenarios of the best candidates at present: the common and the active ones."""
-        return (*self._pool.common, *self._pool.active)
-
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate a batch of candidates in the training scenarios.
 

@@ -1,4 +1,4 @@
-"""Which candidate is better: feasibility first, an exact penalty, or with back-off.
+"""Which candidate is better: feasibility first, or by an exact penalty.
 
 What is presented is ranked by feasibility first (`best_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000). A
 search that followed that order would run into the next feasible valley, however bad: gains that are a thousand times
@@ -110,31 +110,6 @@ def penalised_first(evaluations: Sequence[Evaluation], penalty: float = Selectio
         return evaluation.pruned, math.log(evaluation.costs[0]) + penalty * evaluation.violation
 
     return sorted(range(len(evaluations)), key=key)
-
-
-def backed_off_first(
-    evaluations: Sequence[Evaluation], margin: float, penalty: float = SelectionConfig.penalty
-) -> list[int]:
-    """Indices of the evaluations, the best first with back-off from the bounds on the worst case.
-
-    As `best_first`, but of the feasible what is nearer to such a bound than the margin is penalised for what is missing
-    as for a violation: in more draws the worst case is worse.
-
-    Args:
-        evaluations: all in the same scenarios.
-        margin: of the back-off, as a share of the bound.
-        penalty: of a violation of 1, added to the logarithm of the objective.
-    """
-    order = best_first(evaluations)
-    if not _penalisable(evaluations):
-        return order
-    feasible = [index for index in order if evaluations[index].feasible]
-
-    def worth(index: int) -> float:
-        evaluation = evaluations[index]
-        return math.log(evaluation.costs[0]) + penalty * max(margin - evaluation.clearance, 0.0)
-
-    return sorted(feasible, key=worth) + [index for index in order if not evaluations[index].feasible]
 
 
 def _penalisable(evaluations: Sequence[Evaluation]) -> bool:

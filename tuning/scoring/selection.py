@@ -1,57 +1,58 @@
-"""The choice of the best trial: feasible in validation sets, better than the start there, and tested once.
+"""The method of tuning: training set, search, validation set, chance constraint, test set.
 
-1. Trials that are feasible in the training set, up to its back-off, are ordered by training objective.
-2. Those of several strata of it are screened in the first validation set (`tuning.scoring.validation`), each as it is
-   and repaired (`tuning.scoring.repair`). Scenarios beyond the actuators' authority count, unless that leaves only
-   trials that are far worse in training.
-3. The feasible ones that improve on the start are ranked with back-off; the first of them are run, beside the start, in
-   the second validation set, and ranked again. The first is the choice.
-4. Its peaks are checked in further draws, and repaired where they are near their bound.
-5. Chance constraint: the choice is run in fresh draws, which say with which probability its bounds are satisfied
-   (`tuning.scoring.chance`). They do not change the choice.
-6. The test set is evaluated once, for the choice, the start and the baseline controller. It is reported with its
-   intervals and never fed back: where it contradicts the choice or the probability, the result says so.
+1. **Training set** (`tuning.scoring.training_set`): sample average approximation with common random numbers (Shapiro,
+   Dentcheva and Ruszczyński, Lectures on Stochastic Programming, 2009, Chapter 5), strata by authority ratio, vertices,
+   and a pool of active scenarios. Bounds on the worst case keep a back-off.
+2. **Search** (`tuning.optimisers`, `tuning.scoring.evaluation`): CMA-ES (Hansen, arXiv:1604.00772) and gradients, led
+   by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
+3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
+   are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
+   group without a feasible one the candidates of the next have more clearance in training, by the least that was
+   missing (back-off). The feasible ones that improve on the start there are validated. One repair: a peak beyond its
+   bound is taken back by the reserve.
+4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
+   in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). One that violates a peak is
+   repaired by a line search on the reserve and counts as another candidate. If none passes, the one with the fewest
+   violations is chosen, and the result says which probability they support.
+5. **Test set**: evaluated once, for the choice, the start and the baseline controller; reported with its intervals and
+   never fed back. Where it contradicts the choice, the result says so.
 
-Without an ensemble the best feasible trial is chosen in the experiment.
+Without an ensemble the best feasible trial is chosen in the experiment. Hyper-parameters: `SelectionConfig`.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.simulation.batch.scenarios import experiment_of
-from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.problem import CHANCE, TEST
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
-from dualwinch.tuning.scoring.ranking import (
-    Evaluation,
-    backed_off_first,
-    best_first,
-    improves_on,
-    pareto_front,
-    penalised_first,
-)
-from dualwinch.tuning.scoring.repair import repaired_after_further_draws, screened
+from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, pareto_front
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.test_set import SelectionResult, TestSet
-from dualwinch.tuning.scoring.validation import (
-    FeasibilityScreen,
-    Validated,
-    further_draws,
-    screened_by_strata,
-    strata,
-    validation_sets,
-)
+from dualwinch.tuning.scoring.validation import ValidationSet, repaired, validation_scenarios
 from dualwinch.tuning.selection_config import SampleSizes
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 CONTRADICTED = "the test set contradicts the choice: there the start is better"
-PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more scenarios violate a bound"
+PROMISE_BROKEN = "the test set contradicts the probability: there more scenarios violate a bound"
+
+
+@dataclass(frozen=True)
+class Validated:
+    """A candidate that is feasible in the validation set and improves on the start there.
+
+    Attributes:
+        trial: in the training set; a repaired one has the number of the trial that it was.
+        result: in the validation set.
+    """
+
+    trial: Evaluation
+    result: Evaluation
 
 
 def select(
@@ -60,7 +61,7 @@ def select(
     sizes: SampleSizes | None = None,
     watch: TuningProgress = SILENT,
 ) -> SelectionResult:
-    """Choose the best trial by validation, and score it in the test set.
+    """Choose the best trial by validation set and chance constraint, and score it in the test set.
 
     Args:
         evaluator: of the problem.
@@ -79,10 +80,11 @@ def select(
     if problem.ensemble is None:
         leader = trials[best_first(trials)[0]]
         chosen = leader if improves_on(leader, start) else start
-    elif ranking := _validated(evaluator, trials, start, sizes):
-        chosen, validation = ranking[0]
-        chosen = repaired_after_further_draws(evaluator, chosen, further_draws(problem, sizes))
-        chance = _chance_constraint(evaluator, chosen, sizes)
+    else:
+        validation_set = ValidationSet(evaluator, validation_scenarios(problem, sizes))
+        if validated := _validated(evaluator, validation_set, trials, start, sizes):
+            best, chance = _confirmed(evaluator, validation_set, validated, sizes)
+            chosen, validation = best.trial, best.result
     watch.phase(SCORING)
     test = TestSet(evaluator, sizes.test, problem.stream(TEST))
     scores = {"start": test.score(start.candidate), "paper": test.paper}
@@ -93,7 +95,7 @@ def select(
         contradiction = CONTRADICTED
     elif chance and chance.satisfied:
         least, _ = clopper_pearson(violations, len(test.scenarios), chance.confidence)
-        contradiction = PROBABILITY_CONTRADICTED if least > chance.violation else ""
+        contradiction = PROMISE_BROKEN if least > chance.violation else ""
     return SelectionResult(
         best=chosen,
         obstacle=NOT_CHOSEN if chosen is start else "",
@@ -109,14 +111,6 @@ def select(
     )
 
 
-def _chance_constraint(evaluator: Evaluator, chosen: Evaluation, sizes: SampleSizes) -> ChanceConstraint:
-    """The chosen gains in draws of the stream `CHANCE`."""
-    problem, config = evaluator.training.problem, evaluator.training.problem.selection
-    draws = problem.drawn(sizes.chance, problem.stream(CHANCE))
-    excess = worst_of(evaluator.run([chosen.candidate], draws), evaluator.training.constraints, draws)
-    return ChanceConstraint(config.violation, config.confidence, sizes.chance, int((excess > 0).sum()))
-
-
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
     """The start in the training set: the trial that is it, else from the rollouts of `prepare`."""
     point = evaluator.training.problem.start
@@ -124,104 +118,94 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
 
 
 def _validated(
-    evaluator: Evaluator, trials: Sequence[Evaluation], start: Evaluation, sizes: SampleSizes
-) -> list[Validated]:
-    """The trials that improve on the start in both validation sets, the best first."""
-    first, second, beyond = validation_sets(evaluator.training.problem, sizes)
-    others = [trial for trial in trials if trial.point != start.point]
-    ranking = _in_first_set(evaluator, others, start, [*beyond, *first], sizes)
-    if beyond and _too_costly(others, ranking, evaluator.training.problem.selection.authority_price):
-        ranking = _in_first_set(evaluator, others, start, first, sizes)
-    leading = ranking[: sizes.second_candidates]
-    again, before = zip(*leading, strict=True) if leading else ((), ())
-    return _ranked(evaluator, again, start, second, before) + ranking[sizes.second_candidates :]
-
-
-def _too_costly(trials: Sequence[Evaluation], ranking: Sequence[Validated], price: float) -> bool:
-    """Whether all that are feasible beyond the actuators' authority are far worse than the best in training.
-
-    Several objectives have no best one: there it is whether none is feasible.
-    """
-    if trials and len(trials[0].objectives) > 1:
-        return not ranking
-    best = trials[penalised_first(trials)[0]].objectives[0] if trials else 0.0
-    return all(trial.objectives[0] > price * best for trial, _ in ranking)
-
-
-def _in_first_set(
     evaluator: Evaluator,
+    validation: ValidationSet,
     trials: Sequence[Evaluation],
     start: Evaluation,
-    scenarios: Sequence[Scenario],
     sizes: SampleSizes,
 ) -> list[Validated]:
-    """Trials that are feasible in the first validation set and improve on the start there, the best first.
+    """The first group with candidates that improve on the start in the validation set, the best first (step 3).
 
-    Where none is feasible, those of the first group that improve on the start.
+    Where none is feasible before the rollouts for it are spent, those of the first group that improve on the start.
     """
-    problem, config = evaluator.training.problem, evaluator.training.problem.selection
-    ordered = _feasible_in_training(trials, config.back_off)
-    if not ordered:
-        return []
-    screen, before = FeasibilityScreen(evaluator, scenarios), evaluator.rollouts
-    screening = partial(screened, evaluator, screen, margin=config.selection_back_off)
-    if len(problem.objectives) == 1:
-        first = [ordered[index] for index in strata(ordered, sizes.candidates, config)]
-        found = screened_by_strata(
-            ordered, first, screening, lambda: evaluator.rollouts - before < sizes.screening_rollouts
-        )
-    else:
-        front = [trials[index] for index in pareto_front(trials)] or ordered
-        first = front[:: -(-len(front) // sizes.candidates)]
-        found = screening(first)
-    if not found:
-        return _ranked(evaluator, first, start, scenarios)
-    (reference,) = evaluator.over([start.candidate], scenarios, constraints=screen.constraints)
-    results = [result for _, result in found]
-    order = backed_off_first(results, config.selection_back_off, config.penalty)
-    return [found[index] for index in order if improves_on(results[index], reference)]
+    config = evaluator.training.problem.selection
+    (reference,) = evaluator.over([start.candidate], validation.scenarios, constraints=validation.constraints)
+    waiting = _by_training_objective([trial for trial in trials if trial.point != start.point], config.back_off)
+    if waiting and len(waiting[0].objectives) > 1:
+        front = [waiting[index] for index in pareto_front(waiting)] or waiting
+        waiting = front[:: -(-len(front) // sizes.candidates)]
+    first, before, needed = waiting[: sizes.candidates], evaluator.rollouts, -config.back_off
+    while waiting and evaluator.rollouts - before <= sizes.screening_rollouts:
+        group = [trial for trial in waiting if trial.clearance >= needed][: sizes.candidates]
+        if not group:
+            break
+        found, missing = _screened(evaluator, validation, group)
+        found = [each for each in found if improves_on(each.result, reference)]
+        if found:
+            return [found[index] for index in best_first([each.result for each in found])]
+        waiting = [trial for trial in waiting if trial not in group]
+        needed += missing
+    results = evaluator.over(
+        [trial.candidate for trial in first], validation.scenarios, constraints=validation.constraints
+    )
+    better = [index for index in best_first(results) if improves_on(results[index], reference)]
+    return [Validated(first[index], results[index]) for index in better]
 
 
-def _feasible_in_training(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
-    """Trials that may be feasible, the best first; all where none is.
-
-    Training asks for a back-off from bounds on the worst case, as more scenarios have worse ones; validation does not.
-    A search often ends a little nearer, so whatever satisfies the bounds themselves is as good.
-    """
+def _by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
+    """Complete trials that satisfy the bounds themselves, without the back-off, by objective; all where none does."""
     finished = [trials[index] for index in best_first(trials) if not trials[index].pruned]
     near = [trial for trial in finished if trial.violation <= back_off]
     if not near or len(near[0].objectives) > 1:
         return finished
-    return sorted(near, key=lambda trial: trial.objectives[0])
+    return sorted(near, key=lambda trial: trial.costs[0])
 
 
-def _ranked(
-    evaluator: Evaluator,
-    trials: Sequence[Evaluation],
-    start: Evaluation,
-    scenarios: Sequence[Scenario],
-    before: Sequence[Evaluation] = (),
-) -> list[Validated]:
-    """Trials that improve on the start in some scenarios, the best first, with their results there.
-
-    Args:
-        evaluator: runs them.
-        trials: in the training set.
-        start: is run as well.
-        scenarios: of a validation set.
-        before: results in another validation set; the smaller clearance counts.
-    """
-    config = evaluator.training.problem.selection
-    candidates = [trial.candidate for trial in (*trials, start)]
-    *found, reference = evaluator.over(candidates, scenarios, constraints=evaluator.bounds(scenarios))
-    if before:
-        found = [_least_clearance(result, earlier) for result, earlier in zip(found, before, strict=True)]
-    order = backed_off_first(found, config.selection_back_off, config.penalty)
-    return [(trials[index], found[index]) for index in order if improves_on(found[index], reference)]
+def _screened(
+    evaluator: Evaluator, validation: ValidationSet, group: Sequence[Evaluation]
+) -> tuple[list[Validated], float]:
+    """The candidates of a group that are feasible, as they are or repaired, and the least that the others miss."""
+    problem = evaluator.training.problem
+    results = validation.screen([trial.candidate for trial in group])
+    found = [Validated(trial, each.feasible) for trial, each in zip(group, results, strict=True) if each.feasible]
+    others = [
+        (trial, other)
+        for trial, each in zip(group, results, strict=True)
+        if each.excess > 0 and (other := repaired(trial.candidate, each.excess, problem))
+    ]
+    again = validation.screen([other for _, other in others])
+    found += [
+        Validated(replace(trial, candidate=other), each.feasible)
+        for (trial, other), each in zip(others, again, strict=True)
+        if each.feasible
+    ]
+    missing = [each.excess for each in results if 0 < each.excess < np.inf]
+    return found, min(missing, default=problem.selection.back_off)
 
 
-def _least_clearance(result: Evaluation, earlier: Evaluation) -> Evaluation:
-    """A result that is as near to its bounds as an earlier one was, if that was nearer."""
-    known = {label: min(value, 0.0) for label, value in earlier.violations.items()}
-    nearer = {label: max(value, known.get(label, value)) for label, value in result.violations.items()}
-    return replace(result, violations=nearer)
+def _confirmed(
+    evaluator: Evaluator, validation: ValidationSet, validated: Sequence[Validated], sizes: SampleSizes
+) -> tuple[Validated, ChanceConstraint]:
+    """The first candidate without a violation in fresh draws of its own, else that with the fewest (step 4)."""
+    problem, config = evaluator.training.problem, evaluator.training.problem.selection
+    ensemble = problem.ensemble
+    if ensemble is None:
+        raise ValueError("only an ensemble has a chance constraint")
+    ensemble = replace(ensemble, experiment=problem.experiment)
+    waiting, found = list(validated), list[tuple[int, Validated]]()
+    while waiting and len(found) < config.confirmed:
+        candidate, first = waiting.pop(0), len(found) * sizes.chance
+        draws = ensemble.chosen(range(first, first + sizes.chance), problem.stream(CHANCE))
+        excess = worst_of(evaluator.run([candidate.trial.candidate], draws), validation.constraints, draws)[0]
+        found.append((int((excess > 0).sum()), candidate))
+        if not found[-1][0]:
+            break
+        worst = float(excess[excess <= config.repair_most].max())
+        steps = [repaired(candidate.trial.candidate, worst, problem, share) for share in config.repair_steps]
+        results = validation.screen([step for step in steps if step])
+        feasible = [each.feasible for each in results if each.feasible]
+        waiting[:0] = [
+            Validated(replace(candidate.trial, candidate=result.candidate), result) for result in feasible[:1]
+        ]
+    violations, best = min(found, key=lambda each: each[0])
+    return best, ChanceConstraint(config.violation, config.confidence, config.confirmed, sizes.chance, violations)

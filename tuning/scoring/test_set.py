@@ -69,10 +69,8 @@ class SelectionResult:
         best: the chosen trial in the training set; the start, where no trial improves on it.
         obstacle: why the best is the start, in words; empty where it is a trial.
         contradiction: in what the test set contradicts the choice, in words; empty where it does not.
-        validation: the best in the last validation set, before a repair (`scoring.repair`); ``None`` without an
-            ensemble.
-        chance: what fresh draws say of the probability that its bounds are violated; ``None`` without an ensemble, or
-            where the start is kept.
+        validation: the best in the validation set; ``None`` without an ensemble, or where the start is kept.
+        chance: what fresh draws say of the probability that its bounds are violated; ``None`` likewise.
         test_violations: number of test scenarios in which the best violates a bound on the worst case.
         scores: ``best``, ``start`` and ``paper`` → scores in the same test scenarios, which took no part in search and
             choice; without an ensemble in the experiment.

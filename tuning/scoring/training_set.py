@@ -95,13 +95,6 @@ def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
     ]
 
 
-def every_second_nominal(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Draws of one ensemble, the second, fourth, ... on nominal hardware."""
-    found = list(scenarios)
-    found[1::2] = nominal_hardware(found[1::2])
-    return found
-
-
 def training_choices(
     ensemble: Ensemble, count: int, seed: int, config: SelectionConfig
 ) -> tuple[list[ScenarioChoice], list[ScenarioChoice]]:
@@ -155,14 +148,6 @@ def hardest_draws(
     waiting = [index for index in range(len(demands)) if index not in others]
     waiting.sort(key=lambda index: (demands[index].shortfall > config.largest_lag, -demands[index].share))
     return [ScenarioChoice(index, hard=True) for index in waiting[:count]]
-
-
-def hardest_among(
-    ensemble: Ensemble, count: int, among: range, seed: int, config: SelectionConfig
-) -> list[ScenarioChoice]:
-    """The hardest of some draws, given by their numbers (`hardest_draws`)."""
-    demands = _demands(ensemble.chosen(among, seed))
-    return [replace(choice, index=among[choice.index]) for choice in hardest_draws(demands, count, set(), config)]
 
 
 def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:

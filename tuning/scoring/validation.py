@@ -1,14 +1,11 @@
-"""Validation sets: scenarios of a stream of their own, in which trials are screened for feasibility.
+"""Validation set: sequential evaluation of candidates in scenarios of a stream of their own, and repair of the reserve.
 
-A constraint that is satisfied in the few training scenarios may be violated in others. So the choice is made in further
-ones: a first set of draws, hard draws, vertices and, where that does not cost too much, scenarios beyond the actuators'
-authority; a second set of draws; and further draws for the chosen candidate alone.
-
-Trials are screened sequentially (`FeasibilityScreen`): hardest scenarios first, out at the first violation. Which are
-screened follows strata of the training objective (`strata`, `screened_by_strata`).
+Candidates that satisfy their constraints in the few training scenarios may violate them in others. They are evaluated
+sequentially, hardest scenarios first, and are out at the first violation (`ValidationSet`).
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,55 +13,36 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.problem import VALIDATION, TuningProblem
 from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.rollouts import joined, row_of, worst_of
-from dualwinch.tuning.scoring.training_set import (
-    beyond_authority,
-    drawn,
-    every_second_nominal,
-    hardest_among,
-    validation_draws,
-    vertices,
-)
-from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
+from dualwinch.tuning.scoring.training_set import drawn, validation_draws, vertices
+from dualwinch.tuning.selection_config import SampleSizes
+from dualwinch.tuning.space import ContinuousDimension
 
 
-def validation_sets(
-    problem: TuningProblem, sizes: SampleSizes
-) -> tuple[list[Scenario], list[Scenario], list[Scenario]]:
-    """The first and the second validation set, and scenarios beyond authority."""
+def validation_scenarios(problem: TuningProblem, sizes: SampleSizes) -> list[Scenario]:
+    """Vertices of the box of draws within authority, and draws, of the stream `VALIDATION`.
+
+    Draws in which the vehicle falls behind for lack of force, whatever the gains, are left out (`validation_draws`).
+    """
     if problem.ensemble is None:
         raise ValueError("only an ensemble has validation scenarios")
-    ensemble, config = replace(problem.ensemble, experiment=problem.experiment), problem.selection
-    seed, count = problem.stream(VALIDATION), sizes.draws + sizes.second_draws
-    corners = vertices(ensemble, sizes.vertices, seed)
-    further = range(count, count + sizes.hard_among)
-    hard = [*hardest_among(ensemble, sizes.hard_draws, further, seed, config), *corners]
-    draws = list(ensemble.scenarios(count, seed))
-    first = [*drawn(hard, ensemble, seed), *validation_draws(draws[: sizes.draws], config)]
-    beyond = drawn(beyond_authority(ensemble, seed, corners, config), ensemble, seed)
-    return first, validation_draws(every_second_nominal(draws[sizes.draws :]), config), beyond
-
-
-def further_draws(problem: TuningProblem, sizes: SampleSizes) -> list[Scenario]:
-    """Draws beyond both validation sets; none without an ensemble."""
-    if problem.ensemble is None:
-        return []
-    before = sizes.draws + sizes.second_draws + sizes.hard_among
-    ensemble = replace(problem.ensemble, experiment=problem.experiment)
-    return ensemble.chosen(range(before, before + sizes.further_draws), problem.stream(VALIDATION))
+    ensemble, seed = replace(problem.ensemble, experiment=problem.experiment), problem.stream(VALIDATION)
+    corners = drawn(vertices(ensemble, sizes.vertices, seed), ensemble, seed)
+    return [*corners, *validation_draws(list(ensemble.scenarios(sizes.draws, seed)), problem.selection)]
 
 
 @dataclass(frozen=True)
-class ScreenResult:
-    """The result of a trial in a validation set.
+class Screened:
+    """The result of a candidate in the validation set.
 
     Attributes:
         result: in all scenarios; ``None`` where a bound is violated in the first.
-        excess: largest violation of a bound on the worst case in those scenarios that were run, as a share; negative
-            where all are satisfied, infinite where a run was not completed.
+        excess: largest violation of a bound on the worst case where it was run, as a share of the bound; infinite where
+            a run was not completed.
     """
 
     result: Evaluation | None
@@ -76,8 +54,8 @@ class ScreenResult:
         return self.result if self.result is not None and self.result.feasible else None
 
 
-class FeasibilityScreen:
-    """Sequential evaluation of trials in a validation set: hardest scenarios first, out at the first violation.
+class ValidationSet:
+    """Sequential evaluation of candidates: hardest scenarios first, out at the first violation.
 
     Gains that are infeasible mostly fail in the same few scenarios, so the order is by the number of failures so far.
 
@@ -90,26 +68,24 @@ class FeasibilityScreen:
         """Run the baseline controller, which bounds may refer to."""
         self.scenarios, self.constraints = list(scenarios), scorer.bounds(scenarios)
         self._scorer, self._machines = scorer, scorer.survey(scenarios)
-        self._config = scorer.training.problem.selection
+        self._first = scorer.training.problem.selection.first_screened
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
-    def screen(self, candidates: Sequence[Candidate]) -> list[ScreenResult]:
+    def screen(self, candidates: Sequence[Candidate]) -> list[Screened]:
         """The results of candidates; stability margins are computed where all else is satisfied."""
         if not candidates:
             return []
         order = np.argsort(-self._failures, kind="stable")
-        first, rest = order[: self._config.first_screened], order[self._config.first_screened :]
-        early = self._scorer.run(candidates, self._chosen(first), to_the_end=False)
-        excess = self._excess(early, first).max(axis=1)
+        first, rest = order[: self._first], order[self._first :]
+        early, excess = self._run(candidates, first)
+        found = [Screened(None, float(each)) for each in excess]
         kept = np.flatnonzero(excess <= 0).tolist()
-        found = [ScreenResult(None, float(each)) for each in excess]
         if not kept:
             return found
-        going_on = [candidates[row] for row in kept]
-        late, feasible = None, [True] * len(kept)
+        going_on, late, feasible = [candidates[row] for row in kept], None, [True] * len(kept)
         if len(rest):
-            late = self._scorer.run(going_on, self._chosen(rest), to_the_end=False)
-            excess[kept] = np.maximum(excess[kept], self._excess(late, rest).max(axis=1))
+            late, further = self._run(going_on, rest)
+            excess[kept] = np.maximum(excess[kept], further)
             feasible = (excess[kept] <= 0).tolist()
         margins, scenarios = self._scorer.margins(going_on, self._machines, feasible), self._chosen(order)
         for number, row in enumerate(kept):
@@ -117,81 +93,48 @@ class FeasibilityScreen:
             result = self._scorer.evaluation(
                 candidates[row], whole, scenarios, margins=margins[number], constraints=self.constraints
             )
-            found[row] = ScreenResult(result, float(excess[row]))
+            found[row] = Screened(result, float(excess[row]))
         return found
 
     def _chosen(self, indices: NDArray[np.intp]) -> list[Scenario]:
         return [self.scenarios[index] for index in indices]
 
-    def _excess(self, result: BatchResult, indices: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Violations of bounds on the worst case in some scenarios (`worst_of`); failures are counted."""
-        excess = worst_of(result, self.constraints, self._chosen(indices), self._config.leeway_beyond_authority)
+    def _run(
+        self, candidates: Sequence[Candidate], indices: NDArray[np.intp]
+    ) -> tuple[BatchResult, NDArray[np.float64]]:
+        """The runs in some scenarios, and the largest violation of each candidate; failures are counted."""
+        result = self._scorer.run(candidates, self._chosen(indices), to_the_end=False)
+        excess = worst_of(result, self.constraints, self._chosen(indices))
         self._failures[indices] += (excess > 0).sum(axis=0)
-        return excess
+        return result, excess.max(axis=1)
 
 
-Validated = tuple[Evaluation, Evaluation]
-"""A trial in the training set, and in a validation set."""
+def repaired(candidate: Candidate, excess: float, problem: TuningProblem, share: float = 1.0) -> Candidate | None:
+    """Repair: the candidate with the reserve that takes its highest peak back within its bound.
 
-
-def strata(ordered: Sequence[Evaluation], most: int, config: SelectionConfig) -> list[int]:
-    """Indices of trials: the best, then of each further stratum of the objective the one with the largest clearance.
-
-    A stratum holds the trials whose objective is within a share of that of its first one; the share grows from each to
-    the next. So the best are told apart, and the last are ever more cautious.
+    The reserve, by which tension commands keep off `tension_max`, lowers the highest peaks by nearly its own size and
+    costs next to nothing. A search does not see it: its few scenarios have lower peaks than hundreds do.
 
     Args:
-        ordered: trials, the best first.
-        most: number of indices, at most.
-        config: width of the first stratum, and its growth.
+        candidate: has been run.
+        excess: of its highest peak over the bound, as a share; negative where it is lower.
+        problem: says what varies, and the back-off that the repaired peak keeps.
+        share: of the wanted change (line search).
+
+    Returns:
+        ``None`` where the reserve does not vary or cannot be raised, nothing bounds the peak, or it is not the reserve
+        that matters.
     """
-    starts = [0]
-    for index, trial in enumerate(ordered):
-        above, width = ordered[starts[-1]], 1 + config.stratum * config.stratum_growth ** (len(starts) - 1)
-        if trial.objectives[0] > width * above.objectives[0]:
-            starts.append(index)
-    ends = [*starts[1:], len(ordered)]
-    further = [
-        max(range(start, end), key=lambda index: ordered[index].clearance)
-        for start, end in zip(starts[1:most], ends[1:most], strict=True)
-    ]
-    found = [0, *further]
-    rest = [index for index in range(len(ordered)) if index not in found]
-    return sorted(found + rest[: most - len(found)])
+    bounds = [each.bound for each in problem.constraints if each.statistic.name == PEAK and not each.at_least]
+    varies = next((each for each in problem.space.dimensions if each.name == RESERVE), None)
+    config = problem.selection
+    if not (bounds and isinstance(varies, ContinuousDimension)) or not math.isfinite(excess):
+        return None
+    now = float(candidate.point[RESERVE])
+    reserve = min(now + share * (excess + config.back_off) * min(bounds), varies.upper)
+    if excess > config.repair_most or reserve <= now:
+        return None
+    return replace(candidate, point=candidate.point | {RESERVE: reserve})
 
 
-def screened_by_strata(
-    ordered: Sequence[Evaluation],
-    first: Sequence[Evaluation],
-    screen: Callable[[Sequence[Evaluation]], list[Validated]],
-    go_on: Callable[[], bool],
-) -> list[Validated]:
-    """Trials that are feasible in a validation set, among them the best or nearly the best of all such.
-
-    The very best in training are often the ones that only just satisfy their bounds. So a first group reaches from the
-    best to cautious ones; each further group, of as many, from the best to the best that was feasible.
-
-    Args:
-        ordered: trials, the best first, each with a number of its own.
-        first: the first group.
-        screen: screens trials, and returns the feasible ones.
-        go_on: whether there may be a further group.
-    """
-    found, most = screen(first), len(first)
-    waiting, screened = list(ordered), {trial.number for trial in first}
-    while go_on():
-        feasible = {trial.number for trial, _ in found}
-        end = next((index for index, trial in enumerate(waiting) if trial.number in feasible), len(waiting))
-        waiting = [trial for trial in waiting[:end] if trial.number not in screened]
-        if not waiting:
-            break
-        group = [waiting[index] for index in evenly(len(waiting), most)]
-        screened = {trial.number for trial in group}
-        found += screen(group)
-    return found
-
-
-def evenly(count: int, most: int) -> list[int]:
-    """So many indices of a sequence, at most, spread evenly from its first on."""
-    number = min(count, most)
-    return [share * count // number for share in range(number)]
+PEAK = "worst.peak_tension"

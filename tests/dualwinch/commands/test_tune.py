@@ -40,7 +40,7 @@ def dualwinch(*words: object) -> int:
 
 @pytest.fixture(autouse=True)
 def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = SampleSizes(draws=4, vertices=4, second_draws=4, test=8, chance=20)
+    few = SampleSizes(draws=8, vertices=4, chance=20, test=8)
     small = SelectionConfig(demand_among=4, sizes=few)
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)
 

@@ -10,26 +10,26 @@ from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 
 
 def constraint(draws: int, violations: int = 0, violation: float = 0.005) -> ChanceConstraint:
-    return ChanceConstraint(violation, 0.95, draws, violations)
+    return ChanceConstraint(violation, 0.95, 3, draws, violations)
 
 
-@given(st.floats(1e-3, 0.2), st.floats(0.5, 0.999))
-def test_none_of_as_many_draws_as_are_needed_is_enough(violation: float, confidence: float) -> None:
-    needed = draws_needed(violation, confidence)
-    assert ChanceConstraint(violation, confidence, needed, 0).satisfied
-    assert binom.pmf(0, needed, violation) <= 1 - confidence + 1e-12
+@given(st.floats(1e-3, 0.2), st.floats(0.5, 0.999), st.integers(1, 20))
+def test_none_of_as_many_draws_as_are_needed_is_enough(violation: float, confidence: float, candidates: int) -> None:
+    needed = draws_needed(violation, confidence, candidates)
+    assert ChanceConstraint(violation, confidence, candidates, needed, 0).satisfied
+    assert candidates * binom.pmf(0, needed, violation) <= 1 - confidence + 1e-12
 
 
 def test_the_default_number_of_draws_is_that_of_the_default_probabilities() -> None:
     config = SelectionConfig()
-    assert SampleSizes().chance == draws_needed(config.violation, config.confidence) == 600
+    assert SampleSizes().chance == draws_needed(config.violation, config.confidence, config.confirmed) == 819
 
 
 @given(st.integers(1, 500), st.data())
 def test_draws_support_what_makes_so_few_violations_as_rare_as_asked(draws: int, data: st.DataObject) -> None:
     violations = data.draw(st.integers(0, draws - 1))
     found = constraint(draws, violations)
-    assert binom.cdf(violations, draws, found.supported) == pytest.approx(0.05, rel=1e-6)
+    assert binom.cdf(violations, draws, found.supported) == pytest.approx(0.05 / 3, rel=1e-6)
     assert constraint(draws, draws).supported == 1
 
 
@@ -41,13 +41,13 @@ def test_intervals_are_those_of_the_exact_binomial_test(draws: int, data: st.Dat
 
 
 def test_words_say_what_is_known_and_what_is_missing() -> None:
-    assert constraint(600).words == (
-        "bounds are satisfied with probability ≥ 99.5 % (95 % confidence: no violations in 600 fresh draws)"
+    assert constraint(819).words == (
+        "bounds are satisfied with probability ≥ 99.5 % (95 % confidence: no violations in 819 fresh draws)"
     )
     assert constraint(100).words == (
-        "bounds are satisfied with probability ≥ 97.04 % (95 % confidence: no violations in 100 fresh draws, 600 are "
+        "bounds are satisfied with probability ≥ 95.98 % (95 % confidence: no violations in 100 fresh draws, 819 are "
         "needed; asked for: 99.5 %)"
     )
-    one = constraint(600, 1)
+    one = constraint(819, 1)
     assert not one.satisfied
-    assert "1 violation in 600 fresh draws; asked for: 99.5 %" in one.words
+    assert "1 violation in 819 fresh draws; asked for: 99.5 %" in one.words

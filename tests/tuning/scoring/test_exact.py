@@ -2,7 +2,7 @@
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.tuning.scoring.training_set import every_second_nominal, nominal_hardware
+from dualwinch.tuning.scoring.training_set import nominal_hardware
 
 ERRORS = ("error", "zero", "eccentricity", "ripple", "elongation", "bias", "drift")
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
@@ -26,11 +26,3 @@ def test_in_the_sea_there_is_nothing_to_leave_out() -> None:
     drawn = SEA.chosen(range(3), 3)
     assert [each.experiment for each in nominal_hardware(drawn)] == [each.experiment for each in drawn]
     assert nominal_hardware([]) == []
-
-
-def test_every_second_one_is_exact() -> None:
-    drawn = RIG.chosen(range(5), 3)
-    found = every_second_nominal(drawn)
-    assert found[::2] == drawn[::2]
-    assert [each.draws for each in found[1::2]] == [each.draws for each in nominal_hardware(drawn)[1::2]]
-    assert all("sensors.encoder_zero_1" not in each.draws for each in found[1::2])

@@ -11,7 +11,6 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.training_set import (
     beyond_authority,
     drawn,
-    hardest_among,
     training_choices,
     validation_draws,
     vertices,
@@ -111,14 +110,6 @@ def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
     others = beyond_authority(SEA, 3, [first], config)
     assert len(others) == len(BEHIND)
     assert first not in others
-
-
-def test_the_most_demanding_of_some_draws_are_known_by_their_own_numbers() -> None:
-    among = range(500, 560)
-    found = drawn(hardest_among(SEA, 5, among, 3, CONFIG), SEA, 3)
-    assert all(scenario.index in among and scenario.hard for scenario in found)
-    bearable = [each for each in SEA.chosen(among, 3) if force_demand(each.experiment).shortfall <= FURTHEST]
-    assert [each.index for each in found] == [each.index for each in sorted(bearable, key=share, reverse=True)[:5]]
 
 
 def test_few_scenarios_are_some_of_each() -> None:

@@ -1,4 +1,4 @@
-"""The sieve: it drops only what does not hold, where most have failed, and gives the others whole."""
+"""Validation set: candidates are out at the first violation, hardest scenarios first; feasible ones are run in all."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from dualwinch.tuning.problem import VALIDATION, TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.scoring.validation import FeasibilityScreen
+from dualwinch.tuning.scoring.validation import ValidationSet
 from dualwinch.tuning.selection_config import SelectionConfig
 from tests.tuning.conftest import MakeProblem
 
@@ -49,7 +49,7 @@ def evaluator(make_problem: MakeProblem) -> Evaluator:
 def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_is_dropped(evaluator: Evaluator) -> None:
     given, scenarios = trials(evaluator), others(evaluator.training.problem)
     whole = evaluator.over([trial.candidate for trial in given], scenarios)
-    attempts = FeasibilityScreen(evaluator, scenarios).screen([trial.candidate for trial in given])
+    attempts = ValidationSet(evaluator, scenarios).screen([trial.candidate for trial in given])
     held = [attempt.result is not None and attempt.result.feasible for attempt in attempts]
     assert held == [each.feasible for each in whole]
     assert 0 < sum(held) < len(given)
@@ -65,7 +65,7 @@ def test_who_holds_comes_to_what_it_comes_to_in_all_scenarios_and_who_does_not_i
 
 def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
     given, scenarios = [trial.candidate for trial in trials(evaluator)], others(evaluator.training.problem)
-    screen = FeasibilityScreen(evaluator, scenarios)
+    screen = ValidationSet(evaluator, scenarios)
     failing = [one for one, attempt in zip(given, screen.screen(given), strict=True) if attempt.excess > 0]
     assert failing
     before = evaluator.rollouts
@@ -81,7 +81,7 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
     problem = make_problem(constraints=[f"worst.peak_tension<={bound}", "worst.delay_margin>=1ms"])
     bounded = Evaluator(prepare(problem), prune=False)
     hardest_last = [scenarios[index] for index in np.argsort(peaks)]
-    met = FeasibilityScreen(bounded, hardest_last).screen([trial.candidate for trial in trials(bounded)])
+    met = ValidationSet(bounded, hardest_last).screen([trial.candidate for trial in trials(bounded)])
     held, exceeding = met[0].result, met[SHARES.index(1.0)].result
     assert held is not None
     assert exceeding is not None
@@ -91,4 +91,4 @@ def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem:
 
 
 def test_nobody_meets_nowhere(evaluator: Evaluator) -> None:
-    assert FeasibilityScreen(evaluator, others(evaluator.training.problem)).screen([]) == []
+    assert ValidationSet(evaluator, others(evaluator.training.problem)).screen([]) == []
