@@ -7,8 +7,8 @@
    by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
 3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
-   group without a feasible one the candidates of the next have more clearance in training, by the least that was
-   missing (back-off). The feasible ones that improve on the start there are validated. One repair: a peak beyond its
+   group without a feasible one the candidates of the next keep a larger back-off from each violated bound in training,
+   by the least that was missing. The feasible ones that improve on the start there are validated. One repair: a peak beyond its
    bound is taken back by the reserve.
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
    in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). One that violates a peak is
@@ -20,7 +20,7 @@
 Without an ensemble the best feasible trial is chosen in the experiment. Hyper-parameters: `SelectionConfig`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,7 +126,7 @@ def _validated(
 ) -> list[Validated]:
     """The first group with candidates that improve on the start in the validation set, the best first (step 3).
 
-    Where none is feasible before the rollouts for it are spent, those of the first group that improve on the start.
+    Where none is feasible before the rollouts for it are spent, those of the last group that improve on the start.
     """
     config = evaluator.training.problem.selection
     (reference,) = evaluator.over([start.candidate], validation.scenarios, constraints=validation.constraints)
@@ -134,22 +134,27 @@ def _validated(
     if waiting and len(waiting[0].objectives) > 1:
         front = [waiting[index] for index in pareto_front(waiting)] or waiting
         waiting = front[:: -(-len(front) // sizes.candidates)]
-    first, before, needed = waiting[: sizes.candidates], evaluator.rollouts, -config.back_off
-    while waiting and evaluator.rollouts - before <= sizes.screening_rollouts:
-        group = [trial for trial in waiting if trial.clearance >= needed][: sizes.candidates]
+    last, before, back_off = list[Evaluation](), evaluator.rollouts, dict[str, float]()
+    while evaluator.rollouts - before <= sizes.screening_rollouts:
+        group = [trial for trial in waiting if _keeps(trial, back_off, config.back_off)][: sizes.candidates]
         if not group:
             break
         found, missing = _screened(evaluator, validation, group)
         found = [each for each in found if improves_on(each.result, reference)]
         if found:
             return [found[index] for index in best_first([each.result for each in found])]
-        waiting = [trial for trial in waiting if trial not in group]
-        needed += missing
+        waiting, last = [trial for trial in waiting if trial not in group], group
+        back_off = {label: back_off.get(label, 0.0) + more for label, more in missing.items()}
     results = evaluator.over(
-        [trial.candidate for trial in first], validation.scenarios, constraints=validation.constraints
+        [trial.candidate for trial in last], validation.scenarios, constraints=validation.constraints
     )
     better = [index for index in best_first(results) if improves_on(results[index], reference)]
-    return [Validated(first[index], results[index]) for index in better]
+    return [Validated(last[index], results[index]) for index in better]
+
+
+def _keeps(trial: Evaluation, back_off: Mapping[str, float], at_first: float) -> bool:
+    """Whether a trial keeps a back-off from each bound in training, where its violations contain that at first."""
+    return all(trial.violations.get(label, 0.0) - at_first <= -distance for label, distance in back_off.items())
 
 
 def _by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
@@ -163,8 +168,8 @@ def _by_training_objective(trials: Sequence[Evaluation], back_off: float) -> lis
 
 def _screened(
     evaluator: Evaluator, validation: ValidationSet, group: Sequence[Evaluation]
-) -> tuple[list[Validated], float]:
-    """The candidates of a group that are feasible, as they are or repaired, and the least that the others miss."""
+) -> tuple[list[Validated], dict[str, float]]:
+    """The candidates of a group that are feasible, as they are or repaired, and the least that is missing of a bound."""
     problem = evaluator.training.problem
     results = validation.screen([trial.candidate for trial in group])
     found = [Validated(trial, each.feasible) for trial, each in zip(group, results, strict=True) if each.feasible]
@@ -179,8 +184,9 @@ def _screened(
         for (trial, other), each in zip(others, again, strict=True)
         if each.feasible
     ]
-    missing = [each.excess for each in results if 0 < each.excess < np.inf]
-    return found, min(missing, default=problem.selection.back_off)
+    violated = [(label, value) for each in results for label, value in each.missing.items() if 0 < value < np.inf]
+    least = {label: min(value for name, value in violated if name == label) for label, _ in violated}
+    return found, least
 
 
 def _confirmed(

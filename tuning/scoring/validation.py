@@ -41,12 +41,17 @@ class Screened:
 
     Attributes:
         result: in all scenarios; ``None`` where a bound is violated in the first.
-        excess: largest violation of a bound on the worst case where it was run, as a share of the bound; infinite where
-            a run was not completed.
+        missing: label of a constraint in training → the largest violation of a run, as a share of the bound; infinite
+            where one was not completed, -infinite where it bounds no worst case.
     """
 
     result: Evaluation | None
-    excess: float
+    missing: dict[str, float]
+
+    @property
+    def excess(self) -> float:
+        """The largest violation of all."""
+        return max(self.missing.values(), default=-math.inf)
 
     @property
     def feasible(self) -> Evaluation | None:
@@ -77,23 +82,24 @@ class ValidationSet:
             return []
         order = np.argsort(-self._failures, kind="stable")
         first, rest = order[: self._first], order[self._first :]
-        early, excess = self._run(candidates, first)
-        found = [Screened(None, float(each)) for each in excess]
-        kept = np.flatnonzero(excess <= 0).tolist()
+        early, missing = self._run(candidates, first)
+        found = [Screened(None, each) for each in missing]
+        kept = [row for row, each in enumerate(found) if each.excess <= 0]
         if not kept:
             return found
-        going_on, late, feasible = [candidates[row] for row in kept], None, [True] * len(kept)
+        going_on, late = [candidates[row] for row in kept], None
         if len(rest):
             late, further = self._run(going_on, rest)
-            excess[kept] = np.maximum(excess[kept], further)
-            feasible = (excess[kept] <= 0).tolist()
-        margins, scenarios = self._scorer.margins(going_on, self._machines, feasible), self._chosen(order)
+            for row, more in zip(kept, further, strict=True):
+                found[row] = Screened(None, {label: max(value, more[label]) for label, value in missing[row].items()})
+        feasible, scenarios = [found[row].excess <= 0 for row in kept], self._chosen(order)
+        margins = self._scorer.margins(going_on, self._machines, feasible)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
             result = self._scorer.evaluation(
                 candidates[row], whole, scenarios, margins=margins[number], constraints=self.constraints
             )
-            found[row] = Screened(result, float(excess[row]))
+            found[row] = replace(found[row], result=result)
         return found
 
     def _chosen(self, indices: NDArray[np.intp]) -> list[Scenario]:
@@ -101,12 +107,16 @@ class ValidationSet:
 
     def _run(
         self, candidates: Sequence[Candidate], indices: NDArray[np.intp]
-    ) -> tuple[BatchResult, NDArray[np.float64]]:
-        """The runs in some scenarios, and the largest violation of each candidate; failures are counted."""
-        result = self._scorer.run(candidates, self._chosen(indices), to_the_end=False)
-        excess = worst_of(result, self.constraints, self._chosen(indices))
-        self._failures[indices] += (excess > 0).sum(axis=0)
-        return result, excess.max(axis=1)
+    ) -> tuple[BatchResult, list[dict[str, float]]]:
+        """The runs in some scenarios, and each candidate's largest violation of every bound; failures are counted."""
+        scenarios = self._chosen(indices)
+        result = self._scorer.run(candidates, scenarios, to_the_end=False)
+        self._failures[indices] += (worst_of(result, self.constraints, scenarios) > 0).sum(axis=0)
+        pairs = zip(self._scorer.training.constraints, self.constraints, strict=True)
+        worst = {known.label: worst_of(result, [each], scenarios).max(axis=1) for known, each in pairs}
+        return result, [
+            {label: float(values[row]) for label, values in worst.items()} for row in range(len(candidates))
+        ]
 
 
 def repaired(candidate: Candidate, excess: float, problem: TuningProblem, share: float = 1.0) -> Candidate | None:
