@@ -218,7 +218,9 @@ class Scorer:
         if margins is not None:
             found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
-        for constraint in self.training.constraints if constraints is None else constraints:
+        bounds = self.training.constraints if constraints is None else constraints
+        leeway = problem.selection.leeway_beyond_authority
+        for constraint in bounds:
             margin, value = problem.margin(constraint) if training else 0.0, found.get(constraint.statistic.name)
             violation = 0.0 if value is None else constraint.violation(value, margin)
             violations[constraint.label] = max(violation, self._beyond_authority(constraint, result, scenarios, row))
@@ -230,6 +232,7 @@ class Scorer:
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
+            violated=int((worst_of(row_of(result, row), bounds, scenarios, leeway) > 0).sum()),
             units=self._units,
         )
 

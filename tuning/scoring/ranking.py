@@ -41,6 +41,7 @@ class Evaluation:
         outcomes: outcome → number of scenarios.
         scenarios: number of scenarios that were run.
         pruned: whether it was not run in all scenarios.
+        violated: number of scenarios in which a bound on the worst case is violated, or that were not completed.
         number: of the trial in the storage; -1 where it has none.
         units: unit of each of the statistics.
     """
@@ -52,6 +53,7 @@ class Evaluation:
     outcomes: dict[str, int]
     scenarios: int
     pruned: bool = False
+    violated: int = 0
     number: int = -1
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
 
@@ -71,9 +73,9 @@ class Evaluation:
         return sum(max(value, 0.0) for value in self.violations.values())
 
     @property
-    def clearance(self) -> float:
-        """Distance from the nearest bound on the worst case, as a share of the bound."""
-        return -max((value for label, value in self.violations.items() if label.startswith("worst.")), default=0.0)
+    def violation_of_means(self) -> float:
+        """That of the constraints on other statistics than the worst case."""
+        return sum(max(value, 0.0) for label, value in self.violations.items() if not label.startswith("worst."))
 
     @property
     def feasible(self) -> bool:
@@ -120,11 +122,14 @@ def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
 def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
     """Whether an evaluation improves on the start in the same scenarios.
 
-    It does where it is feasible and the start is not, or where an objective is smaller and its violation is not larger.
+    It does where it is feasible and the start is not; where an objective is smaller and its violation is not larger; or
+    where it violates bounds on the worst case in fewer scenarios, and those on means no further.
     """
     smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
         return True
+    if evaluation.violated < start.violated and evaluation.violation_of_means <= start.violation_of_means:
+        return not evaluation.pruned
     return smaller and not evaluation.pruned and evaluation.violation <= start.violation
 
 

@@ -8,8 +8,8 @@
 3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
    group without a feasible one the candidates of the next keep a larger back-off from each violated bound in training,
-   by the least that was missing. The feasible ones that improve on the start there are validated. One repair: a peak beyond its
-   bound is taken back by the reserve.
+   by the least that was missing. The feasible ones that improve on the start there are validated; where there are none,
+   those that violate bounds in the fewest scenarios. One repair: a peak beyond its bound is taken back by the reserve.
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
    in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). One that violates a peak is
    repaired by a line search on the reserve and counts as another candidate. If none passes, the one with the fewest
@@ -33,13 +33,13 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, pareto_front
 from dualwinch.tuning.scoring.rollouts import worst_of
-from dualwinch.tuning.scoring.test_set import SelectionResult, TestSet
+from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, TestSet
 from dualwinch.tuning.scoring.validation import ValidationSet, repaired, validation_scenarios
 from dualwinch.tuning.selection_config import SampleSizes
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
 CONTRADICTED = "the test set contradicts the choice: there the start is better"
-PROMISE_BROKEN = "the test set contradicts the probability: there more scenarios violate a bound"
+PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more scenarios violate a bound"
 
 
 @dataclass(frozen=True)
@@ -89,26 +89,34 @@ def select(
     test = TestSet(evaluator, sizes.test, problem.stream(TEST))
     scores = {"start": test.score(start.candidate), "paper": test.paper}
     scores = {"best": scores["start"] if chosen is start else test.score(chosen.candidate)} | scores
-    violations = int((worst_of(scores["best"].result, test.constraints, test.scenarios) > 0).sum())
-    contradiction = ""
-    if chosen is not start and not improves_on(scores["best"].evaluation, scores["start"].evaluation):
-        contradiction = CONTRADICTED
-    elif chance and chance.satisfied:
-        least, _ = clopper_pearson(violations, len(test.scenarios), chance.confidence)
-        contradiction = PROMISE_BROKEN if least > chance.violation else ""
+    contradiction = "" if chosen is start else _contradiction(scores, chance)
     return SelectionResult(
         best=chosen,
         obstacle=NOT_CHOSEN if chosen is start else "",
         contradiction=contradiction,
         validation=validation,
         chance=chance,
-        test_violations=violations,
+        test_violations=scores["best"].evaluation.violated,
         scores=scores,
         constraints=test.constraints,
         has_test_set=problem.ensemble is not None,
         within_authority=np.array([within_authority(experiment_of(each)) for each in test.scenarios]),
         sizes=sizes,
     )
+
+
+def _contradiction(scores: Mapping[str, ControllerScore], chance: ChanceConstraint | None) -> str:
+    """In what the test set contradicts the choice or the probability, in words; empty where it does not.
+
+    Violations that are no more frequent than the fresh draws support are expected, and do not speak for the start.
+    """
+    best, start = (scores[name].evaluation for name in ("best", "start"))
+    if chance:
+        least, _ = clopper_pearson(best.violated, best.scenarios, chance.confidence)
+        if least > chance.supported:
+            return PROBABILITY_CONTRADICTED
+        best = replace(best, violations={}) if not best.violation_of_means else best
+    return "" if improves_on(best, start) else CONTRADICTED
 
 
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
@@ -126,7 +134,7 @@ def _validated(
 ) -> list[Validated]:
     """The first group with candidates that improve on the start in the validation set, the best first (step 3).
 
-    Where none is feasible before the rollouts for it are spent, those of the last group that improve on the start.
+    Where none is feasible before the rollouts for it are spent, some of all groups that improve on the start.
     """
     config = evaluator.training.problem.selection
     (reference,) = evaluator.over([start.candidate], validation.scenarios, constraints=validation.constraints)
@@ -134,7 +142,7 @@ def _validated(
     if waiting and len(waiting[0].objectives) > 1:
         front = [waiting[index] for index in pareto_front(waiting)] or waiting
         waiting = front[:: -(-len(front) // sizes.candidates)]
-    last, before, back_off = list[Evaluation](), evaluator.rollouts, dict[str, float]()
+    tried, before, back_off = list[Evaluation](), evaluator.rollouts, dict[str, float]()
     while evaluator.rollouts - before <= sizes.screening_rollouts:
         group = [trial for trial in waiting if _keeps(trial, back_off, config.back_off)][: sizes.candidates]
         if not group:
@@ -143,13 +151,13 @@ def _validated(
         found = [each for each in found if improves_on(each.result, reference)]
         if found:
             return [found[index] for index in best_first([each.result for each in found])]
-        waiting, last = [trial for trial in waiting if trial not in group], group
+        waiting, tried = [trial for trial in waiting if trial not in group], [*tried, *group]
         back_off = {label: back_off.get(label, 0.0) + more for label, more in missing.items()}
-    results = evaluator.over(
-        [trial.candidate for trial in last], validation.scenarios, constraints=validation.constraints
-    )
-    better = [index for index in best_first(results) if improves_on(results[index], reference)]
-    return [Validated(last[index], results[index]) for index in better]
+    some = tried[:: -(-len(tried) // sizes.candidates) or 1]
+    candidates = [trial.candidate for trial in some]
+    results = evaluator.over(candidates, validation.scenarios, constraints=validation.constraints)
+    order = sorted(range(len(some)), key=lambda index: (results[index].violated, results[index].costs))
+    return [Validated(some[index], results[index]) for index in order if improves_on(results[index], reference)]
 
 
 def _keeps(trial: Evaluation, back_off: Mapping[str, float], at_first: float) -> bool:
@@ -169,7 +177,7 @@ def _by_training_objective(trials: Sequence[Evaluation], back_off: float) -> lis
 def _screened(
     evaluator: Evaluator, validation: ValidationSet, group: Sequence[Evaluation]
 ) -> tuple[list[Validated], dict[str, float]]:
-    """The candidates of a group that are feasible, as they are or repaired, and the least that is missing of a bound."""
+    """The candidates of a group that are feasible, as they are or repaired, and the least that is missing."""
     problem = evaluator.training.problem
     results = validation.screen([trial.candidate for trial in group])
     found = [Validated(trial, each.feasible) for trial, each in zip(group, results, strict=True) if each.feasible]
