@@ -152,7 +152,7 @@ def _validated(
         if found:
             return [found[index] for index in best_first([each.result for each in found])]
         waiting, tried = [trial for trial in waiting if trial not in group], [*tried, *group]
-        back_off = {label: back_off.get(label, 0.0) + more for label, more in missing.items()}
+        back_off |= {label: back_off.get(label, 0.0) + more for label, more in missing.items()}
     some = tried[:: -(-len(tried) // sizes.candidates) or 1]
     candidates = [trial.candidate for trial in some]
     results = evaluator.over(candidates, validation.scenarios, constraints=validation.constraints)

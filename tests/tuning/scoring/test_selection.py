@@ -13,6 +13,7 @@ from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.problem import CHANCE, TEST, VALIDATION
 from dualwinch.tuning.scoring import selection
+from dualwinch.tuning.scoring.chance import ChanceConstraint
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, select
@@ -170,7 +171,7 @@ class MadeUp(ValidationSet):
         for candidate in candidates:
             excess = (self._highest - float(candidate.point[RESERVE])) / BOUND - 1
             result = Evaluation(candidate, (1.0,), {LABEL: excess}, {}, {}, 1)
-            found.append(Screened(result if excess <= 0 else None, excess))
+            found.append(Screened(result if excess <= 0 else None, {LABEL: excess}))
         return found
 
 
@@ -190,22 +191,22 @@ def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
 def test_a_group_gives_its_feasible_candidates_and_repaired_ones_and_what_the_others_miss(bounded: Evaluator) -> None:
     found, missing = selection._screened(bounded, MadeUp(bounded, 6100.0), [trial(80, 4), trial(180, 7)])
     assert [(each.trial.number, round(float(each.trial.point[RESERVE]), 6)) for each in found] == [(7, 180), (4, 130)]
-    assert missing == pytest.approx(20 / BOUND)
+    assert missing == pytest.approx({LABEL: 20 / BOUND})
     found, missing = selection._screened(bounded, MadeUp(bounded, 6500.0), [trial(80, 4), trial(180, 7)])
     assert found == []
-    assert missing == pytest.approx(320 / BOUND)
+    assert missing == pytest.approx({LABEL: 320 / BOUND})
 
 
-def test_the_next_group_has_the_clearance_that_the_last_one_missed(
+def test_the_next_group_keeps_the_distance_from_a_bound_that_the_last_one_missed(
     bounded: Evaluator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     groups = list[list[int]]()
 
     def screened(
         _: Evaluator, __: ValidationSet, group: Sequence[Evaluation]
-    ) -> tuple[list[selection.Validated], float]:
+    ) -> tuple[list[selection.Validated], dict[str, float]]:
         groups.append([each.number for each in group])
-        return [], 0.1
+        return [], {LABEL: 0.1} if len(groups) < 3 else {}
 
     monkeypatch.setattr(selection, "_screened", screened)
     near = [trial(100 + number, number, violation=-0.01 * number) for number in range(40)]
@@ -215,6 +216,36 @@ def test_the_next_group_has_the_clearance_that_the_last_one_missed(
     assert groups[0] == [0, 1, 2, 3]
     assert groups[1] == [10, 11, 12, 13], "0.1 less the back-off"
     assert groups[2] == [20, 21, 22, 23]
+
+
+def test_without_a_feasible_candidate_the_one_that_violates_bounds_in_the_fewest_scenarios_is_the_choice(
+    make_problem: MakeProblem,
+) -> None:
+    free = Evaluator(prepare(make_problem(scenarios=2)))
+    validation = validation_scenarios(free.training.problem, SMALL)
+    candidates = [each.candidate for each in studied(free, 32)]
+    peaks = free.run(candidates, validation).metrics["peak_tension"]
+    bound = 0.999 * peaks.max(axis=1).min()
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=[f"worst.peak_tension<={bound}"])), prune=False)
+    verdict = select(evaluator, evaluator.evaluate(candidates), SMALL)
+    fewest = (peaks > bound).sum(axis=1)
+    assert 0 < fewest.min() < fewest.max()
+    assert verdict.validation is not None
+    assert verdict.validation.violated == fewest[candidates.index(verdict.best.candidate)]
+    assert verdict.validation.violated <= np.median(fewest)
+
+
+def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    scores = select(evaluator, studied(evaluator, 32), SMALL).scores
+    best = scores["best"].evaluation
+    rare = scores | {"best": replace(scores["best"], evaluation=replace(best, violations={LABEL: 0.1}, violated=1))}
+    chance = ChanceConstraint(0.005, 0.95, 3, 819, 0)
+    assert selection._contradiction(rare, None) == CONTRADICTED
+    assert selection._contradiction(rare, chance) == ""
+    often = replace(rare["best"].evaluation, violated=best.scenarios // 2)
+    frequent = rare | {"best": replace(scores["best"], evaluation=often)}
+    assert selection._contradiction(frequent, chance) == selection.PROBABILITY_CONTRADICTED
 
 
 def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothing(
