@@ -101,7 +101,7 @@ def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
             scaled[..., place + 1, place + 1] += spring / following
             scaled[..., place, place + 1] -= spring / (np.sqrt(mass) * np.sqrt(following))
             scaled[..., place + 1, place] = scaled[..., place, place + 1]
-    finite = np.isfinite(scaled).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(scaled).all(axis=(-2, -1)))
     largest = np.linalg.eigvalsh(np.where(finite[..., None, None], scaled, 0.0))[..., -1]
     return np.where(finite, np.sqrt(np.maximum(largest, 0.0)), np.inf)
 

@@ -109,6 +109,8 @@ def test_nothing_that_is_asked_for_is_zero_throughout(whole: Sensitivities) -> N
     without = {"plant.vehicle.height", "plant.winch_2.layer_laps", "plant.winch_2.ripple_waves", "plant.creep_2.time"}
     ropes_without_mass = {f"plant.rope_{side}.{name}" for side in (1, 2) for name in ("shortest_mass", "diameter")}
     without |= ropes_without_mass | {f"plant.winch_{side}.transmission_waves" for side in (1, 2)}
+    without |= {"plant.vehicle.stribeck_velocity", "plant.track.wavelength"}
+    without |= {f"plant.rope_{side}.hysteresis_strain" for side in (1, 2)}
     assert still == without
 
 
@@ -189,6 +191,33 @@ def test_draws_of_an_ensemble_have_their_own_derivatives() -> None:
         upper, lower = (simulate(end, nominal=scenario.nominal)["theta_1"] for end in ends)
         slope = found.column_slopes["theta_1"][0, number, :, 0]
         assert np.abs((upper - lower) / 2e-6 - slope).max() < 1e-3 * np.abs(slope).max()
+
+
+SITE = {
+    "plant.vehicle.stiction": 0.5,
+    "plant.vehicle.stribeck_velocity": 0.02,
+    "plant.vehicle.bristle_stiffness": 5e6,
+    "plant.vehicle.bristle_damping": 1e5,
+    "plant.track.tilt": 1e-3,
+    "plant.track.waviness": 1e-3,
+    "plant.rope_1.hysteresis": 14.0,
+    "plant.rope_1.hysteresis_strain": 4e-6,
+    "sensors.load_cell_time_constant": 3e-3,
+}
+
+
+@pytest.mark.slow
+def test_friction_slope_and_lag_move_columns_as_complete_runs_do() -> None:
+    experiment = override(case(4), {**SITE, "simulation.duration": 1.0, "simulation.substeps": 20})
+    found = sensitivities(list(SITE), [list(SITE.values())], [experiment], columns=["x", "F1"])
+    for number, (key, value) in enumerate(SITE.items()):
+        for column in ("x", "F1"):
+            slope, apart = found.column_slopes[column][0, 0, :, number], []
+            for step in STEPS:
+                ends = (override(experiment, {key: value * (1 + sign * step)}) for sign in (1, -1))
+                upper, lower = (simulate(end, nominal=experiment.plant)[column] for end in ends)
+                apart.append(np.abs((upper - lower) / (2 * step * value) - slope).max() / np.abs(slope).max())
+            assert min(apart) < 5e-3, (key, column)
 
 
 def test_readings_in_steps_are_differentiated_without_their_steps() -> None:
