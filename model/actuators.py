@@ -3,7 +3,7 @@
 The built-in `Motor` with its drive: the torque follows the command u with a lag, and no faster than the drive allows.
 While u is held, ``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly
 from sample to sample, through the end of a rate-limited stretch too; the plant gets the torque's mean over the sample,
-so that the momentum is right. A command that comes by a fieldbus is a whole number of steps.
+so that the momentum is right.
 """
 
 from abc import abstractmethod
@@ -14,9 +14,9 @@ import annotated_types as at
 
 from dualwinch.model.plant import Plant, PlantState, Torques
 from dualwinch.model.quantities.part import NoState, Part, Registry
-from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
+from dualwinch.model.quantities.quantity import Positive, Quantity
 from dualwinch.model.quantities.steps import stepped_to_number
-from dualwinch.model.scalar import Scalar, absolute, clip, quantise, tanh, where
+from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class MotorState:
 
 @dataclass(frozen=True)
 class Motor(Actuator):
-    """Commands in steps, a first-order lag, and a limit on the torque's rate."""
+    """First-order lag, and a limit on the torque's rate."""
 
     time_constant: Annotated[
         Positive, Quantity("s", "time constant of the torque loop of motor and drive", "assumption")
@@ -97,12 +97,6 @@ class Motor(Actuator):
     rate_limit: Annotated[
         float | None, at.Gt(0), Quantity("N m/s", "fastest change of the torque (default: no limit)", "assumption")
     ] = None
-    torque_step: Annotated[
-        NonNegative,
-        Quantity("N m", "step of the torque command (0.1 % of the rated torque by CiA 402); 0: none", "assumption"),
-        Mark.OFF_AT_ZERO,
-        Mark.READS_IN_STEPS,
-    ] = 0.0
 
     kind: ClassVar = "motor"
     label: ClassVar = "motor with lag"
@@ -117,19 +111,18 @@ class Motor(Actuator):
 
     def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
         """Torque at the next sample, and its mean until then."""
-        asked = quantise(demand.torque, self.torque_step)
-        missing = asked - state.torque
+        missing = demand.torque - state.torque
         if self.rate_limit is None:
             left, passed = _decay(sample_time / self.time_constant)
             mean_left = passed * self.time_constant / sample_time
-            return MotorState(asked - left * missing), asked - mean_left * missing
+            return MotorState(demand.torque - left * missing), demand.torque - mean_left * missing
         size, sign = absolute(missing), where(missing < 0, -1.0, 1.0)
         # first at the limit, until so little is missing that the lag alone is slower
         limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
         then = size - self.rate_limit * limited
         left, passed = _decay((sample_time - limited) / self.time_constant)
         missed = limited * (size + then) / 2 + then * self.time_constant * passed  # integral of what is missing
-        return MotorState(asked - sign * left * then), asked - sign * missed / sample_time
+        return MotorState(demand.torque - sign * left * then), demand.torque - sign * missed / sample_time
 
 
 def _decay(time: Scalar) -> tuple[Scalar, Scalar]:

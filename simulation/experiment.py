@@ -47,6 +47,12 @@ class Simulation:
         Quantity("1", "samples a torque is late at the motor", "assumption"),
         Mark.SHAPES_CODE,
     ] = 0
+    torque_step: Annotated[
+        NonNegative,
+        Quantity("N m", "step of torque commands on their way to the motors; 0: none", "0.1 % of rated, CiA 402"),
+        Mark.OFF_AT_ZERO,
+        Mark.READS_IN_STEPS,
+    ] = 0.0
     jitter: Annotated[
         NonNegative,
         at.Le(0.05),

@@ -22,7 +22,6 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
 from dualwinch.model.plant import DisturbanceInputs, Plant, blank_state, inner_forces
-from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Creep
@@ -215,7 +214,7 @@ def in_calm(experiment: Experiment) -> Experiment:
         tension_noise=1.0,
         encoder_counts=0,
     )
-    simulation = replace(experiment.simulation, jitter=0.0)
+    simulation = replace(experiment.simulation, jitter=0.0, torque_step=0.0)
     plant = experiment.plant
     still = {"eccentricity": 0.0, "torque_ripple": 0.0, "transmission_error": 0.0}
     winch_1, winch_2 = replace(plant.winch_1, **still), replace(plant.winch_2, **still)
@@ -230,11 +229,7 @@ def in_calm(experiment: Experiment) -> Experiment:
         creep_1=Creep(),
         creep_2=Creep(),
     )
-    actuator, known = experiment.actuator, describe_parts(experiment.actuator)
-    actuator = with_leaves(actuator, {key: 0.0 for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks})
-    return replace(
-        experiment, plant=plant, actuator=actuator, disturbance=Disturbance(), sensors=sensors, simulation=simulation
-    )
+    return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
 
 
 @dataclass(eq=False)

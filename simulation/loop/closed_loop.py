@@ -27,7 +27,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.scalar import Scalar, absolute
+from dualwinch.model.scalar import Scalar, absolute, quantise
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
 from dualwinch.simulation.loop.structure import parameters_of, symbolic_parts
@@ -329,8 +329,9 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
+    arriving = Torques(*(quantise(torque, values["simulation.torque_step"]) for torque in queue[:2]))
     actuators, torques = drive(
-        (state.actuator_1, state.actuator_2), Torques(queue[0], queue[1]), plant_state, plant, actuator, sample_time
+        (state.actuator_1, state.actuator_2), arriving, plant_state, plant, actuator, sample_time
     )
     hold = zero_order_hold(
         structure,

@@ -182,7 +182,10 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")
         | numbers(experiment.actuator, "actuator.")
-        | {f"simulation.{name}": getattr(experiment.simulation, name) for name in ("sample_time", "jitter")}
+        | {
+            f"simulation.{name}": getattr(experiment.simulation, name)
+            for name in ("sample_time", "jitter", "torque_step")
+        }
         | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
     )
     return {key: float(value) for key, value in values.items()}

@@ -46,17 +46,6 @@ def test_a_quick_motor_is_ideal_and_a_slow_one_does_nothing() -> None:
     assert (quick, slow) == (pytest.approx(50.0, rel=1e-5), pytest.approx(10.0))
 
 
-@given(torques, st.none() | st.floats(10, 1e5))
-def test_a_command_is_the_nearest_whole_number_of_steps(command: float, rate_limit: float | None) -> None:
-    """As CiA 402 sends it: thousandths of the rated torque."""
-    quantum, demand = 0.13, Demand(command, 0.0, 0.0)
-    nearest = quantum * np.floor(command / quantum + 0.5)
-    coarse = Motor(rate_limit=rate_limit, torque_step=quantum).step(MotorState(20.0), demand, SAMPLE_TIME)
-    fine = Motor(rate_limit=rate_limit).step(MotorState(20.0), Demand(nearest, 0.0, 0.0), SAMPLE_TIME)
-    assert coarse[0].torque == pytest.approx(fine[0].torque, abs=1e-9)
-    assert coarse[1] == pytest.approx(fine[1], abs=1e-9)
-
-
 def test_a_rate_limit_is_kept_to() -> None:
     state, _ = Motor(1e-3, rate_limit=1000.0).step(MotorState(0.0), Demand(-100.0, 0.0, 0.0), SAMPLE_TIME)
     assert state.torque == pytest.approx(-1.0)

@@ -23,8 +23,7 @@ EFFECTS = {
     "plant.rope_2.hysteresis": 7.0,
     "sensors.load_cell_time_constant": 3e-3,
     "sensors.drum_speed_resolution": 7e-4,
-    "actuator.kind": "motor",
-    "actuator.motor.torque_step": 0.13,
+    "simulation.torque_step": 0.13,
 }
 
 DORMANT = {
@@ -57,12 +56,16 @@ def test_compiled_and_interpreted_agree(engine: EngineName) -> None:
         assert np.allclose(column, interpreted[name], rtol=1e-9, atol=1e-9), name
 
 
-def test_readings_lag_and_commands_are_in_no_steps() -> None:
-    """A drive rounds what it is sent: the controller's own torques are as it computes them."""
-    result = simulate(machine(EFFECTS | {"simulation.readings": True}, 0.1), engine="interpreter")
+def test_readings_lag_and_torques_come_in_steps() -> None:
+    """Motors give the nearest multiple of the step, and rows have what the controller asked for."""
+    values = EFFECTS | {"simulation.readings": True, "actuator.kind": "motor", "actuator.motor.time_constant": 1e-9}
+    result = simulate(machine(values, 0.1), engine="interpreter")
     assert np.ptp(result["F1"] - result["F1_read"]) > 1
-    assert (np.diff(result["tau_1"]) % 0.13 > 1e-3).any()
     assert result["F1_read"][0] == result["F1"][0]
+    for asked, given in ((result["tau_1"], result["torque_1"]), (result["tau_2"], result["torque_2"])):
+        nearest = 0.13 * np.floor(asked / 0.13 + 0.5)
+        assert given[1:] == pytest.approx(nearest[1:], abs=1e-4)
+        assert np.abs(asked - nearest).max() > 0.05
 
 
 def test_without_their_size_effects_are_not_there() -> None:
