@@ -2,10 +2,10 @@
 
 A controller knows the position no better than the best filter does. What the filter estimates here is the deviation
 from the reference; what deviates are the current, the load on the rail, and constants that are drawn once a machine:
-mass, drag, friction, drum radii, encoder zeros, ropes' moduli, what winches give, the scale of the speed wheel. All else
-is known to it, the forces of the ropes, vortices, sags and delays among it, and whatever it wants to do is done at once.
-So the covariance of the time-varying Kalman filter (Kalman and Bucy, Journal of Basic Engineering 83, 1961) is a lower
-bound of every controller's error.
+mass, drag, friction, drum radii, encoder zeros, ropes' moduli, what winches give, the scale of the speed wheel. All
+else is known to it, the forces of the ropes, vortices, sags and delays among it, and whatever it wants to do is done
+at once. So the covariance of the time-varying Kalman filter (Kalman and Bucy, Journal of Basic Engineering 83, 1961)
+is a lower bound of every controller's error.
 
 ``python -m benchmarks.least_error`` prints a row for each ensemble; ``--write FILE`` puts them between the marks.
 """
