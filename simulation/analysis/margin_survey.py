@@ -12,7 +12,7 @@ from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
-from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, with_taut_ropes
+from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
 from dualwinch.simulation.batch.threads import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
@@ -98,7 +98,8 @@ class MarginSurvey:
         """
         self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
-        believed = [given.nominal if isinstance(given, Scenario) else None for given in machines]
+        nominal = [given.nominal if isinstance(given, Scenario) else None for given in machines]
+        believed = [plant and still_plant(plant) for plant in nominal]
         self._structure = with_taut_ropes(structure_of(calm[0]))
         self._dt = calm[0].simulation.sample_time
         loop = closed_loop(self._structure)

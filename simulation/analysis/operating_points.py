@@ -173,7 +173,7 @@ def loop_operating_point(
     of_plant(x, v, limits.preload, calm.plant, tension_min=limits.tension_min, tension_max=limits.command_max)
     structure = with_taut_ropes(structure_of(calm))
     loop = closed_loop(structure)
-    parameters = loop.vector(parameters_of(calm, nominal))
+    parameters = loop.vector(parameters_of(calm, nominal and still_plant(nominal)))
     found = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
     kind = calm.controller.law.kind
     if not found.repeats[0]:
@@ -199,9 +199,7 @@ def with_taut_ropes(structure: Experiment) -> Experiment:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment in calm water, with perfect sensors, and without what no motion is steady with.
 
-    What goes round with drums, gears and motors (eccentricity, transmission error, ripple), waves of the rail and
-    creeping ropes are disturbances of a loop, no part of it. Friction has no memory: of any tension it might remember
-    any. Torques are in no steps.
+    Torques are in no steps; of the plant see `still_plant`.
     """
     # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
     sensors = replace(
@@ -215,21 +213,34 @@ def in_calm(experiment: Experiment) -> Experiment:
         encoder_counts=0,
     )
     simulation = replace(experiment.simulation, jitter=0.0, torque_step=0.0)
-    plant = experiment.plant
+    return replace(
+        experiment,
+        plant=still_plant(experiment.plant),
+        disturbance=Disturbance(),
+        sensors=sensors,
+        simulation=simulation,
+    )
+
+
+def still_plant(plant: Plant) -> Plant:
+    """The plant without what no motion of a loop is steady with.
+
+    What goes round with drums, gears and motors (eccentricity, transmission error, ripple), waves of the rail and
+    creeping ropes are disturbances of a loop, no part of it. Friction has no memory: of any tension it might remember
+    any.
+    """
     still = {"eccentricity": 0.0, "torque_ripple": 0.0, "transmission_error": 0.0}
-    winch_1, winch_2 = replace(plant.winch_1, **still), replace(plant.winch_2, **still)
-    plant = replace(
+    return replace(
         plant,
         vehicle=replace(plant.vehicle, bristle_stiffness=0.0),
         track=replace(plant.track, waviness=0.0),
         rope_1=replace(plant.rope_1, hysteresis=0.0),
         rope_2=replace(plant.rope_2, hysteresis=0.0),
-        winch_1=winch_1,
-        winch_2=winch_2,
+        winch_1=replace(plant.winch_1, **still),
+        winch_2=replace(plant.winch_2, **still),
         creep_1=Creep(),
         creep_2=Creep(),
     )
-    return replace(experiment, plant=plant, disturbance=Disturbance(), sensors=sensors, simulation=simulation)
 
 
 @dataclass(eq=False)
