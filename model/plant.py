@@ -141,14 +141,16 @@ class DisturbanceInputs:
 
 
 def is_distributed(plant: Plant) -> bool:
-    """Whether ropes have mass or weight, gearboxes give or rub, or friction has a state: more than six states know."""
-    return present(plant.vehicle.bristle_stiffness) or any(
-        is_heavy(side.rope)
-        or present(side.rope.hysteresis)
-        or present(side.winch.gear_stiffness)
-        or present(side.winch.gear_loss)
+    """Whether ropes have mass or weight, or gearboxes give or rub: more than the paper's six states know."""
+    return any(
+        is_heavy(side.rope) or present(side.winch.gear_stiffness) or present(side.winch.gear_loss)
         for side in plant.sides
     )
+
+
+def remembers_friction(plant: Plant) -> bool:
+    """Whether friction has a state, on the rail or in the ropes."""
+    return present(plant.vehicle.bristle_stiffness) or any(present(side.rope.hysteresis) for side in plant.sides)
 
 
 def blank_state(plant: Plant) -> PlantState:

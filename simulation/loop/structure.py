@@ -11,7 +11,7 @@ from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant, is_distributed, plant_structure
+from dualwinch.model.plant import Plant, is_distributed, plant_structure, remembers_friction
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
@@ -26,7 +26,7 @@ GENERAL: IntegratorName = "rk4"
 """The integrator of ropes that the others do not know."""
 
 DISTRIBUTED: IntegratorName = "verlet"
-"""The integrator of ropes with mass or weight, and of gearboxes that give."""
+"""The integrator of ropes with mass or weight, of gearboxes that give, and of friction with a state."""
 
 FINE = 0.5
 """Rate of the fastest swing times sub-step in rad, at most, where nobody says how many sub-steps."""
@@ -57,16 +57,16 @@ def is_automatic(experiment: Experiment) -> bool:
 def solver_of(experiment: Experiment) -> Solver:
     """Integrator and sub-steps of an experiment.
 
-    With Kelvin–Voigt ropes they are those it asks for; where ropes have mass or weight or gearboxes give, which the
-    exponential integrators do not know, `DISTRIBUTED` takes their place. Ropes of other laws take a general integrator
-    with at least as many sub-steps as it asks for, and a power of two of them that keeps up with the stiffest
-    spring on the track, at tensions up to `OVERSHOOT` times tension_max.
+    With Kelvin–Voigt ropes they are those it asks for; where ropes have mass or weight, gearboxes give or friction has
+    a state, which the exponential integrators do not know, `DISTRIBUTED` takes their place. Ropes of other laws take a
+    general integrator with at least as many sub-steps as it asks for, and a power of two of them that keeps up with
+    the stiffest spring on the track, at tensions up to `OVERSHOOT` times tension_max.
 
     Raises:
         ConfigurationError: a rope's law has no finite spring rate at these tensions, or asks for too many sub-steps.
     """
     simulation = experiment.simulation
-    distributed = is_distributed(experiment.plant)
+    distributed = is_distributed(experiment.plant) or remembers_friction(experiment.plant)
     general = DISTRIBUTED if distributed else GENERAL
     knows_all = INTEGRATORS[simulation.integrator].any_plant
     if not is_automatic(experiment):
