@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.document import put
-from benchmarks.quoted import paper_gains, sea, tuned
+from benchmarks.quoted import heavy, paper_gains, sea, tuned
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ BLOCKS = (
     Quoted("docs/rig.md", "exact drums", tuned.exact_drums, 8),
     Quoted("docs/rig.md", "stability margins", tuned.margins, 6),
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
+    Quoted("docs/site.md", "resonance", heavy.resonance),
     Quoted("docs/observability.md", "learnt", tuned.learnt, 5),
 )
 """Every block, in the order of the pages."""

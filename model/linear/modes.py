@@ -15,6 +15,7 @@ from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState, Side, blank_state
 from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import present
 from dualwinch.model.vehicle import inertia
@@ -44,13 +45,21 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     """A mode's name in words, by each state's share in it and complex amplitude.
 
     What has most of its kinetic energy names it: drums and vehicle, waves in a rope, a gearbox whose rotor and drum
-    swing against each other, or the sag. Longitudinal modes of a rope are counted from the one in which all of it moves
-    one way, at c/4L where the drum has no inertia; a heavy drum makes that its own mode, and the second is near c/2L.
+    swing against each other, or the sag; of friction that settles, where it is. Longitudinal modes of a rope are
+    counted from the one in which all of it moves one way, at c/4L where the drum has no inertia; a heavy drum makes
+    that its own mode, and the second is near c/2L.
     """
     prefix = plant_prefix(system.states)
     x = system.operating_point.get("x")
-    if prefix is None or x is None or _share_of_plant(participation, plant, prefix) < 0.5:
+    if prefix is None or x is None:
         return _by_states(participation)
+    known = describe_parts(blank_state(plant))
+    shares = {key: participation.get(prefix + key, 0.0) for key in known}
+    if sum(shares.values()) < 0.5:
+        return _by_states(participation)
+    main = max(shares, key=lambda key: shares[key])
+    if Mark.SETTLES in known[main].marks:
+        return "friction on the rail" if main.startswith("rail") else f"friction within rope {main[5]}"
     moved = displacements(shape, plant, prefix)
     inner = [_inside(side, shape, prefix) for side in plant.sides]
     largest = max(map(abs, (*moved, *(inside.largest(*KINDS) for inside in inner))))
@@ -138,10 +147,6 @@ def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
         node=lumped_mass(rope, length) if present(rope.mass_per_length) else 0.0,
         sag=8 / 15 * (rope.mass_per_length + rope.added_mass_per_length) * length,
     )
-
-
-def _share_of_plant(participation: Mapping[str, float], plant: Plant, prefix: str) -> float:
-    return sum(participation.get(prefix + name, 0.0) for name in describe_parts(blank_state(plant)))
 
 
 KINDS = {

@@ -211,6 +211,7 @@ def in_calm(experiment: Experiment) -> Experiment:
         speed_noise=1.0,
         tension_noise=1.0,
         encoder_counts=0,
+        drum_speed_resolution=0.0,
     )
     simulation = replace(experiment.simulation, jitter=0.0, torque_step=0.0)
     return replace(

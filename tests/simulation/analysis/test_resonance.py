@@ -2,85 +2,20 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.quoted.heavy import MACHINES, PLACES, SMALL, both, law_of, machine, swings_up, with_gain
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.analysis.resonance import AMPLITUDES, RESONANCE, UNDECIDED, resonance_gains
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.tiers import mostly_slow
 
-SMOOTH = override(case(4), {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
-"""Where the slope of the law is that at zero for all speed errors of less than some cm/s."""
-
-SMALL = 1e-6
-"""Amplitude in m/s at which a describing function is the slope at zero."""
-
-
-def both(**values: float) -> dict[str, Any]:
-    """Values of both ropes and both winches, by keys such as ``rope__damping``; ``gain__`` those of the controller."""
-    tables = {"rope": "plant.rope_{}.{}", "winch": "plant.winch_{}.{}", "gain": "controller.winch_{}.{}"}
-    return {
-        tables[name.split("__")[0]].format(number, name.split("__")[1]): value
-        for name, value in values.items()
-        for number in (1, 2)
-    }
-
-
-def machine(**values: float) -> Experiment:
-    return override(SMOOTH, both(**values) | {"plant.rope_slack": False, "simulation.substeps": 8})
-
-
-HEAVY = {"rope__mass_per_length": 2.36, "winch__inertia": 150.0, "rope__damping": 300.0}
-
-SITE = replace(load_ensemble("site").experiment, controller=SMOOTH.controller)
-SITE = override(SITE, {"controller.coordination.preload": 6000.0, "actuator.motor.time_constant": 1e-3})
-
-MACHINES = {
-    "10 kg m² more": machine(winch__inertia=11.8),
-    "1.2 kg/m": machine(rope__mass_per_length=1.2),
-    "2.36 kg/m, slightly damped": machine(rope__mass_per_length=2.36, rope__damping=300.0, gain__damping=20.0),
-    "150 kg m²": machine(winch__inertia=150.0, rope__damping=1000.0, gain__ki=0.002),
-    "heavy, damped": machine(**HEAVY, gain__damping=60.0),
-    "heavy, well damped": machine(**HEAVY, gain__damping=164.0),
-    "heavy, much tension feedback": machine(**HEAVY, gain__damping=164.0, gain__ki=0.2, gain__kp=5e-3),
-    "heavy, late": override(machine(**HEAVY, gain__damping=164.0), {"simulation.delay_samples": 3}),
-    "site": override(SITE, both(gain__damping=164.0)),
-    "site, slow motors": override(SITE, both(gain__damping=164.0) | {"actuator.motor.time_constant": 8e-3}),
-    "site, Kalman filter": override(
-        SITE, both(gain__damping=164.0) | {"controller.estimator": "self-calibrating-kalman"}
-    ),
-}
-
-QUICK = {"10 kg m² more", "heavy, well damped", "heavy, much tension feedback"}
-
-
-def law_of(experiment: Experiment) -> FandoNftsm:
-    law = experiment.controller.law
-    assert isinstance(law, FandoNftsm)
-    return law
-
-
-def with_gain(experiment: Experiment, gain: float) -> Experiment:
-    """The experiment with an observer that makes the larger loop gain at the resonance what is asked for."""
-    without = max(resonance_gains(experiment, amplitudes=[SMALL]), key=lambda each: each.gain)
-    more = (gain - without.gain) * without.damping / without.mass
-    return override(experiment, {"controller.observer.l0": law_of(experiment).observer.l0 + more})
-
-
-def swings_up(experiment: Experiment, x: float) -> bool:
-    """Whether an oscillation of more than 10 rad/s grows, in motion at 0.5 m/s."""
-    poles = linear_closed_loop(experiment, x, 0.5).poles()
-    fast = np.abs(np.angle(poles)) > 10 * experiment.simulation.sample_time
-    return bool(np.abs(poles[fast]).max() > 1)
+QUICK = {"both, damping 164", "both, damping 164, ki 0.2, kp 0.005", "`site`, damping 164"}
 
 
 @pytest.mark.parametrize("name", mostly_slow(((name,) for name in MACHINES), lambda row: row[0] in QUICK))
@@ -88,15 +23,15 @@ def test_where_it_decides_it_is_right(name: str) -> None:
     """Amid the track below and above its band; elsewhere, where one drum swings, it is on the safe side."""
     experiment, (low, high) = MACHINES[name], UNDECIDED
     held, lost = with_gain(experiment, low), with_gain(experiment, high)
-    assert [swings_up(held, x) for x in (25.0, 10.0, 3.0)] == [False] * 3
-    assert swings_up(lost, 25.0)
+    assert [swings_up(held, x) for x in PLACES] == [False] * len(PLACES)
+    assert swings_up(lost, PLACES[0])
     (verdict, *_) = {each.verdict for each in resonance_gains(with_gain(experiment, 1.1 * high), amplitudes=[SMALL])}
     assert verdict == "fails"
 
 
 def test_without_the_drums_damping_it_would_be_wrong_by_an_order() -> None:
     """The form of a controller without damping, (observer gain + slope) m/c, at gains that hold."""
-    experiment = with_gain(MACHINES["heavy, well damped"], UNDECIDED[0])
+    experiment = with_gain(MACHINES["both, damping 164"], UNDECIDED[0])
     found = resonance_gains(experiment, amplitudes=[SMALL])[0]
     law = law_of(experiment)
     terminal = 0.6 * law.nftsm.beta * 0.05 ** (-2 / 3)
@@ -106,7 +41,7 @@ def test_without_the_drums_damping_it_would_be_wrong_by_an_order() -> None:
     assert found.feedback == pytest.approx(law.observer.l0 + terminal + surface + 0.02 * 36 / 0.8, rel=1e-6)
     assert found.damping == pytest.approx(300 * (1 + 5e-4 * 36 / 0.8) + 164 * 36 / 0.8**2)
     assert (law.observer.l0 + terminal + surface) * mass / 300 > 20
-    assert not swings_up(experiment, 25.0)
+    assert not swings_up(experiment, PLACES[0])
 
 
 def test_frequency_is_that_of_the_drum_on_its_rope() -> None:

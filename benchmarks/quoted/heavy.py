@@ -1,0 +1,107 @@
+"""What linear loops on heavy winches and ropes say of the rule for the drums' resonance."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import dualwinch as dw
+from benchmarks.document import markdown
+from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.simulation.analysis.resonance import UNDECIDED
+
+SMOOTH = dw.override(dw.case(4), {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
+"""Where the slope of the law is that at zero for all speed errors of less than some cm/s."""
+
+SMALL = 1e-6
+"""Amplitude in m/s at which a describing function is the slope at zero."""
+
+PLACES, SPEED = (25.0, 10.0, 3.0), 0.5
+"""Positions in m and the speed in m/s at which eigenvalues are looked at; amid the track both drums swing alike."""
+
+
+def both(**values: float) -> dict[str, Any]:
+    """Values of both sides by keys such as ``rope__damping``; those of ``gain__`` are the winch controllers'."""
+    tables = {"rope": "plant.rope_{}.{}", "winch": "plant.winch_{}.{}", "gain": "controller.winch_{}.{}"}
+    split = {tuple(name.split("__")): value for name, value in values.items()}
+    return {tables[of].format(number, name): value for (of, name), value in split.items() for number in (1, 2)}
+
+
+def machine(**values: float) -> dw.Experiment:
+    """Case 4 with values of both sides."""
+    return dw.override(SMOOTH, both(**values) | {"plant.rope_slack": False, "simulation.substeps": 8})
+
+
+HEAVY = {"rope__mass_per_length": 2.36, "winch__inertia": 150.0, "rope__damping": 300.0}
+
+SITE = replace(dw.load_ensemble("site").experiment, controller=SMOOTH.controller)
+SITE = dw.override(SITE, {"controller.coordination.preload": 6000.0, "actuator.motor.time_constant": 1e-3})
+SITE = dw.override(SITE, both(gain__damping=164.0))
+
+MACHINES = {
+    "Table 1, winches of 11.8 kg m²": machine(winch__inertia=11.8),
+    "Table 1, ropes of 1.2 kg/m": machine(rope__mass_per_length=1.2),
+    "ropes of 2.36 kg/m and 300 N s/m, damping 20": machine(
+        rope__mass_per_length=2.36, rope__damping=300.0, gain__damping=20.0
+    ),
+    "winches of 150 kg m², ki 0.002": machine(winch__inertia=150.0, gain__ki=0.002),
+    "both, damping 60": machine(**HEAVY, gain__damping=60.0),
+    "both, damping 164": machine(**HEAVY, gain__damping=164.0),
+    "both, damping 164, ki 0.2, kp 0.005": machine(**HEAVY, gain__damping=164.0, gain__ki=0.2, gain__kp=5e-3),
+    "both, damping 164, three samples late": dw.override(
+        machine(**HEAVY, gain__damping=164.0), {"simulation.delay_samples": 3}
+    ),
+    "`site`, damping 164": SITE,
+    "`site`, motors of 8 ms": dw.override(SITE, {"actuator.motor.time_constant": 8e-3}),
+    "`site`, `self-calibrating-kalman`": dw.override(SITE, {"controller.estimator": "self-calibrating-kalman"}),
+}
+"""Machines and winch gains by what they have; preload 6 kN in `site`."""
+
+
+def law_of(experiment: dw.Experiment) -> FandoNftsm:
+    """The paper's law."""
+    return experiment.controller.law  # pyright: ignore[reportReturnType]
+
+
+def worst(experiment: dw.Experiment, x: float = PLACES[0]) -> dw.ResonanceGain:
+    """The larger of the loop gains at the resonances of both drums, for small errors."""
+    return max(dw.resonance_gains(experiment, x, amplitudes=[SMALL]), key=lambda each: each.gain)
+
+
+def with_gain(experiment: dw.Experiment, gain: float, x: float = PLACES[0]) -> dw.Experiment:
+    """The experiment with an observer that makes the loop gain at the resonance what is asked for."""
+    now = worst(experiment, x)
+    more = (gain - now.gain) * now.damping / now.mass
+    return dw.override(experiment, {"controller.observer.l0": law_of(experiment).observer.l0 + more})
+
+
+def swings_up(experiment: dw.Experiment, x: float) -> bool:
+    """Whether an oscillation of more than 10 rad/s grows, in motion."""
+    poles = dw.linear_closed_loop(experiment, x, SPEED).poles()
+    fast = np.abs(np.angle(poles)) > 10 * experiment.simulation.sample_time
+    return bool(np.abs(poles[fast]).max() > 1)
+
+
+def bound(experiment: dw.Experiment, x: float) -> float:
+    """The loop gain at which the loop loses its stability, by eigenvalues: bisection, to a per cent."""
+    low, high = UNDECIDED[0], 4.0
+    while high / low > 1.01:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if swings_up(with_gain(experiment, middle, x), x) else (middle, high)
+    return low
+
+
+def resonance() -> str:
+    """The bounds of all machines, and what the rule without the winch controllers' gains says at the first."""
+    rows = []
+    for name, experiment in MACHINES.items():
+        bounds = [bound(experiment, x) for x in PLACES]
+        at = with_gain(experiment, bounds[0])
+        found, pid = worst(at), at.controller.coordination.winch_1  # pyright: ignore[reportAttributeAccessIssue]
+        winch, rope = at.plant.winch_1, at.plant.rope_1
+        tension_loop = pid.ki * winch.gear_ratio / winch.drum_radius
+        alone = (found.feedback - tension_loop) * found.mass / rope.tangent(1000.0, 25.5)[1]
+        rows.append([name, *(f"{value:.2f}" for value in bounds), f"{alone:.2g}"])
+    heading = [f"bound at x = {x:g} m" for x in PLACES]
+    return markdown(["machine", *heading, "the same at 25 m without the winch's gains"], rows)
