@@ -124,13 +124,18 @@ static void leave_initialisation(Instance *instance) {
 }
 
 #if OFFERS_CO_SIMULATION
-/* Run the samples of a communication step; a refused step leaves everything as it was. */
+/* Run the samples of a communication step; a refused step leaves everything as it was. One that is no multiple of the
+   sample time is an error: masters repeat a step that was discarded. */
 static Status advance(Instance *instance, double time, double duration) {
   Memory next = instance->memory;
   double *value = next.value, following[STATES + 1], *state = value + FIRST_STATE;
   const double samples = floor(duration / SAMPLE_TIME + 0.5);
-  if (!(samples >= 1 && samples <= 1e9) || fabs(duration - samples * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME)
-    return complain(instance, STATUS_DISCARD, "the step is no multiple of the sample time", "");
+  if (!(samples >= 1 && samples <= 1e9) || fabs(duration - samples * SAMPLE_TIME) > 1e-6 * SAMPLE_TIME) {
+    char what[128];
+    snprintf(what, sizeof what, "the communication step of %.9g s is no multiple of the sample time, %.9g s", duration,
+             (double)SAMPLE_TIME);
+    return complain(instance, STATUS_ERROR, what, "");
+  }
   prepare(&next);
   for (double sample = 1; sample <= samples; sample++) {
     if (HAS_HELD && sample == samples) {

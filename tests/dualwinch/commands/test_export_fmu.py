@@ -12,6 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2Error
 from fmpy.validation import validate_fmu
 
 from dualwinch.codegen.compiler import find_compiler
@@ -229,6 +230,17 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(version: int, export
     with pytest.raises(FMICallException):  # a state beyond all numbers is an error, never a NaN
         plant.step(1000)
     assert np.isfinite(plant.get(*STATE)).all()
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(("stop", "interval"), [(0.0105, 1e-3), (0.1, 1 / 60)])
+def test_a_step_that_is_no_multiple_of_the_sample_time_ends_the_simulation(
+    version: int, stop: float, interval: float, exported: Exported
+) -> None:
+    # an importer repeats what an FMU 2 discards
+    with pytest.raises(FMICallException) as refused:
+        fmpy.simulate_fmu(str(exported("plant", version)), stop_time=stop, output_interval=interval)
+    assert refused.value.status == fmi2Error
 
 
 @pytest.mark.parametrize("what", ["controller", "plant"])
