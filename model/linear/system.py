@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 LARGEST = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
 
+ROUND_OFF = 4 * np.finfo(float).eps
+"""Share of the largest pole within which a frequency is at a pole."""
+
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
@@ -78,12 +81,30 @@ class LinearSystem:
             omega: angular frequencies in rad/s (k).
 
         Returns:
-            Array of shape (k, p, m).
+            Array of shape (k, p, m); ``inf + nan j`` at a pole of that output by that input.
         """
         angular = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         s = 1j * angular if self.dt is None else np.exp(1j * angular * self.dt)
-        pencil = s[:, None, None] * np.eye(len(self.states)) - self.A
-        return self.C @ np.linalg.solve(pencil, np.broadcast_to(self.B, (len(s), *self.B.shape))) + self.D
+        poles = self.poles()
+        at_pole = (np.abs(s[:, None] - poles) <= ROUND_OFF * np.abs(poles).max(initial=1.0)).any(axis=1)
+        found = np.empty((len(s), *self.D.shape), complex)
+        regular = s[~at_pole]
+        pencil = regular[:, None, None] * np.eye(len(self.states)) - self.A
+        found[~at_pole] = self.C @ np.linalg.solve(pencil, np.broadcast_to(self.B, (len(regular), *self.B.shape)))
+        for index in np.flatnonzero(at_pole):
+            for row, column in np.ndindex(self.D.shape):
+                found[index, row, column] = self._at_pole(s[index], row, column)
+        return found + self.D
+
+    def _at_pole(self, s: complex, row: int, column: int) -> complex:
+        """One element of ``C (s - A)^-1 B`` at a pole of the system, from the states between its input and output."""
+        linked = np.linalg.matrix_power((self.A != 0) | np.eye(len(self.A), dtype=bool), len(self.A))
+        between = (linked @ (self.B[:, column] != 0)) & ((self.C[row] != 0) @ linked)
+        A, B, C = self.A[np.ix_(between, between)], self.B[between, column], self.C[row, between]
+        own = np.linalg.eigvals(A)
+        if (np.abs(s - own) <= ROUND_OFF * np.abs(own).max(initial=1.0)).any():
+            return complex(math.inf, math.nan)
+        return complex(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)))
 
     def between(self, inputs: Iterable[str], outputs: Iterable[str]) -> "LinearSystem":
         """The same system with only some of its inputs and outputs, in the order given.

@@ -38,8 +38,12 @@ BOTH = "torques"
 LOCI = ("u", "tau_1", "tau_2", BOTH, BOTH)
 """Where each of the five loci of a loop of three openings is cut."""
 
-LOWEST = 1e-3
-"""Lowest angular frequency looked at in rad/s."""
+LOWEST, SLOW, BELOW = 1e-3, 1e-2, 0.25
+"""Lowest angular frequency of the even grid in rad/s. A closed loop with slower poles is looked at below it, too, down
+to that share of its slowest, at that share of the grid's points; and every loop is at 0."""
+
+BEYOND = 1e9
+"""Gain margin at the frequency 0 that is round-off: there the loop has no gain, or an integrator."""
 
 FORGOTTEN, SILENT = 0.05, 1e-14
 """Magnitude of poles that are left out of sums over poles: those of delays are 0, and have too few eigenvectors. And
@@ -101,6 +105,9 @@ def margins(loop: LinearSystem) -> Margins:
 
     The disk is the balanced one: ``L`` times any ``(1 + d/2)/(1 - d/2)`` with |d| smaller than its radius is stable.
 
+    Where ``1 + L`` vanishes at once, from a sample's input to its output, the closed loop does not exist, and all
+    margins are those of no change at all.
+
     Args:
         loop: discrete, one input, one output, e.g. of `simulation.analysis.linear_loop.linear_broken_loop`.
 
@@ -109,6 +116,9 @@ def margins(loop: LinearSystem) -> Margins:
     """
     if loop.dt is None or loop.D.shape != (1, 1):
         raise ConfigurationError("margins need a discrete system of one input and one output")
+    if abs(1 + loop.D[0, 0]) <= np.finfo(float).eps:
+        nowhere = math.nan
+        return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
     (found,) = least_margins(closed, np.zeros(1, np.intp), (*KINDS, "fall"), 1, grid=FINE)
     gain, phase, delay, disk, fall = found.values()
@@ -222,7 +232,8 @@ class ComplementarySensitivity:
         elements = np.repeat(constant[:, :, None], omega.shape[1], axis=2)
         for index in range(self.poles.shape[1]):
             if residues[:, :, index].any():
-                elements += residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+                with np.errstate(divide="ignore", invalid="ignore"):  # at a pole, of a loop that is not stable
+                    elements += residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
         late = 1 / z[:, None]
         for echo in echoes:
             elements += echo[:, :, None] * late
@@ -232,7 +243,7 @@ class ComplementarySensitivity:
     def _exact_elements(self, omega: Floats) -> Complex:
         z = np.exp(1j * self.dt * omega)
         pencil = z[:, :, None, None] * np.eye(self.A.shape[1]) - self.A[:, None]
-        values = self.C[:, None] @ np.linalg.solve(pencil, self.B[:, None].astype(complex)) + self.D[:, None]
+        values = self.C[:, None] @ _solved(pencil, self.B[:, None].astype(complex)) + self.D[:, None]
         return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1).astype(complex)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
@@ -260,9 +271,9 @@ class ComplementarySensitivity:
         """The same from the matrices, as exact as they are."""
         z = np.exp(1j * self.dt * omega)
         pencil = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
-        right = np.linalg.solve(pencil, self.B[loop].astype(complex))
+        right = _solved(pencil, self.B[loop].astype(complex))
         values = self.C[loop] @ right + self.D[loop]
-        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ np.linalg.solve(pencil, right))
+        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ _solved(pencil, right))
         elements, rates = (np.asarray(matrix[:, self.rows, self.columns], complex) for matrix in (values, slopes))
         return self._locus(elements, rates, locus, near)
 
@@ -281,6 +292,14 @@ class ComplementarySensitivity:
             rate = turned / (2 * (both - half))
         together = locus >= len(self.diagonal) - 2
         return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
+
+
+def _solved(pencil: Complex, right: Complex) -> Complex:
+    """Solutions of many linear systems; those of a singular one, at a pole, are very large."""
+    try:
+        return np.linalg.solve(pencil, right)
+    except np.linalg.LinAlgError:
+        return np.linalg.solve(pencil + np.finfo(float).eps * np.eye(pencil.shape[-1]), right)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
@@ -426,8 +445,9 @@ def _least(places: _Places, mine: Indices) -> LeastMargin:
 
 
 def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats:
-    """Angular frequencies (s, k) up to half the sample rate, dense around lightly damped poles."""
+    """Angular frequencies (s, k), 0 and up to half the sample rate, dense around lightly damped poles."""
     highest = math.pi / loops.dt
+    round_off = np.finfo(float).eps / loops.dt
     poles = loops.poles.copy()
     poles[(np.abs(poles) == 0) | (poles.imag <= 0)] = 1.0
     number = int((poles.imag > 0).sum(axis=1).max(initial=0))
@@ -435,7 +455,15 @@ def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats
     rate = np.log(np.take_along_axis(poles, order, axis=1)) / loops.dt
     around = (rate.imag[:, :, None] + np.abs(rate.real)[:, :, None] * grid.around).reshape(len(poles), -1)
     even = np.broadcast_to(np.geomspace(LOWEST, highest, grid.points), (len(poles), grid.points))
-    return np.sort(np.clip(np.hstack([even, around]), LOWEST, highest), axis=1)
+    with np.errstate(divide="ignore"):
+        speed = np.abs(np.log(loops.poles)) / loops.dt
+    slowest = np.where(speed > 1e3 * round_off, speed, np.inf).min(axis=1, initial=np.inf)
+    lowest = np.minimum(LOWEST, SLOW * slowest)[:, None]
+    if (lowest < LOWEST).any():
+        below = np.geomspace(lowest[:, 0], LOWEST, round(BELOW * grid.points), axis=1)
+        even = np.hstack([below, even])
+    found = np.sort(np.clip(np.hstack([even, around]), lowest, highest), axis=1)
+    return np.hstack([np.zeros((len(poles), 1)), found])
 
 
 def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
@@ -447,23 +475,31 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
         loop, locus, at = np.nonzero(np.concatenate([side, rises], axis=2) & ~np.concatenate([rises, ~side], axis=2))
         lower, upper = omega[loop, np.maximum(at - 1, 0)], omega[loop, np.minimum(at + 1, last)]
         top = response[loop, locus, at]
-        return _Places(loop, locus, lower, upper, top, top, omega[loop, at], 1 / away[loop, locus, at])
+        frequency = omega[loop, at]
+        return _Places(loop, locus, lower, upper, top, top, frequency, _margin(kind, top, frequency))
     of_gain = kind in {"gain", "fall"}
     values = response.imag if of_gain else response.real - 0.5
     loop, locus, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
     falling = values[loop, locus, at]
     share = falling / (falling - values[loop, locus, at + 1])
-    before, after = response[loop, locus, at], response[loop, locus, at + 1]
-    lower, upper = omega[loop, at], omega[loop, at + 1]
+    # where a point is on the grid: at 0 and at half the sample rate the response is real
+    on_grid = values == 0
     if of_gain:
-        ends = np.indices(response.shape[:2]).reshape(2, -1)  # at half the sample rate the response is real
-        end, there = omega[ends[0], -1], response[ends[0], ends[1], -1]
-        loop, locus, share = np.append(loop, ends[0]), np.append(locus, ends[1]), np.append(share, np.zeros(len(end)))
-        lower, upper = np.append(lower, end), np.append(upper, end)
-        before, after = np.append(before, there), np.append(after, there)
+        on_grid = np.zeros_like(on_grid)
+        on_grid[:, :, [0, -1]] = True
+    points = np.nonzero(on_grid)
+    loop, locus, share = (
+        np.append(loop, points[0]),
+        np.append(locus, points[1]),
+        np.append(share, np.zeros(len(points[0]))),
+    )
+    lower, upper = np.append(at, points[2]), np.append(at + 1, points[2])
+    before, after = response[loop, locus, lower], response[loop, locus, upper]
+    lower, upper = omega[loop, lower], omega[loop, upper]
     frequency = lower + (upper - lower) * share
     value = _margin(kind, before * (1 - share) + after * share, frequency)
-    return _Places(loop, locus, lower, upper, before, after, frequency, value)[np.isfinite(value)]
+    found = np.isfinite(value) & ((frequency > 0) | (value < BEYOND))
+    return _Places(loop, locus, lower, upper, before, after, frequency, value)[found]
 
 
 def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
@@ -476,8 +512,8 @@ def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
                 return np.where(response.real < 0, 1 - 1 / response.real, np.inf)
             case "fall":
                 return np.where(response.real > 1, response.real / (response.real - 1), np.inf)
-    lag = (math.pi + 2 * np.arctan2(response.imag, 0.5)) % (2 * math.pi)
-    return np.degrees(lag) if kind == "phase" else lag / omega
+        lag = (math.pi + 2 * np.arctan2(response.imag, 0.5)) % (2 * math.pi)
+        return np.degrees(lag) if kind == "phase" else lag / omega
 
 
 def _near_least(places: _Places, family: Indices, factor: float) -> _Places:

@@ -128,3 +128,22 @@ def test_an_unknown_suffix_is_refused_and_nothing_is_written(tmp_path: Path) -> 
     with pytest.raises(ConfigurationError, match=r"unknown suffix '\.txt'; must be one of \.json, \.mat, \.npz"):
         OSCILLATOR.save(tmp_path / "system.txt")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_response_is_infinite_at_a_pole_and_only_where_that_shows() -> None:
+    """A mass on which a force acts, and an oscillator of 2 rad/s beside it: 1/s and 1/s^2 at 0, 1/(4 - w^2) at 2."""
+    A = np.zeros((4, 4))
+    A[0, 1], A[2, 3], A[3, 2] = 1.0, 1.0, -4.0
+    B, C = np.zeros((4, 2)), np.eye(4)[[0, 1, 2]]
+    B[1, 0] = B[3, 1] = 1.0
+    names = "position", "speed", "swing", "swinging"
+    units = dict.fromkeys((*names, "force", "push", "x", "v", "a"), "1")
+    system = LinearSystem(A, B, C, np.zeros((3, 2)), None, names, ("force", "push"), ("x", "v", "a"), units)
+    response = system.response([0.0, 1.0, 2.0])
+    assert np.isinf(response).tolist() == [
+        [[True, False], [True, False], [False, False]],
+        [[False, False]] * 3,
+        [[False, False], [False, False], [False, True]],
+    ]
+    assert response[0, 2, 1] == pytest.approx(1 / 4)
+    assert response[2, :2, 0] == pytest.approx([-1 / 4, -0.5j])

@@ -28,6 +28,12 @@ def loop(numerator: list[float], denominator: list[float], dt: float) -> LinearS
     )
 
 
+def sampled(pole: float, gain: float, through: float) -> LinearSystem:
+    """gain/(z − pole) + through."""
+    A, B, C, D = (np.array([[value]]) for value in (pole, 1.0, gain, through))
+    return LinearSystem(A, B, C, D, 1e-3, ("x",), ("in",), ("out",), dict.fromkeys(("x", "in", "out"), "1"))
+
+
 def agrees(system: LinearSystem, found: Margins) -> None:
     """As python-control has it on grids of its own; it is slow on disks, so its grid is dense near ours only."""
     assert system.dt is not None
@@ -67,6 +73,36 @@ def test_margins_of_an_integrator_by_hand() -> None:
     assert found.phase == pytest.approx(90 - math.degrees(crossover * 1e-2 / 2))
     assert found.delay == pytest.approx(math.radians(found.phase) / crossover)
     assert found.least_gain == 0
+
+
+def test_margins_at_standstill_of_a_lag_with_positive_feedback_by_hand() -> None:
+    """L = −k/4/(z − 1/2): the closed loop's pole 1/2 + k/4 reaches 1 at k = 2."""
+    found = margins(sampled(0.5, -0.25, 0.0))
+    assert (found.stable, found.gain, found.gain_frequency) == (True, pytest.approx(2), 0)
+    assert (found.phase, found.delay, found.disk) == (math.inf, math.inf, pytest.approx(2 / 3))
+
+
+def test_least_gain_at_standstill_of_a_loop_that_feedback_makes_stable_by_hand() -> None:
+    """L = k/(z − 3/2): the pole 3/2 − k is within the circle for k from 1/2 to 5/2."""
+    found = margins(sampled(1.5, 1.0, 0.0))
+    assert (found.stable, found.gain, found.least_gain) == (True, pytest.approx(2.5), pytest.approx(0.5))
+    assert found.least_gain_frequency == 0
+
+
+def test_margins_of_a_slow_integrator_by_hand() -> None:
+    """L = 5e-4/s and 1e-7/s: 90° at 5e-4 and 1e-7 rad/s."""
+    for crossover in (5e-4, 1e-7):
+        found = margins(loop([crossover], [1, 0], 1e-3))
+        assert (found.phase, found.phase_frequency) == (pytest.approx(90), pytest.approx(crossover, rel=1e-6))
+
+
+def test_margins_of_loops_without_states_by_hand() -> None:
+    """Of L = 1 the gain is 1 everywhere: half a turn is too much, and a sample of delay at half the sample rate."""
+    one = margins(sampled(0.0, 0.0, 1.0))
+    assert (one.gain, one.phase, one.delay, one.disk) == (math.inf, 180, pytest.approx(1e-3), math.inf)
+    none = margins(sampled(0.0, 0.0, -1.0))
+    assert (none.stable, none.gain, none.phase, none.delay, none.disk) == (False, 1, 0, 0, 0)
+    assert margins(sampled(0.0, 0.0, -0.5)).gain == pytest.approx(2)
 
 
 def test_a_loop_that_carries_nothing_bears_everything() -> None:
