@@ -30,5 +30,5 @@ def bristle_rate(deflection: Scalar, speed: Scalar, limit: Scalar, step: Scalar)
         limit: of the deflection.
         step: in s.
     """
-    settling = absolute(speed) / maximum(limit, LEAST_LIMIT)
-    return (speed - settling * deflection) / (1 + settling * step)
+    sliding, most = absolute(speed), maximum(limit, LEAST_LIMIT)
+    return (speed * most - sliding * deflection) / (most + sliding * step)
