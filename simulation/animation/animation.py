@@ -16,6 +16,7 @@ from dualwinch.simulation.animation.machine import (
     FRAME_COLUMNS,
     LEFT,
     RIGHT,
+    SAGS,
     WATER,
     WIDTH,
     Machine,
@@ -27,6 +28,7 @@ from dualwinch.simulation.animation.machine import (
     number,
     path,
     picture,
+    sag_enlargement,
     text,
     written,
 )
@@ -139,8 +141,8 @@ PLAY_SECONDS, FRAMES = 12.5, 250
 def animation(result: Result) -> str:
     """A run as one SVG that moves, without scripts: it plays in browsers and in READMEs.
 
-    The rail is to scale; drums are drawn larger, and the sag of ropes, which grows as their tension falls, is drawn
-    larger than it is.
+    The rail is to scale; drums are drawn larger. Ropes are straight unless they sag in the model, and a sag that would
+    not be seen is enlarged by a power of ten, which the picture names.
 
     Args:
         result: a run with its rows.
@@ -165,7 +167,8 @@ def animation(result: Result) -> str:
     text(root, 20, 48, f"{words}; a simulated run, {speed}", fill=GREY)
     add(root, "rect", y=66, width=WIDTH, height=RAIL - 60, fill=WATER)
     draw_colours(root, WIDTH - 205, 24, machine.highest)
-    frames = {name: np.nan_to_num(drawable(result[name]))[rows] for name in FRAME_COLUMNS}
+    sags = [name for name in SAGS if name in result.columns]
+    frames = {name: np.nan_to_num(drawable(result[name]))[rows] for name in (*FRAME_COLUMNS, *sags)}
     for x, name in ((LEFT - DRUM_GAP, "winch 2"), (RIGHT + DRUM_GAP, "winch 1")):
         text(root, x, machine.rope - 14, name, text_anchor="middle")
     for x, name in ((LEFT + 70, "rope 2"), (RIGHT - 10, "rope 1")):
@@ -173,6 +176,10 @@ def animation(result: Result) -> str:
     draw_machine(root, machine, frames, play)
     text(root, 20, 90, "▽ reference", font_size=12, fill=INK)
     text(root, 112, 90, "→ disturbance on the vehicle", font_size=12, fill=VERMILION)
+    if sags:
+        factor = sag_enlargement(machine, frames)
+        words = f"sag of the ropes × {factor:g}" if factor > 1 else "sag of the ropes to scale"
+        text(root, 320, 90, words, font_size=12, fill=GREY)
     draw_traces(root, t - t[0], duration, _panels(result), play, FRAMES)
     return written(root)
 

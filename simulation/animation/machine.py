@@ -104,8 +104,8 @@ DRUM, DRUM_GAP = 24.0, 64.0
 WATER, BED, HULL = "#EAF3F8", "#D8CDB8", "#34516B"
 SLACK = "#B9B9B9"
 
-SLACK_SAG, SAG_FORCE = 42.0, 25.0
-"""Sag of a slack rope in pixels, and the tension in N at which half of it is left: drawn larger than it is."""
+SHOWN_SAG = 20.0
+"""Pixels that the largest sag may take where it is enlarged."""
 
 ARROW = 60.0
 """Length in pixels of the largest disturbance's arrow."""
@@ -115,6 +115,9 @@ Frames: TypeAlias = Mapping[str, Floats]
 """The motion of the machine, a row a frame: columns of a result, ``d_true`` as the disturbance on the vehicle."""
 
 FRAME_COLUMNS = ("x", "x_ref", "theta_1", "theta_2", "F1", "F2", "d_true")
+
+SAGS = ("sag_1", "sag_2")
+"""Further columns, of ropes that sag; others are straight."""
 
 
 @dataclass(frozen=True)
@@ -169,8 +172,10 @@ def draw_machine(parent: Element, machine: Machine, frames: Frames, play: Play) 
     """Draw the machine in all its frames."""
     _rail(parent, machine)
     half, vehicle = machine.size[0] / 2, machine.at(frames["x"])
-    _rope(parent, machine, frames["F2"], play, fixed=LEFT - DRUM_GAP, moving=vehicle - half)
-    _rope(parent, machine, frames["F1"], play, fixed=RIGHT + DRUM_GAP, moving=vehicle + half)
+    add(add(parent, "clipPath", id="water"), "rect", width=WIDTH, height=machine.rail + 32)
+    ropes = add(parent, "g", clip_path="url(#water)")
+    _rope(ropes, machine, frames, play, number=2, drum=LEFT - DRUM_GAP, ends=vehicle - half)
+    _rope(ropes, machine, frames, play, number=1, drum=RIGHT + DRUM_GAP, ends=vehicle + half)
     _drum(parent, machine, LEFT - DRUM_GAP, -frames["theta_2"], play)
     _drum(parent, machine, RIGHT + DRUM_GAP, frames["theta_1"], play)
     reference = add(parent, "g")
@@ -207,17 +212,40 @@ def _rail(parent: Element, machine: Machine) -> None:
         text(parent, x, top + 25, words, font_size=11, text_anchor="middle")
 
 
-def _rope(parent: Element, machine: Machine, tension: Floats, play: Play, *, fixed: float, moving: Floats) -> None:
-    """A rope from the top of its drum to the vehicle."""
-    height, sags = machine.rope, SLACK_SAG / (1 + np.maximum(tension, 0) / SAG_FORCE)
+def sag_enlargement(machine: Machine, frames: Frames) -> float:
+    """A power of ten by which sags are drawn larger than they are, so that they are seen; 1 where they are anyway."""
+    largest = max((float(frames[name].max()) for name in SAGS if name in frames), default=0.0) * machine.scale
+    return 10.0 ** max(np.floor(np.log10(SHOWN_SAG / largest)), 0.0) if largest > 0 else 1.0
+
+
+def _rope(
+    parent: Element, machine: Machine, frames: Frames, play: Play, *, number: int, drum: float, ends: Floats
+) -> None:
+    """A rope from the top of its drum, over the rollers, to the vehicle."""
+    tension, sags = frames[f"F{number}"], frames.get(f"sag_{number}", np.zeros(len(ends)))
+    drawn = sags * machine.scale * sag_enlargement(machine, frames)
     rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
-    curves = [
-        f"M{number(fixed)} {number(height)}Q{number((fixed + end) / 2)} {number(height + 2 * sag)} "
-        f"{number(end)} {number(height)}"
-        for end, sag in zip(moving.tolist(), sags.tolist(), strict=True)
-    ]
-    move(rope, "d", curves, play)
+    move(rope, "d", [_hung(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play)
     move(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
+
+
+def _hung(machine: Machine, drum: float, end: float, sag: float) -> str:
+    """The line of a rope between drum and vehicle, all in pixels: straight to the rail's end, then a parabola a span.
+
+    The span at the vehicle may be shorter than the others, and sags as much less as its length squared.
+    """
+    height, rail_end = number(machine.rope), LEFT if drum < end else RIGHT
+    begin = f"M{number(drum)} {height}H"
+    if sag < 0.05:  # straight at the precision of the picture
+        return begin + number(end)
+    whole = machine.scale * float(machine.experiment.plant.track.roller_spacing) or abs(end - rail_end)
+    line, at = [begin + number(rail_end)], rail_end
+    while abs(end - at) > 0.05:
+        part = min(abs(end - at), whole)
+        at += np.copysign(part, end - at)
+        line.append(f"q{number(np.copysign(part / 2, end - drum))} {number(2 * sag * (part / whole) ** 2)} ")
+        line.append(f"{number(np.copysign(part, end - drum))} 0")
+    return "".join(line)
 
 
 def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: Play) -> None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -10,6 +11,7 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.animation import animation, labelled_machine
 from dualwinch.simulation.animation.machine import LEFT, RIGHT, SLACK, colour
 from dualwinch.simulation.experiment import Experiment
@@ -64,6 +66,38 @@ def test_ropes_have_the_colours_of_their_tensions(root: ET.Element, run: Result)
         assert colours == [colour(value, highest) for value in run[name][rows]]
     assert len(set(strokes[1])) > 20
     assert colour(0.0, 5e3) == SLACK != colour(1.0, 5e3)
+
+
+def ropes(text: str) -> list[list[str]]:
+    """Lines of rope 2 and rope 1, frame by frame."""
+    moving = [one for one in ET.fromstring(text).iter(f"{SVG}animate") if one.get("attributeName") == "d"]  # noqa: S314
+    return [element.get("values", "").split(";") for element in moving][:2]
+
+
+def test_ropes_without_sag_are_straight(run: Result) -> None:
+    for frame in (line for rope in ropes(animation(run)) for line in rope):
+        assert re.fullmatch(r"M[\d.]+ [\d.]+H[\d.]+", frame)
+    assert "sag" not in animation(run)
+
+
+def test_ropes_sag_between_rollers_as_the_run_says(run: Result) -> None:
+    experiment = with_leaves(run.experiment, {"plant.track.roller_spacing": 2.0})
+    sags = {"sag_1": np.full(len(run["t"]), 4e-3), "sag_2": np.linspace(2e-3, 8e-3, len(run["t"]))}
+    text = animation(replace(run, experiment=experiment, columns=run.columns | sags))
+    assert "sag of the ropes × 100" in text
+    scale, (rope_2, rope_1) = (RIGHT - LEFT) / 50, ropes(text)
+    spans = [
+        [[float(word) for word in span.split()] for span in line.split("q")[1:]] for line in (rope_1[0], rope_2[-1])
+    ]
+    assert len(spans[0]) == pytest.approx(50 / 2, abs=1), "from the drum to the vehicle"
+    for first, sag in zip((spans[0][0], spans[1][0]), (4e-3, 8e-3), strict=True):
+        half, twice, whole, level = first
+        assert (abs(half), abs(whole), level) == pytest.approx((scale, 2 * scale, 0.0), abs=0.06)
+        assert twice == pytest.approx(2 * 100 * sag * scale, abs=0.06)
+    far = animation(
+        replace(run, experiment=run.experiment, columns=run.columns | {"sag_1": np.full(len(run["t"]), 6.0)})
+    )
+    assert "sag of the ropes to scale" in far
 
 
 def test_it_is_one_small_file_without_scripts_or_links(run: Result) -> None:
