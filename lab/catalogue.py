@@ -16,6 +16,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import cruise_speed
+from dualwinch.simulation.analysis.idealisations import idealisation_checks
 from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -43,7 +44,7 @@ def default_of(key: str, structure: LabStructure) -> float | None:
 
 def number_of(key: str, values: Mapping[str, Any]) -> float | None:
     """The number of a key among the values of an experiment, as a module takes it; None where it is left open."""
-    value = values.get(key, 0.0 if key == LAG else None)
+    value = values.get(key, 0.0 if key.startswith("actuator.") else None)  # ideal motors neither lag nor step
     if key == KIND:
         return float(MOTIONS.index(value))
     return None if value is None else float(value)
@@ -89,6 +90,8 @@ def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> 
     around = _typical(key, experiment) if default is None else default
     searched = own_bounds([key], leaf.tunable, structure.module.wide) if leaf.tunable else None
     slider = _slider(leaf, around, (low, high), _of_rig(key, rig), searched)
+    if Mark.SHAPES_CODE_AT_ZERO in leaf.marks:  # zero is another structure
+        low = slider.low
     return {
         "unit": leaf.quantity.unit,
         "meaning": leaf.quantity.meaning,
@@ -217,22 +220,27 @@ OBSERVED = {"case": "case-4", "without": "nftsm", "with": "fando-nftsm"}
 """What the paper's reductions are of (its Figure 21)."""
 
 
-def cases(usual: LabStructure) -> list[dict[str, Any]]:
-    """Every case of the paper: its name, the structure to begin with, what it changes, its steady state."""
+def cases(usual: LabStructure, offered: Sequence[LabStructure] = ()) -> list[dict[str, Any]]:
+    """Every case of the paper, and every other machine: its name, the structure to begin with, what it changes.
+
+    Args:
+        usual: the paper's structure.
+        offered: structures, those of other machines among them.
+    """
+    begun = [
+        (f"case-{number}", f"Case {number}: {label}", LabStructure(usual.settings, case(number)))
+        for number, label in CASES.items()
+    ]
+    machines = {one.machine: one for one in reversed(offered) if one.machine}
+    begun += [(f"case-{name}", f"Case 4 on the nominal machine of '{name}'", one) for name, one in machines.items()]
     found = []
-    for number, label in CASES.items():
-        there = LabStructure(usual.settings, case(number))
-        values = {key: default_of(key, there) for key in usual.module.keys}
-        changed = {key: value for key, value in values.items() if value != default_of(key, usual)}
-        found.append(
-            {
-                "id": f"case-{number}",
-                "label": f"Case {number}: {label}",
-                "structure": usual.id,
-                "values": changed,
-                "steady": list(there.experiment.steady_window),
-            }
-        )
+    for name, label, there in begun:
+        values = {key: default_of(key, there) for key in (there if there.machine else usual).module.keys}
+        known = leaves(usual.experiment)
+        changed = {key: value for key, value in values.items() if value != number_of(key, known)}
+        structure = there.id if there.machine else usual.id
+        steady = list(there.experiment.steady_window)
+        found.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
     return found
 
 
@@ -274,7 +282,7 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
             {"name": name, "unit": quantity.unit, "meaning": quantity.meaning}
             for name, quantity in metric_quantities().items()
         ],
-        "cases": cases(structures[0]),
+        "cases": cases(structures[0], structures),
         "paper": reproduced(),
         "claims": claims(),
         "rig": drawn(rig, structures[0].module),
@@ -289,10 +297,15 @@ def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[
         "label": structure.label,
         "settings": structure.chosen,
         "module": structure.id,
+        "machine": structure.machine,
         "parameters": list(module.keys),
         "believed": list(module.believed),
         "optional": list(module.optional),
         "defaults": defaults,
+        "idealised": [
+            {"name": one.name, "part": one.part, "atLeast": one.at_least, "brief": one.brief}
+            for one in idealisation_checks(module.wide.plant, module.wide.controller.limits.tension_min)
+        ],
         "columns": [
             {"name": name, "unit": quantity.unit, "label": quantity.meaning}
             for name, quantity in module.loop.closed.quantities.items()

@@ -76,7 +76,8 @@ export class Engine {
    * @param {number|bigint|string} [asked.seed] of every random signal, below 2^64
    * @param {number} [asked.stride] every how many samples a row is kept, 1 to 1024; 0 keeps none
    * @returns {Promise<{outcome: string, until: number, t: Float64Array, columns: Object<string, Float64Array>,
-   *   metrics: Object<string, number>, seconds: number}>} metrics are NaN where a run was not completed
+   *   metrics: Object<string, number>, checks: Float64Array, seconds: number}>} metrics are NaN where a run was not
+   *   completed; checks are value and limit of each of the structure's `idealised`
    */
   async run({ structure: id, values = {}, believed = {}, seed = 0, stride = 1 }) {
     const structure = this.structure(id);
@@ -110,6 +111,7 @@ export class Engine {
       t: columns.t ?? new Float64Array(),
       columns,
       metrics: Object.fromEntries(metrics),
+      checks: instance.numbers(exports.checks(), 2 * structure.idealised.length).slice(),
       seconds: (performance.now() - begun) / 1000,
     };
   }

@@ -9,7 +9,8 @@ export const ABOUT_SEED = {unit: "1", meaning: "seed of every random signal of t
   slider: [0, 100], scale: "linear", optional: false, tunable: false};
 
 export function blank(catalogue, id) {
-  return {case: (catalogue.cases.find((known) => known.id === id) ?? catalogue.cases.at(-1)).id, settings: {}, values: {}};
+  const known = (wanted) => catalogue.cases.find((each) => each.id === wanted);
+  return {case: (known(id) ?? known("case-4")).id, settings: {}, values: {}};
 }
 
 export function caseOf(catalogue, experiment) {
@@ -20,13 +21,15 @@ function structureById(catalogue, id) {
   return catalogue.structures.find((structure) => structure.id === id);
 }
 
-// The structure an experiment runs on: of those that agree with the most recent choice, the one nearest to all others.
+// The structure an experiment runs on: of its case's machine, and of those that agree with the most recent choice, the
+// one nearest to all others.
 export function structureOf(catalogue, experiment, last = null) {
   const base = structureById(catalogue, caseOf(catalogue, experiment).structure);
   const wanted = {...base.settings, ...experiment.settings};
   const score = (structure) => Object.entries(wanted).reduce(
     (sum, [key, choice]) => sum + (structure.settings[key] === choice ? (key === last ? 1000 : key === "controller.kind" ? 100 : 1) : 0), 0);
-  return catalogue.structures.reduce((best, structure) => (score(structure) > score(best) ? structure : best), base);
+  const offered = catalogue.structures.filter(({machine}) => machine === base.machine);
+  return offered.reduce((best, structure) => (score(structure) > score(best) ? structure : best), base);
 }
 
 // The choices there are: key → its options among all structures, where there is more than one.

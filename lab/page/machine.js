@@ -24,6 +24,7 @@ export class Machine {
     this.pen.clearRect(0, 0, width, HEIGHT);
     this.pen.font = FONT;
     const at = moment(run, time), view = this.#view(width, plant);
+    view.enlarged = enlargement(run.largestSag * view.scale);
     this.#rail(view, plant);
     this.#rope(view, at, plant, 2);
     this.#rope(view, at, plant, 1);
@@ -66,14 +67,12 @@ export class Machine {
     const drumX = number === 1 ? view.right + view.drum + 2 : view.left - view.drum - 2;
     const vehicleX = view.spot(x) + (number === 1 ? 1 : -1) * view.vehicle.width / 2;
     const slack = !(force > 0), top = view.ropeHeight;
-    const span = Math.abs(drumX - vehicleX);
-    const sag = slack ? Math.min(0.09 * span + 3, 22) : Math.min(1.2e-2 * span * 200 / Math.max(force, 60), 6);
     pen.strokeStyle = slack ? colour("ink-soft") : tensionColour(force / plant.tensionMax);
     pen.lineWidth = slack ? 1.5 : 1.5 + 2.5 * Math.min(force / plant.tensionMax, 1.3);
     pen.setLineDash(slack ? [5, 4] : []);
     pen.beginPath();
-    pen.moveTo(vehicleX, top);
-    pen.quadraticCurveTo((vehicleX + drumX) / 2, top + 2 * sag, drumX, top);
+    pen.moveTo(drumX, top);
+    this.#hang(view, plant, at(`sag_${number}`), drumX, vehicleX);
     pen.stroke();
     pen.setLineDash([]);
     pen.fillStyle = colour("ink");
@@ -82,6 +81,20 @@ export class Machine {
     pen.fillText(`F${number === 1 ? "₁" : "₂"} ${slack ? "slack" : `${digits(force)} N`}`, edge, 15);
     pen.fillStyle = colour("ink-soft");
     pen.fillText(`τ${number === 1 ? "₁" : "₂"} ${digits(at(`tau_${number}`), 3)} N m`, edge, 31);
+  }
+
+  // Straight, unless the rope sags in the model: then from roller to roller, the last span shorter; enlarged as `view` says.
+  #hang(view, plant, sag, drumX, vehicleX) {
+    const {pen} = this, top = view.ropeHeight, depth = sag * view.scale * view.enlarged;
+    if (!(depth > 0.2)) return pen.lineTo(vehicleX, top);
+    const towards = Math.sign(vehicleX - drumX), end = towards < 0 ? view.spot(plant.length + plant.offset) : view.spot(-plant.offset);
+    const whole = plant.spacing * view.scale || Math.abs(vehicleX - end);
+    pen.lineTo(end, top);
+    for (let from = end; towards * (vehicleX - from) > 0.1;) {
+      const part = Math.min(towards * (vehicleX - from), whole), to = from + towards * part;
+      pen.quadraticCurveTo((from + to) / 2, top + 2 * depth * (part / whole) ** 2, to, top);
+      from = to;
+    }
   }
 
   // A drum turns with its angle: pulling rope in, its top moves away from the vehicle.
@@ -202,6 +215,9 @@ export class Machine {
     pen.fillText("0", left - 5, 14);
     pen.textAlign = "left";
     pen.fillText(`${digits(plant.tensionMax / 1000, 2)} kN`, left + width + 5, 14);
+    if (!(view.enlarged >= 1)) return;
+    pen.textAlign = "center";
+    pen.fillText(view.enlarged > 1 ? `sag × ${digits(view.enlarged)}` : "sag to scale", left + width / 2, 30);
   }
 
   #line(x1, y1, x2, y2) {
@@ -210,6 +226,13 @@ export class Machine {
     this.pen.lineTo(x2, y2);
     this.pen.stroke();
   }
+}
+
+const SHOWN_SAG = 16; // pixels that the largest sag may take where it is enlarged
+
+// A power of ten by which sags are drawn larger than they are, so that they are seen; NaN where ropes have none.
+function enlargement(pixels) {
+  return pixels > 0 ? 10 ** Math.max(Math.floor(Math.log10(SHOWN_SAG / pixels)), 0) : NaN;
 }
 
 // The next of 1, 2, 5 · 10ⁿ.

@@ -6,6 +6,7 @@ import {ABOUT_SEED, blank, caseOf, request, SEED, structureOf, valueOf, withCase
 import {connectHeader, IN_HEADER} from "./header.js";
 import {Machine} from "./machine.js";
 import {connectMenu} from "./menu.js";
+import {idealised} from "./idealised.js";
 import {claims, showMerits} from "./merits.js";
 import {digits} from "./numbers.js";
 import {finished, openFile} from "./open.js";
@@ -74,7 +75,8 @@ function choose(key, choice) {
   const structure = structureOf(catalogue, next);
   const others = Object.keys(before).filter((other) => other !== key && structure.settings[other] !== before[other]);
   change(next);
-  if (others.length) say(`In the lab this goes with ${structure.label} only.`);
+  if (structure.settings[key] !== choice) say(`On this machine the lab has ${structure.label}.`);
+  else if (others.length) say(`In the lab this goes with ${structure.label} only.`);
 }
 
 function showRun(result) {
@@ -90,7 +92,8 @@ function showRun(result) {
 
 function withLargest(result) {
   const largest = (name) => (result.columns[name] ?? []).reduce((high, value) => Math.max(high, Math.abs(value) || 0), 0);
-  return {...result, largestError: largest("e"), largestDisturbance: largest("d_true")};
+  return {...result, largestError: largest("e"), largestDisturbance: largest("d_true"),
+    largestSag: Math.max(largest("sag_1"), largest("sag_2"))};
 }
 
 function refresh() {
@@ -99,6 +102,7 @@ function refresh() {
   element("outcome").textContent = ended;
   element("glance").innerHTML = glance();
   element("claims").innerHTML = claims(catalogue, experiment, run);
+  element("idealised").textContent = idealised(structureOf(catalogue, run.experiment), run.checks);
   showSignals();
   showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
   showMoment();
@@ -129,7 +133,7 @@ function plant() {
   const of = (key, otherwise) => (catalogue.keys[key] && valueOf(catalogue, experiment, key)) ?? otherwise;
   const limits = ["tension_min", "tension_max"].map((name) => of(`controller.coordination.${name}`, NaN));
   const radius = of("plant.winch_1.drum_radius", 0.8), gear = of("plant.winch_1.gear_ratio", 36);
-  return {length: of("plant.track.length", 50), offset: of("plant.track.rope_offset", 0.5), radius, diameter: of("plant.vehicle.diameter", 2),
+  return {length: of("plant.track.length", 50), spacing: of("plant.track.roller_spacing", 0), offset: of("plant.track.rope_offset", 0.5), radius, diameter: of("plant.vehicle.diameter", 2),
     height: of("plant.vehicle.height", 3), tensionMin: limits[0], tensionMax: limits[1], torqueLimits: limits.map((limit) => limit * radius / gear)};
 }
 

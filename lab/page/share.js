@@ -49,8 +49,11 @@ export function fromFile(catalogue, entries) {
 }
 
 export function commandLine(catalogue, experiment) {
-  const sets = Object.entries(withActuator(differences(catalogue, experiment))).map(([key, value]) => ` --set ${key}=${inShell(value, catalogue.keys[key])}`);
-  return `uv run dualwinch simulate --case ${experiment.case.replace("case-", "")}${sets.join("")}`;
+  // another machine is the paper's Case 2 with numbers of its own
+  const number = /^case-(\d)$/.exec(experiment.case)?.[1], own = number ? {} : caseOf(catalogue, experiment).values;
+  const values = withActuator({...own, ...differences(catalogue, experiment)});
+  const sets = Object.entries(values).map(([key, value]) => ` --set ${key}=${inShell(value, catalogue.keys[key])}`);
+  return `uv run dualwinch simulate --case ${number ?? 2}${sets.join("")}`;
 }
 
 // A motor with a lag is a part of its own in a file; without lag there is none.

@@ -7,7 +7,7 @@
 
 enum { AHEAD = 1024 }; /* samples whose signals are drawn at a time */
 
-static double settings[SETTINGS], parameters[PARAMETERS], state[STATES], metrics[METRICS];
+static double settings[SETTINGS], parameters[PARAMETERS], state[STATES], metrics[METRICS], checks[CHECKS];
 static double table[AHEAD * EXOGENOUS], rows[AHEAD * COLUMNS];
 static Signal signals[EXOGENOUS];
 static Bundle bundles[EXOGENOUS];
@@ -15,6 +15,7 @@ static int64_t stepped;
 
 PAGE(settings) double *settings_at(void) { return settings; }
 PAGE(metrics) double *metrics_at(void) { return metrics; }
+PAGE(checks) double *checks_at(void) { return checks; }
 PAGE(stepped) double stepped_so_far(void) { return (double)stepped; }
 
 static int64_t whole(double samples) {
@@ -78,5 +79,6 @@ PAGE(run) int run(uint32_t seed_low, uint32_t seed_high, int samples, int stride
     stepped += done;
   }
   figures(state, metrics);
+  idealised(settings, checks);
   return outcome;
 }

@@ -14,7 +14,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.scalar import Scalar, where
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop
+from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop, start_function
 from dualwinch.simulation.loop.structure import structure_of, unknown_keys
 from dualwinch.simulation.loop.zero_order_hold import named_function
 
@@ -26,6 +26,9 @@ LAG = "actuator.motor.time_constant"
 
 SHORTEST_LAG = 1e-15
 """Time constant in s of a motor without a lag: less than the round-off of its torque."""
+
+DRAWN = frozenset({"plant.vehicle.height"})
+"""Keys that the page draws by."""
 
 QUEUE = ("queue.0.tau_1", "queue.0.tau_2")
 """States that hold the torques that arrive next."""
@@ -139,9 +142,23 @@ class Settings:
         return describe_parts(self.wide)
 
     @cached_property
+    def idle(self) -> frozenset[str]:
+        """Keys of the plant that nothing depends on, such as the damping of a gearbox that is rigid."""
+        loop = self.loop.closed
+        symbols = ca.SX.sym("parameters", len(loop.parameters))
+        every = [symbols[:0]]
+        for function in (*loop.functions, start_function(structure_of(self.wide))):
+            sizes = {name: function.sparsity_in(name) for name in function.name_in()}
+            given = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
+            every += function.call(given)
+        used = ca.which_depends(ca.vertcat(*map(ca.densify, every)), symbols, 1, False)  # noqa: FBT003
+        matter = {name.partition(".")[2] for name, there in zip(loop.parameters, used, strict=True) if there}
+        return frozenset(f"plant.{key}" for key in numbers(self.wide.plant) if key not in matter) - DRAWN
+
+    @cached_property
     def keys(self) -> tuple[str, ...]:
-        """Keys of the numbers, in the order of the vector."""
-        own = [key for key in self.loop.closed.parameters if not key.startswith("nominal.")]
+        """Keys of the numbers that matter, in the order of the vector."""
+        own = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
         ahead = [
             key
             for key, leaf in self.described.items()
@@ -159,7 +176,8 @@ class Settings:
     def believed(self) -> tuple[str, ...]:
         """Keys of the plant that the controller believes in, beside the simulated one."""
         unknown = {key.removeprefix("nominal.") for key in unknown_keys()}
-        return tuple(f"plant.{key}" for key in numbers(self.wide.plant) if key not in unknown)
+        every = (f"plant.{key}" for key in numbers(self.wide.plant) if key not in unknown)
+        return tuple(key for key in every if key not in self.idle)
 
     @cached_property
     def vector(self) -> ca.SX:

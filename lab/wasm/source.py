@@ -27,9 +27,10 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
 from dualwinch.model.reference import PAPER_DURATION, PAPER_SPEED, Reference, departures, setpoint, steady_window
 from dualwinch.model.scalar import Scalar, both, exp, maximum, where
+from dualwinch.simulation.analysis.idealisations import idealisation_checks
 from dualwinch.simulation.exogenous.signals import courses, stream_number
 from dualwinch.simulation.loop.closed_loop import start_function
-from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.metrics.metrics import KEYS, finish
 
@@ -84,7 +85,7 @@ KINDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
 
 def parameters_function(settings: Settings) -> ca.Function:
     """``parameters_of(parameters) -> values``: what the closed loop takes."""
-    symbols = settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
+    symbols = parameters_of(settings.wide) | settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
     believed = _believed_plant(settings)
     known = numbers(settings.wide.plant, "nominal.")
     symbols |= {key: value for key, value in leaves(believed, "nominal.").items() if key in known}
@@ -132,6 +133,15 @@ def figures_function(settings: Settings) -> ca.Function:
     return named_function("figures", {"state": state}, {"metrics": ca.vertcat(*vars(metrics).values())})
 
 
+def idealised_function(settings: Settings) -> ca.Function:
+    """``idealised(parameters) -> checks``: value and limit of each of `idealisation_checks`."""
+    plant = with_leaves(settings.wide.plant, settings.symbols, "plant.")
+    tension = settings.symbols["controller.coordination.tension_min"]
+    return settings.function(
+        "idealised", checks=[each for one in idealisation_checks(plant, tension) for each in (one.value, one.limit)]
+    )
+
+
 INLINED = Style(compares=True, inlined=True)
 """How operations are written: without calls, which a module would have to hold."""
 
@@ -139,7 +149,7 @@ INLINED = Style(compares=True, inlined=True)
 def module_source(settings: Settings) -> str:
     """C99 translation unit of a structure's module."""
     loop = settings.loop
-    figures, given = figures_function(settings), motion_names(settings)
+    figures, idealised, given = figures_function(settings), idealised_function(settings), motion_names(settings)
     functions = [
         *hoisted_all(loop.functions),
         *hoisted(motion_function(settings)),
@@ -147,6 +157,7 @@ def module_source(settings: Settings) -> str:
         parameters_function(settings),
         duration_function(settings),
         figures,
+        idealised,
     ]
     exogenous = loop.closed.exogenous
     sizes = loop.sizes | {
@@ -156,6 +167,7 @@ def module_source(settings: Settings) -> str:
         "KINDS": len(KINDS),
         "GIVEN": len(given),
         "METRICS": figures.numel_out("metrics"),
+        "CHECKS": idealised.numel_out("checks"),
     }
     streams = (f"UINT64_C({stream_number(name)})" for name in exogenous)
     listed = macros_of_lists(STREAMS=streams, GIVEN_AT=map(exogenous.index, given))

@@ -15,14 +15,16 @@ Of a Kelvin–Voigt rope without mass or weight both follow from its diameter, a
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.heavy_ropes import ernst_factor, first_mode, span_of, weight_in_water, wire_rope_mass
-from dualwinch.model.plant import Side
+from dualwinch.model.plant import Plant, Side
 from dualwinch.model.ropes import is_kelvin_voigt, rope_lengths
+from dualwinch.model.scalar import Scalar, present
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
@@ -72,6 +74,115 @@ class IdealisationLimits:
     amplitude: float = 1e-3
 
 
+@dataclass(frozen=True)
+class IdealisationCheck:
+    """A number of a plant beside its limit, over floats or symbols.
+
+    Attributes:
+        name, part, unit, keys: as of an `Idealisation` of one part.
+        value, limit: the number and its limit.
+        words, brief: formats of statement and brief words.
+        facts: what the words name beside value and limit.
+        at_least: whether the number should be at least the limit; else at most.
+    """
+
+    name: str
+    part: str
+    value: Scalar
+    limit: Scalar
+    words: str
+    brief: str
+    unit: str
+    keys: tuple[str, ...]
+    facts: Mapping[str, Scalar] = field(default_factory=dict)
+    at_least: bool = True
+
+    def found(self) -> Iterator[Idealisation]:
+        """The idealisation, where the number is beyond its limit."""
+        value, limit = float(self.value), float(self.limit)
+        if value < limit if self.at_least else value > limit:
+            facts = {"value": value, "limit": limit, **self.facts}
+            words = self.words.format(**facts), self.brief.format(**facts)
+            yield Idealisation(self.name, (self.part,), *words, value, limit, self.unit, self.keys)
+
+
+def idealisation_checks(
+    plant: Plant, tension: Scalar, limits: IdealisationLimits | None = None
+) -> list[IdealisationCheck]:
+    """What a plant's own data say of what it leaves out.
+
+    Args:
+        plant: the plant.
+        tension: smallest one in N that the controller commands.
+        limits: beyond which an effect is stated.
+    """
+    limits, found = limits or IdealisationLimits(), list[IdealisationCheck]()
+    for side in plant.sides:
+        part, rope = f"winch_{side.number}", f"rope_{side.number}"
+        keys = f"plant.{part}.inertia", f"plant.{part}.rotor_inertia"
+        words = "of {value:.3g} kg m² at the drum, below {rim:g} R² = {limit:.3g} kg m²"
+        brief, least = (
+            f"of {{value:.3g}} kg m² ({limits.rim:g} R² = {{limit:.3g}})",
+            side.winch.drum_radius**2 * limits.rim,
+        )
+        own, facts = total_inertia(side.winch), {"rim": limits.rim}
+        found.append(IdealisationCheck("winch inertia", part, own, least, words, brief, "kg m^2", keys, facts))
+        line = _rope_line(side, plant)
+        if line is None:
+            continue
+        length = plant.track.length + plant.track.rope_offset
+        span = span_of(length, plant.track)
+        spring, _ = side.rope.tangent(tension, length)
+        facts = {"tension": tension, "span": span, "weight": line.weight, "diameter": 1e3 * side.rope.diameter}
+        keys = (f"plant.{rope}.submerged_weight", "plant.track.roller_spacing")
+        sagging = present(side.rope.submerged_weight)
+        lack = "with one transverse mode a span" if sagging else line.without
+        if not sagging:
+            words = (
+                f"{lack}: {line.what} weighs {{weight:.3g}} N/m in water, w s/T = {{value:.3g}} > {{limit:g}} {PLACE}"
+            )
+            brief, slope = f"{lack} (w s/T = {{value:.3g}})", line.weight * span / tension
+            found.append(
+                IdealisationCheck("sag", rope, slope, limits.slope, words, brief, "1", keys, facts, at_least=False)
+            )
+        words = (
+            f"{lack}: sag leaves {{value:.2g}} of the stiffness of {line.what} {PLACE} (Ernst's factor, < {{limit:g}})"
+        )
+        brief, ernst = (
+            f"{lack} (Ernst's factor {{value:.2g}})",
+            ernst_factor(line.weight, span, tension, spring * length),
+        )
+        check = IdealisationCheck("stiffness under sag", rope, ernst, limits.ernst, words, brief, "1", keys, facts)
+        found.append(check)
+    return found
+
+
+PLACE = "at {tension:g} N over {span:.3g} m"
+
+
+class _RopeLine(NamedTuple):
+    """A rope's mass in kg/m and weight in water in N/m, its own or a wire rope's; what it is, and what it lacks."""
+
+    mass: Scalar
+    weight: Scalar
+    what: str
+    without: str
+
+
+def _rope_line(side: Side, plant: Plant) -> _RopeLine | None:
+    """None where nothing says what the rope would weigh."""
+    rope = side.rope
+    owned = {"mass": present(rope.mass_per_length), "weight": present(rope.submerged_weight)}
+    without = f"without {' and '.join(name for name, there in owned.items() if not there)}"
+    if all(owned.values()):
+        return _RopeLine(rope.mass_per_length, rope.submerged_weight, "the rope", without)
+    if not is_kelvin_voigt(rope):
+        return None
+    mass = rope.mass_per_length if owned["mass"] else wire_rope_mass(rope.diameter)
+    weight = rope.submerged_weight if owned["weight"] else weight_in_water(mass, plant.vehicle.water_density)
+    return _RopeLine(mass, weight, "a wire rope of {diameter:.3g} mm", without)
+
+
 def idealisations(experiment: Experiment, limits: IdealisationLimits | None = None) -> list[Idealisation]:
     """Effects that a machine has and the plant of an experiment leaves out, both sides in one where they are alike.
 
@@ -82,13 +193,18 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     Raises:
         ConfigurationError: the experiment's values do not fit together.
     """
-    limits = limits or IdealisationLimits()
+    limits, plant = limits or IdealisationLimits(), experiment.plant
+    every = [
+        one
+        for check in idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
+        for one in check.found()
+    ]
+    every += [one for side in plant.sides for one in _rope_mass(side, experiment, limits)]
     found: dict[str, Idealisation] = {}
-    for side in experiment.plant.sides:
-        for one in (*_of_winch(side, limits), *_of_rope(side, experiment, limits)):
-            same = found.get(one.statement)
-            both = {} if same is None else {"parts": same.parts + one.parts, "keys": same.keys + one.keys}
-            found[one.statement] = replace(one, **{name: tuple(dict.fromkeys(each)) for name, each in both.items()})
+    for one in every:
+        same = found.get(one.statement)
+        both = {} if same is None else {"parts": same.parts + one.parts, "keys": same.keys + one.keys}
+        found[one.statement] = replace(one, **{name: tuple(dict.fromkeys(each)) for name, each in both.items()})
     return [replace(one, statement=f"{_subject(one.parts)} {one.statement}") for one in found.values()]
 
 
@@ -106,53 +222,32 @@ def _subject(parts: Sequence[str]) -> str:
     return both[parts[0]] if len(parts) > 1 else parts[0].replace("_", " ")
 
 
-def _of_winch(side: Side, limits: IdealisationLimits) -> Iterator[Idealisation]:
-    own, least = total_inertia(side.winch), limits.rim * side.winch.drum_radius**2
-    if own < least:
-        part = f"winch_{side.number}"
-        words = f"of {own:.3g} kg m² at the drum, below {limits.rim:g} R² = {least:.3g} kg m²"
-        brief = f"of {own:.3g} kg m² ({limits.rim:g} R² = {least:.3g})"
-        keys = f"plant.{part}.inertia", f"plant.{part}.rotor_inertia"
-        yield Idealisation("winch inertia", (part,), words, brief, own, least, "kg m^2", keys)
-
-
-def _of_rope(side: Side, experiment: Experiment, limits: IdealisationLimits) -> Iterator[Idealisation]:
-    rope, track, tension = side.rope, experiment.plant.track, experiment.controller.limits.tension_min
-    parts, key, length = (f"rope_{side.number}",), f"plant.rope_{side.number}.", track.length + track.rope_offset
-    mass, weight, what = rope.mass_per_length, rope.submerged_weight, "the rope"
-    missing = [words for words, own in (("mass", mass), ("weight", weight)) if not own]
-    without = f"without {' and '.join(missing)}"
-    if missing and not is_kelvin_voigt(rope):
-        keys = f"{key}mass_per_length", f"{key}submerged_weight"
-        yield Idealisation("rope mass", parts, without, without, math.nan, math.nan, "kg/m", keys)
-        return
-    if missing:
-        what = f"a wire rope of {1e3 * rope.diameter:.3g} mm"
-        mass = mass or wire_rope_mass(rope.diameter)
-        weight = weight or weight_in_water(mass, experiment.plant.vehicle.water_density)
-    (spring, damping), span = rope.tangent(tension, length), float(span_of(length, track))
-    slope, ernst = weight * span / tension, float(ernst_factor(weight, span, tension, spring * length))
-    where, keys = f"at {tension:g} N over {span:.3g} m", (f"{key}submerged_weight", "plant.track.roller_spacing")
-    if slope > limits.slope and "weight" in missing:
-        words = f"{without}: {what} weighs {weight:.3g} N/m in water, w s/T = {slope:.3g} > {limits.slope:g} {where}"
-        yield Idealisation("sag", parts, words, f"{without} (w s/T = {slope:.3g})", slope, limits.slope, "1", keys)
-    if ernst < limits.ernst:
-        lack = without if "weight" in missing else "with one transverse mode a span"
-        words = (
-            f"{lack}: sag leaves {ernst:.2g} of the stiffness of {what} {where} (Ernst's factor, < {limits.ernst:g})"
-        )
-        brief = f"{lack} (Ernst's factor {ernst:.2g})"
-        yield Idealisation("stiffness under sag", parts, words, brief, ernst, limits.ernst, "1", keys)
-    if "mass" in missing or rope.segments == 1:
-        omega = float(first_mode(mass, length, spring * length))
-        resonance = 4 / math.pi**2 * mass * length * omega / damping if damping else math.inf
+def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -> Iterator[Idealisation]:
+    """A rope whose first wave the plant leaves out, where the loop would meet it; or whose mass nothing says."""
+    rope, parts, key, line = (
+        side.rope,
+        (f"rope_{side.number}",),
+        f"plant.rope_{side.number}",
+        _rope_line(side, experiment.plant),
+    )
+    if line is None:
+        missing = [name for name in ("mass_per_length", "submerged_weight") if not getattr(rope, name)]
+        words, keys = "without " + " and ".join(missing), tuple(f"{key}.{name}" for name in missing)
+        words = words.replace("_per_length", "").replace("submerged_", "")
+        yield Idealisation("rope mass", parts, words, words, math.nan, math.nan, "kg/m", keys)
+    elif not rope.mass_per_length or rope.segments == 1:
+        length = experiment.plant.track.length + experiment.plant.track.rope_offset
+        spring, damping = rope.tangent(experiment.controller.limits.tension_min, length)
+        omega = float(first_mode(line.mass, length, spring * length))
+        resonance = 4 / math.pi**2 * line.mass * length * omega / damping if damping else math.inf
         peak, hertz = position_loop_gain(experiment, omega, limits.amplitude) * resonance, omega / (2 * math.pi)
         if peak >= limits.gain:
+            what = line.what.format(diameter=1e3 * rope.diameter)
             words = (
                 f"without waves: first mode of {what} at {hertz:.3g} Hz, loop gain {peak:.3g} >= {limits.gain:g} there"
             )
             brief = f"without waves (loop gain {peak:.3g} at {hertz:.3g} Hz)"
-            keys = (f"{key}mass_per_length", f"{key}segments")
+            keys = (f"{key}.mass_per_length", f"{key}.segments")
             yield Idealisation("rope mass", parts, words, brief, peak, limits.gain, "1", keys)
 
 
@@ -190,7 +285,10 @@ def position_loop_gain(experiment: Experiment, omega: float, amplitude: float = 
         spring, damping = side.rope.tangent(rest, length)
         way = side.direction * (moving["x"] + force / 2 / (spring + 1j * omega * damping))
         turn = way / side.winch.drum_radius
-        moving |= {f"theta_{side.number}": turn, f"omega_{side.number}": 1j * omega * turn}
+        shafts = [f"{{}}_{side.number}"]
+        shafts += [f"motor_{side.number}.{{}}"] if f"motion.plant.motor_{side.number}.theta" in loop.states else []
+        for shaft in shafts:
+            moving |= {shaft.format("theta"): turn, shaft.format("omega"): 1j * omega * turn}
     t = step * np.arange(math.ceil(periods * 2 * math.pi / omega / step))
     paths = {loop.states.index(f"motion.plant.{name}"): (p * np.exp(1j * omega * t)).real for name, p in moving.items()}
     commands = (_commands(ready, {index: sign * path for index, path in paths.items()}) for sign in (1, -1))

@@ -10,7 +10,7 @@ import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.lab.content import Content
 from dualwinch.lab.wasm.settings import MOTIONS
-from tests.lab.in_node import content_of, needs_node, run_in_node
+from tests.lab.in_node import content_of, needs_node, of_id, run_in_node
 
 pytestmark = [pytest.mark.external, needs_node]
 
@@ -25,6 +25,7 @@ OTHERS = (
     "fando-nftsm+scheduled-preload",
     "fando-nftsm+two-sided",
 )
+HEAVY = "fando-nftsm+site"
 
 NOISE = {"sensors.position_noise": 5e-4, "sensors.speed_noise": 2e-3, "sensors.tension_noise": 10.0}
 SEA = {"disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1, "sensors.position_drift": 1e-4}
@@ -50,7 +51,7 @@ ALTERED: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def made() -> Content:
-    return content_of(*OTHERS)
+    return content_of(*OTHERS, HEAVY)
 
 
 def asked(settings: dict[str, Any]) -> dict[str, Any]:
@@ -86,12 +87,12 @@ def check(answer: dict[str, Any], result: dw.Result, near: float = NEAR) -> None
         assert answer["metrics"][name] == pytest.approx(value, rel=1e-6, abs=1e-12), name
 
 
-def test_the_papers_cases_are_those_of_simulate(made: Content, tmp_path: Path) -> None:
+def test_the_cases_are_those_of_simulate(made: Content, tmp_path: Path) -> None:
     requests = [{"structure": case["structure"], "values": case["values"]} for case in made.catalogue["cases"]]
     answers = run_in_node(made, tmp_path, requests)
-    assert len(answers) == 4
-    for number, answer in enumerate(answers, start=1):
-        check(answer, dw.simulate(dw.case(number)))
+    experiments = [*(dw.case(number) for number in (1, 2, 3, 4)), of_id(HEAVY).experiment]
+    for experiment, answer in zip(experiments, answers, strict=True):
+        check(answer, dw.simulate(experiment))
 
 
 def test_numbers_act_as_they_do_in_simulate(made: Content, tmp_path: Path) -> None:

@@ -9,22 +9,25 @@ import pytest
 
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble
+from tests.lab.in_node import of_id
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+HEAVY = "fando-nftsm+site"
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="session")
 def lab_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page with three structures."""
+    """A page with three structures of the paper's machine, and one of a heavy machine."""
     from dualwinch.lab.assemble import assemble
     from dualwinch.lab.content import content
     from dualwinch.lab.wasm.structures import structures
 
     file = tmp_path_factory.mktemp("lab") / "lab.html"
     try:
-        made = content(load_ensemble("rig"), "test", offered=structures()[:3])
+        made = content(load_ensemble("rig"), "test", offered=[*structures()[:3], of_id(HEAVY)])
     except CompilerNotFoundError as error:
         pytest.skip(str(error))
     file.write_text(assemble(made.catalogue, made.modules), encoding="utf-8")

@@ -141,6 +141,39 @@ def test_it_leaves_as_a_file_that_means_the_same(opened: Opens, tmp_path: Path) 
     assert again.page.url == lab.page.url
 
 
+def test_a_heavy_machine_leaves_as_a_file_that_means_the_same(opened: Opens, tmp_path: Path) -> None:
+    lab = opened("#case=site&plant.rope_1.mass_per_length=2")
+    lab.page.click("#menu summary")
+    with lab.page.expect_download() as download:
+        lab.page.click("[data-do=toml]")
+    download.value.save_as(tmp_path / "heavy.toml")
+    run = dw.simulate(dw.load(tmp_path / "heavy.toml"))
+    assert run.experiment.plant.rope_1.mass_per_length == 2
+    assert (
+        run.experiment.plant.winch_2.gear_stiffness == dw.load_ensemble("site").experiment.plant.winch_2.gear_stiffness
+    )
+    assert digits(lab.merit("mae")) == pytest.approx(1e3 * run.metrics.mae, rel=1e-3)
+
+
+def test_what_the_plant_leaves_out_is_said_and_ropes_sag_as_the_run_has_it(opened: Opens) -> None:
+    lab = opened("#case=4")
+    assert lab.page.inner_text("#idealised").startswith(
+        "Idealised: winches of 1.8 kg m² (20 R² = 12.8), ropes without mass and weight (w s/T = 5.09)."
+    )
+    row = lab.page.evaluate(BELOW_ROPES)
+    lab.after(lambda: lab.page.click("label[title*=site]"))
+    assert "one transverse mode a span" in lab.page.inner_text("#idealised")
+    assert lab.page.evaluate(BELOW_ROPES) > row + 50
+
+
+BELOW_ROPES = """(() => {
+  const canvas = document.querySelector("#machine"), dots = devicePixelRatio || 1;
+  const {data} = canvas.getContext("2d").getImageData(40 * dots, 95 * dots, canvas.width / 3, 8 * dots);
+  return data.filter((value, index) => index % 4 === 3 && value > 0).length;
+})()"""
+"""Pixels that are drawn below rope 2 and above the rail."""
+
+
 def test_its_command_line_means_the_same(opened: Opens) -> None:
     lab = opened(
         "#case=4&controller.observer.l0=7.5&disturbance.integrated_phase=1",

@@ -1,0 +1,20 @@
+// What the plant leaves out, in a line: the briefs of the catalogue, of those numbers that are beyond their limits.
+
+import {digits} from "./numbers.js";
+
+// structure: of the run; checks: value and limit of each of its idealisations, one after the other.
+export function idealised(structure, checks) {
+  const parts = new Map(), told = new Set();
+  (checks ? structure.idealised : []).forEach(({part, atLeast, brief}, index) => {
+    const [value, limit] = checks.slice(2 * index, 2 * index + 2);
+    if (!(atLeast ? value < limit : value > limit)) return;
+    const family = part + (brief.includes("without") ? "without" : "");
+    if (told.has(family)) return;
+    told.add(family);
+    const words = brief.replace(/\{(value|limit):\.(\d)g\}/g, (_, name, count) => digits({value, limit}[name], Number(count)));
+    parts.set(words, [...(parts.get(words) ?? []), part]);
+  });
+  const both = {winch_1: "winches", rope_1: "ropes"};
+  const briefs = [...parts].map(([words, of]) => `${of.length > 1 ? both[of[0]] : of[0].replace("_", " ")} ${words}`);
+  return briefs.length ? `Idealised: ${briefs.join(", ")}. What gains meet on a machine: docs/site.md.` : "";
+}
