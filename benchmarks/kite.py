@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown, put
-from dualwinch.identification.log import read_columns
+from dualwinch.identification.log_files import read_columns
 from dualwinch.model.errors import ConfigurationError
 
 GRAVITY = 9.81
@@ -41,7 +41,7 @@ def facts(file: Path) -> list[str]:
     Raises:
         ConfigurationError: the file cannot be read, or lacks a column.
     """
-    columns, _ = read_columns(file)
+    columns = {column.name: column.values for column in read_columns(file)}
     try:
         t, speed, distance = (columns[name] for name in ("time", "ground_tether_reelout_speed", "kite_distance"))
         force, phase = GRAVITY * columns["ground_tether_force"], columns["phase"]

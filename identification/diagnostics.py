@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.stats import chi2, norm
 
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
-from dualwinch.identification.log import TORQUES, Log
+from dualwinch.identification.log import POSITIONS, TORQUES, UNIT_OF, Log
 from dualwinch.identification.noise import noise_by_differences
 from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
 from dualwinch.identification.predictor import READINGS
@@ -16,6 +17,7 @@ from dualwinch.identification.resample import LogSection
 from dualwinch.identification.unknowns import UnknownParameter, covariance_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import holding_torques
+from dualwinch.model.units import UNITS
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -46,6 +48,66 @@ def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = D
                 f"{log.name}: {name} = {worst:.4g}: must be {low:.3g} to {high:.3g} on this machine; is it in another "
                 f"unit (--column {name}=NAME:UNIT)?"
             )
+    _check_ways(log, experiment, options)
+    _check_pulls(log, experiment, options)
+
+
+def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
+    """Refuse a log whose positions, drum angles and integrated speeds are not one way, with the likeliest reason."""
+    ways = dict[str, Floats]()
+    for side in experiment.plant.sides:
+        around = side.direction * side.winch.drum_radius
+        ways |= {f"theta_{side.number}": np.array(around), f"omega_{side.number}": np.array(around)}
+    for name in (found := [name for name in (*POSITIONS, "v", "omega_1", "omega_2") if name in log.readings]):
+        known = np.isfinite(log.columns[name])
+        values = np.interp(log.t, log.t[known], log.columns[name][known]) * ways.get(name, 1.0)
+        ways[name] = values if name in POSITIONS else cumulative_trapezoid(values, log.t, initial=0)
+    first, step = found[0], float(np.median(np.diff(log.t)))
+    way = ways[first] - ways[first].mean()
+    if way.std() < options.least_way * experiment.plant.track.length:
+        return
+    for name in found[1:]:
+        own = ways[name] - ways[name].mean()
+        ratio, correlation = own @ way / (way @ way), own @ way / np.sqrt((own @ own) * (way @ way) or 1.0)
+        if abs(correlation) < options.like or 1 / options.other_scale < ratio < options.other_scale:
+            continue
+        same = f"{log.name}: {name} makes {ratio:.3g} times the way of {first}"
+        late = _unit_by(1 / ratio, "t")
+        if late and name not in POSITIONS and step > options.other_scale * experiment.simulation.sample_time:
+            raise ConfigurationError(f"{same}: is t in {late} (--column t=NAME:{late})?")
+        unit = f"-{UNIT_OF[name]}" if 1 / options.other_scale < -ratio < options.other_scale else None
+        unit = unit or _unit_by(1 / ratio, name)
+        reason = (
+            f"is it in {unit} (--column {name}=NAME:{unit})?" if unit else "is it in another unit, or of the motor?"
+        )
+        raise ConfigurationError(f"{same}: {reason}")
+
+
+def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
+    """Refuse a log whose torques hold other tensions than its load cells read, on average."""
+    held = vars(holding_torques(2.0, experiment.plant))  # 1 N in each rope
+    for number in (1, 2):
+        torque, tension = f"tau_{number}", f"F{number}"
+        if tension not in log.readings:
+            continue
+        read, pull = np.nanmean(log.columns[tension]), np.nanmean(log.columns[torque]) / float(held[torque])
+        ratio = float(pull / read) if read else 1.0
+        if 1 / options.other_pull < ratio < options.other_pull:
+            continue
+        units = {name: _unit_by(by, name) for name, by in ((torque, 1 / ratio), (tension, ratio))}
+        way = "; its sign?" if ratio < 0 else ""
+        said = [f"{name} in {unit} (--column {name}=NAME:{unit})" for name, unit in units.items() if unit]
+        raise ConfigurationError(
+            f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: "
+            f"is {' or '.join(said) or f'one of them in another unit{way}'}?"
+        )
+
+
+def _unit_by(by: float, name: str) -> str | None:
+    """The unit, other than SI, by which a reading is so much larger; None: there is none."""
+    units = {unit: factor for unit, factor in UNITS[UNIT_OF[name]].items() if factor != 1}
+    unit = min(units, key=lambda each: abs(np.log(units[each] / by)), default=None) if by > 0 else None
+    return unit if unit and abs(np.log(units[unit] / by)) < 0.2 else None
 
 
 def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> dict[str, tuple[float, float]]:
@@ -98,7 +160,7 @@ def check_fit(
         f"an unrecorded force of {further['force']:.3g} N would have to act on the vehicle beside the {force:.3g} N of "
         "the ropes": further["force"] / force if seen else 0.0,
     }
-    unlike = "it is of another machine, or tau_1 or tau_2 is of another sign, unit or time"
+    unlike = f"it is of another machine, {other_reasons(sections, experiment, plausibility)}"
     for words, share in excess.items():
         if share > most:
             accept = f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless else ""
@@ -114,6 +176,23 @@ def check_fit(
     return tuple(
         f"{words}: the model lacks something" for words, share in excess.items() if share > plausibility.unrecorded
     )
+
+
+def other_reasons(
+    sections: Sequence[LogSection], experiment: Experiment, options: PlausibilityOptions = DEFAULTS.plausibility
+) -> str:
+    """What else may be behind torques that do not explain the readings."""
+    changes = [np.diff(section.torques, axis=0) for section in sections]
+    every = np.concatenate(changes)
+    size = np.sqrt(np.mean(np.concatenate([section.torques for section in sections]) ** 2))
+    moved = every[every.any(axis=1)]
+    samples = len(every) / max(len(moved), 1)
+    if samples > options.other_scale * 0.75 and np.sqrt(np.mean(moved**2)) > options.unrecorded * size:
+        step = 1e3 * samples * experiment.simulation.sample_time
+        return f"or its torques change faster than they were logged, every {step:.3g} ms: log every command"
+    cells = [READINGS.index(name) for name in ("F1", "F2")]
+    read = any(np.isfinite(section.readings[:, cells]).any() for section in sections)
+    return "or its torques are late" if read else "or tau_1 or tau_2 is of another sign or unit, or late"
 
 
 @dataclass(frozen=True)

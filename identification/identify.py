@@ -15,7 +15,8 @@ from dualwinch.identification.diagnostics import (
     whiteness_tests,
 )
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod, distinct_optima, multistart
-from dualwinch.identification.log import Log, column_map, log_of, read_log
+from dualwinch.identification.log import Log, log_of
+from dualwinch.identification.log_files import column_map, read_log
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import LogSection, sections_of
@@ -45,6 +46,7 @@ def identify(
     ensemble: str | PathLike[str] | Ensemble | None = None,
     priors: Mapping[str, Prior | tuple[float, float]] | None = None,
     columns: Sequence[str] = (),
+    csv: str = "",
     hold_out: float = 0.0,
     starts: int = 1,
     seed: int = 0,
@@ -74,6 +76,7 @@ def identify(
             estimated as well, with its distribution as a prior.
         priors: key → mean and standard deviation of a normal prior.
         columns: of files, such as ``F1=load_cell_left:kN``, where they have other names or units.
+        csv: separator and decimal mark of CSV files, such as ``;,``; default: as each file shows.
         hold_out: share of each log, its end, that is not fitted but predicted.
         starts: number of searches from different starts; all but the first are drawn.
         seed: of these draws.
@@ -109,9 +112,11 @@ def identify(
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
     unknowns = unknown_parameters(names, experiment, known, options.search)
-    found = _logs(logs, columns)
-    for log in found:
+    given = _logs(logs, columns, csv)
+    for log in given:
         check_log(log, experiment, options.plausibility)
+    gap, least_rows = options.resampling.longest_gap, options.resampling.least_rows
+    found = [part for log in given for part in log.from_zero().between_gaps(gap, least_rows)]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
     fitted = sections_of([log for log, _ in split], experiment, options.resampling)
     kept = sections_of([log for _, log in split if log], experiment, options.resampling)
@@ -143,17 +148,21 @@ def identify(
         options=options,
         profiles=tuple(likelihood_profile(method, best, key) for key in profiled),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
-        excess=excess,
+        excess=(*(note for log in given for note in log.notes), *excess),
     )
 
 
-def _logs(logs: Source | Sequence[Source], columns: Sequence[str]) -> list[Log]:
+def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:
     sources = [logs] if isinstance(logs, (Log, Result, str, PathLike)) else list(logs)
     if not sources:
         raise ConfigurationError("logs: must be at least one")
     named = column_map(columns)
     return [
-        source if isinstance(source, Log) else log_of(source) if isinstance(source, Result) else read_log(source, named)
+        source
+        if isinstance(source, Log)
+        else log_of(source)
+        if isinstance(source, Result)
+        else read_log(source, named, csv)
         for source in sources
     ]
 

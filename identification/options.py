@@ -144,6 +144,14 @@ class PlausibilityOptions:
     hopeless: Annotated[Positive, Quantity("1", "the same, from which on the message names no option")] = 0.9
     noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, that refuses a fit")] = 50.0
     beyond_track: Annotated[Positive, Quantity("1", "plausible way beyond the track, over its length")] = 0.2
+    other_scale: Annotated[
+        Factor, Quantity("1", "ratio of the ways of two sensors that is refused, or its inverse")
+    ] = 2.0
+    like: Annotated[Share, Quantity("1", "correlation of these ways below which the ratio says nothing")] = 0.8
+    least_way: Annotated[Positive, Quantity("1", "deviation of a way, over the track, below which it says nothing")] = (
+        0.01
+    )
+    other_pull: Annotated[Factor, Quantity("1", "mean pull by the torques, over that of a load cell, or inverse")] = 4.0
     beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
 
 

@@ -55,7 +55,7 @@ class IdentificationResult:
         options: of the estimation.
         forces: the unrecorded force in each log, where asked for.
         profiles: profile likelihoods, where asked for.
-        excess: implausibly large disturbances, in words.
+        excess: what was noticed while the logs were read, and implausibly large disturbances, in words.
     """
 
     experiment: Experiment

@@ -3,11 +3,7 @@
 A file is read once and kept: it is the content behind a signal or a reference. Errors name file and line or row.
 """
 
-import csv
-import difflib
 import hashlib
-import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,36 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.csv_files import read_csv
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import NONE, Numbers, unknown
-
-UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
-    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6, "kn": 1852 / 3600},
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2},
-    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6},
-    "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3},
-    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi},
-    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "Hz": 2 * math.pi},
-}
-"""SI unit → units it may be given in, each with its factor."""
-
-
-def factor(unit: str, si: str) -> float:
-    """What a number in a unit is multiplied by to be in an SI unit.
-
-    Raises:
-        ConfigurationError: the unit is not one of that quantity; the message lists those that are.
-    """
-    if unit not in UNITS[si]:
-        listed = ", ".join(UNITS[si])
-        alike = [known for known in UNITS[si] if known.lower() == unit.lower()]
-        alike = alike or difflib.get_close_matches(unit, UNITS[si], n=1, cutoff=0.6)
-        hint = f"; did you mean '{alike[0]}'?" if alike else ""
-        raise ConfigurationError(f'unit "{unit}": must be one of {listed}{hint}')
-    return UNITS[si][unit]
-
+from dualwinch.model.units import factor
 
 KEPT = 32
 """Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""
@@ -64,7 +34,7 @@ def read_table(file: str, names: tuple[str | None, ...]) -> Table:
     """Some columns of a file; kept until the file is another one.
 
     Args:
-        file: ``.csv`` (a header of names, full stops as decimal points) or ``.parquet``.
+        file: ``.csv`` (`model.csv_files`) or ``.parquet``.
         names: of the columns; ``None`` is the only one that is none of the others.
 
     Raises:
@@ -110,51 +80,18 @@ def chosen(file: Path, names: Sequence[str | None], header: Sequence[str]) -> li
 
 
 def _read_csv(path: Path, names: tuple[str | None, ...]) -> Table:
-    lines: list[int] = []
-    rows: list[list[float]] = []
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as text:
-            reader = csv.reader(text)
-            header = [name.strip() for name in next(reader, [])]
-            wanted = chosen(path, names, header)
-            indices = [header.index(name) for name in wanted]
-            for cells in reader:
-                if cells:
-                    where = f"{path}: line {reader.line_num}"
-                    if len(cells) != len(header):
-                        raise ConfigurationError(f"{where}: has {len(cells)} cells: must have {len(header)}")
-                    rows.append([_number(cells[index], header[index], where) for index in indices])
-                    lines.append(reader.line_num)
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    except csv.Error as error:
-        raise ConfigurationError(f"{path}: not valid CSV: {error}") from error
-    columns = np.array(rows, float).reshape(len(rows), len(wanted)).T
-    units = csv_units(path)
-    named = dict(zip(wanted, np.ascontiguousarray(columns), strict=True))
-    return Table(named, {name: units[name] for name in wanted if name in units}, lines)
-
-
-def _number(cell: str, name: str, where: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ConfigurationError(f"{where}: {name} = {cell.strip()[:40] or 'nothing'}: must be a finite number")
-    return value
-
-
-def csv_units(path: Path) -> dict[str, str]:
-    """Units of a CSV file, where `simulation.results.storage` has put its metadata beside it."""
-    beside = path.with_name(path.name + "-metadata.json")
-    if not beside.exists():
-        return {}
-    try:
-        columns = json.loads(beside.read_text(encoding="utf-8"))["tableSchema"]["columns"]
-        return {column["name"]: column["dualwinch:unit"] for column in columns if "dualwinch:unit" in column}
-    except (ValueError, LookupError, TypeError):
-        return {}  # metadata of another kind, which says nothing of units
+    table = read_csv(path)
+    headers = {column.header: column.name for column in table}
+    wanted = chosen(path, [name and headers.get(name, name) for name in names], [column.name for column in table])
+    columns = [next(column for column in table if column.name == name) for name in wanted]
+    wrong = np.isnan([column.values for column in columns])
+    if wrong.any():
+        row = int(wrong.any(axis=0).argmax())
+        column = columns[int(wrong[:, row].argmax())]
+        cell = column.cells[row].strip()[:40] or "nothing"
+        raise ConfigurationError(f"{path}: line {column.lines[row]}: {column.name} = {cell}: must be a finite number")
+    named = {column.name: np.ascontiguousarray(column.values) for column in columns}
+    return Table(named, {each.name: each.unit for each in columns if each.unit}, table[0].lines)
 
 
 def _read_parquet(path: Path, names: tuple[str | None, ...]) -> Table:

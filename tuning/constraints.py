@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, behind_number, suggestion, unknown
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.recordings import UNITS, factor
+from dualwinch.model.units import UNITS, factor
 from dualwinch.simulation.analysis.margin_survey import WorstMargin
 from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.analysis.stability import sliding_mode

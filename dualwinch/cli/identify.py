@@ -45,7 +45,9 @@ app = App(
 
 @app.default
 def identify(
-    logs: Annotated[list[Path], Parameter(help="Logs of one machine: .csv, .parquet, .mat or .npz.", negative="")],
+    logs: Annotated[
+        list[Path], Parameter(help="Logs of one machine: .csv, .txt, .parquet, .mat or .npz.", negative="")
+    ],
     *,
     fit: Annotated[
         list[str],
@@ -64,6 +66,9 @@ def identify(
         list[str] | None,
         Parameter(help="Where a reading is found, F1=load_cell_left:kN; may be repeated.", negative=""),
     ] = None,
+    csv: Annotated[
+        str, Parameter(help="Separator and decimal mark of CSV files, such as ';,'; default: as each file shows.")
+    ] = "",
     hold_out: Annotated[str, Parameter(help="Share of each log, its end, that is held out and predicted.")] = "0%",
     starts: Annotated[int, WHOLE, Parameter(help="Searches from different starts, which find distinct optima.")] = 1,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
@@ -117,6 +122,7 @@ def identify(
             ensemble=given.ensemble(ensemble) if ensemble else None,
             priors=known,
             columns=column or [],
+            csv=csv,
             hold_out=share,
             starts=starts,
             seed=seed,

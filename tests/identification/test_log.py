@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.identification.log import column_map, log, read_log
+from dualwinch.identification.log import log
+from dualwinch.identification.log_files import column_map, read_log
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.storage import save
@@ -54,13 +55,23 @@ def test_columns_of_other_names_and_units(tmp_path: Path, gap: str) -> None:
         (["F1"], "must be READING=COLUMN"),
         (["force=left"], "unknown reading 'force'"),
         (["tau1=left"], "unknown reading 'tau1'; did you mean 'tau_1'"),
-        (["tau_1=left:kNm"], "unit \"kNm\": must be one of .*; did you mean 'kN m'"),
-        (["F1=left:bar"], 'unit "bar": must be one of N, mN, kN, MN'),
     ],
 )
 def test_wrong_maps_are_refused(texts: list[str], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         column_map(texts)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("tau_1=m1:kNM", "column 'm1': unit \"kNM\": must be one of .*; did you mean 'kN m'"),
+        ("F1=left:bar", "column 'left': unit \"bar\": must be one of N, mN, kN, MN"),
+    ],
+)
+def test_wrong_units_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        read_log(csv(tmp_path / "rig.csv", "t,m1,tau_2,left,x"), column_map(["tau_1=m1", text]))
 
 
 def test_wrong_files_are_refused(tmp_path: Path) -> None:

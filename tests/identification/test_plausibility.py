@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.identification.diagnostics import check_log
+from dualwinch.identification.diagnostics import check_log, other_reasons
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
+from dualwinch.identification.resample import sections_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
@@ -39,6 +40,38 @@ def test_units_that_cannot_be_are_refused() -> None:
         with pytest.raises(ConfigurationError, match=message):
             identify([changed(**wrong)], ["plant.vehicle.mass"], machine())
     check_log(logged(machine()), machine())
+
+
+@pytest.mark.parametrize(
+    ("name", "by", "words"),
+    [
+        ("v", 1e3, r"v makes 1e\+03 times the way of x: is it in mm/s \(--column v=NAME:mm/s\)"),
+        ("v", -1.0, r"v makes -1 times the way of x: is it in -m/s"),
+        ("theta_2", 1 / (2 * np.pi), "theta_2 makes 0.159 times the way of x: is it in rev"),
+        ("theta_1", 2.5, "theta_1 makes 2.5 times the way of x: is it in another unit, or of the motor"),
+        ("tau_1", -1.0, "tau_1 holds -.* and F1 reads .*; its sign"),
+        ("tau_2", 1e-3, r"tau_2 holds .* N on average.*: is tau_2 in kN m \(--column tau_2=NAME:kN m\)"),
+    ],
+)
+def test_the_column_that_does_not_fit_the_others_is_named(name: str, by: float, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"run: {words}"):
+        check_log(changed(**{name: by * columns(name)[0]}), machine())
+
+
+def test_times_in_other_units_are_named() -> None:
+    log = logged(machine())
+    with pytest.raises(ConfigurationError, match=r"v makes 1e\+03 times the way of x: is t in ms \(--column t=NAME:ms"):
+        check_log(replace(log, t=1e3 * log.t), machine())
+
+
+def test_torques_that_change_faster_than_they_are_logged_are_named() -> None:
+    log = logged(machine())
+    slow = log.rows(slice(None, None, 5))
+    sections = sections_of([slow], machine())
+    assert "or its torques change faster than they were logged, every 5 ms" in other_reasons(
+        [replace(sections[0], inputs=sections[0].inputs * [1, 30, 30, 1] - [0, 400, 400, 0])], machine()
+    )
+    assert other_reasons(sections_of([log], machine()), machine()) == "or its torques are late"
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,16 @@ def test_parquet_brings_its_unit_and_contradiction_is_refused(tmp_path: Path) ->
         replace(signal, unit="N").check("N", 1.0)
 
 
+def test_a_unit_in_the_header_is_the_files(file: Path) -> None:
+    file.write_text("t [ms];push [kN]\n0;0,5\n2000;1,5\n", encoding="utf-16")
+    signal = Signal.from_file(file, "push")
+    signal.check("N", 1.0)
+    assert at(signal, 0, 2) == [500, 1500]
+    assert at(Signal.from_file(file, "push [kN]"), 2) == [1500]
+    with pytest.raises(ConfigurationError, match=r"column 'push': unit \"N\": must be \"kN\", as the file says"):
+        replace(signal, unit="N").check("N", 1.0)
+
+
 def test_the_unit_must_be_stated(file: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"gust\.csv: column 'F': has no unit; say which: unit = \"N\""):
         Signal.from_file(file, "F").check("N", 1.0)

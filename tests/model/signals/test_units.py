@@ -1,7 +1,7 @@
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.recordings import factor
+from dualwinch.model.units import factor
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,60 @@
+"""Units that numbers of files and settings may come in, by the SI unit of their quantity."""
+
+import difflib
+import math
+
+from dualwinch.model.errors import ConfigurationError
+
+UNITS: dict[str, dict[str, float]] = {
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6, "kn": 1852 / 3600, "m/min": 1 / 60},
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "daN": 10.0},
+    "N m": {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, "daN m": 10.0},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "Hz": 2 * math.pi},
+}
+"""SI unit → units it may be given in, each with its factor."""
+
+OTHER_FORMS = {
+    "1/min": "rpm", "min^-1": "rpm", "U/min": "rpm", "r/min": "rpm", "rev/min": "rpm", "rev/s": "Hz", "kph": "km/h",
+    "sec": "s", "msec": "ms", "kt": "kn", "kts": "kn",
+}  # fmt: skip
+"""Other forms of units → theirs above."""
+
+CHARACTERS = str.maketrans(
+    {"·": "", "⋅": "", "*": "", " ": "", "\u00a0": "", "µ": "u", "μ": "u", "°": "deg", "²": "^2", "⁻": "^-", "¹": "1"}
+)
+"""Products are written with and without a sign; characters that ASCII lacks have substitutes."""
+
+
+def _plain(unit: str) -> str:
+    text = unit.strip().translate(CHARACTERS)
+    return OTHER_FORMS.get(text, text)
+
+
+KNOWN = {si: {_plain(name): value for name, value in units.items()} for si, units in UNITS.items()}
+"""SI unit → the same without spaces."""
+
+
+def factor(unit: str, si: str) -> float:
+    """What a number in a unit is multiplied by to be in an SI unit; ``-kN`` is a reading of the opposite sign.
+
+    Raises:
+        ConfigurationError: the unit is not one of that quantity; the message lists those that are.
+    """
+    plain = _plain(unit)
+    found = KNOWN[si].get(plain.removeprefix("-"))
+    if found is None:
+        listed = ", ".join(UNITS[si])
+        alike = [known for known in UNITS[si] if _plain(known).lower() == plain.lower()]
+        alike = alike or difflib.get_close_matches(unit, UNITS[si], n=1, cutoff=0.6)
+        hint = f"; did you mean '{alike[0]}'?" if alike else ""
+        raise ConfigurationError(f'unit "{unit}": must be one of {listed}{hint}')
+    return -found if plain.startswith("-") else found
+
+
+def is_unit(text: str, si: str | None = None) -> bool:
+    """Whether a text is a unit, of any quantity or of that with an SI unit."""
+    return any(_plain(text) in units for name, units in KNOWN.items() if si in {None, name})

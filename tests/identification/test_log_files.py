@@ -1,0 +1,233 @@
+"""Logs as data loggers write them: marks, units, time stamps, encodings, gaps, structures, rates, unused columns."""
+
+import gzip
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from dualwinch.identification.log import Log, log
+from dualwinch.identification.log_files import column_map, read_log
+from dualwinch.model.errors import ConfigurationError
+
+ROWS = 40
+T = np.arange(ROWS) * 1e-3
+X = 0.25 * np.arange(ROWS)
+BEGIN = datetime(2024, 5, 1, 12, tzinfo=UTC)
+
+
+def written(path: Path, header: str, *lines: str, separator: str = ",", comma: bool = False, **how: str) -> Path:
+    """A file of t, tau_1, tau_2, x and F1, with the lines below the header."""
+    rows = [[f"{t:.3f}", "20.5", "-20.5", f"{x:.2f}", f"{1.5 + x}"] for t, x in zip(T, X, strict=True)]
+    texts = [separator.join(cell.replace(".", ",") if comma else cell for cell in row) for row in rows]
+    path.write_text("\n".join([header, *lines, *texts]) + "\n", **how)
+    return path
+
+
+def is_as_written(found: Log, force: float = 1.0) -> None:
+    np.testing.assert_allclose(found.t - found.t[0], T, atol=1e-6)
+    np.testing.assert_allclose(found.columns["x"], X)
+    np.testing.assert_allclose(found.columns["F1"], force * (1.5 + X))
+    np.testing.assert_allclose(found.columns["tau_2"], -20.5)
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "|", ","])
+def test_separators_are_recognised(tmp_path: Path, separator: str) -> None:
+    file = written(tmp_path / "rig.csv", separator.join(["t", "tau_1", "tau_2", "x", "F1"]), separator=separator)
+    is_as_written(read_log(file))
+
+
+@pytest.mark.parametrize("marks", ["", ";,", ";"])
+def test_decimal_commas_are_recognised_or_given(tmp_path: Path, marks: str) -> None:
+    file = written(tmp_path / "rig.csv", "t;tau_1;tau_2;x;F1", separator=";", comma=True)
+    is_as_written(read_log(file, csv=marks))
+
+
+def test_other_marks_are_refused(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    for marks in ("::", ",,", "semicolon"):
+        with pytest.raises(ConfigurationError, match=f"--csv {marks}: must be a separator"):
+            read_log(file, csv=marks)
+
+
+@pytest.mark.parametrize(
+    ("header", "line"),
+    [
+        ("t [s],tau_1 [N·m],tau_2 [Nm],x [m],F1 [kN]", None),
+        ("t (s),tau_1 (Nm),tau_2,x (m),F1 (kN)", None),
+        ("t,tau_1,tau_2,x,F1", "s,N m,N*m,m,kN"),
+        ("t,tau_1,tau_2,x,F1", "[s],[],[Nm],[-],[kN]"),
+    ],
+)
+def test_units_of_headers_and_of_a_row_of_units(tmp_path: Path, header: str, line: str | None) -> None:
+    file = written(tmp_path / "rig.csv", header, *([line] if line else []), encoding="utf-8")
+    is_as_written(read_log(file), 1e3)
+
+
+@pytest.mark.parametrize(
+    ("unit", "reading", "by"),
+    [
+        ("kNm", "tau_1", 1e3), ("kN·m", "tau_1", 1e3), ("daN", "F1", 10.0), ("-kN", "F1", -1e3), ("km/h", "v", 1 / 3.6),
+        ("1/min", "omega_1", np.pi / 30), ("min⁻¹", "omega_1", np.pi / 30), ("°", "theta_1", np.pi / 180),
+        ("°/s", "omega_1", np.pi / 180), ("ms", "t", 1e-3), ("µs", "t", 1e-6),
+    ],
+)  # fmt: skip
+def test_units_that_a_rig_writes(tmp_path: Path, unit: str, reading: str, by: float) -> None:
+    names = ["t", "tau_1", "tau_2", "x", "F1"]
+    names = [f"{reading} [{unit}]" if name == reading else name for name in names]
+    names[4] = f"{reading} [{unit}]" if reading not in {"t", "tau_1"} else names[4]
+    plain = read_log(written(tmp_path / "plain.csv", ",".join(name.partition(" ")[0] for name in names)))
+    found = read_log(written(tmp_path / "rig.csv", ",".join(names), encoding="utf-8"))
+    both = [(each.t if reading == "t" else each.columns[reading]) for each in (found, plain)]
+    np.testing.assert_allclose(both[0], by * both[1], rtol=1e-12)
+
+
+def test_a_unit_of_another_quantity_names_its_column(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"column 'F1 \[bar\]': unit \"bar\": must be one of N, mN, kN"):
+        read_log(written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1 [bar]"))
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda at: at.isoformat(),
+        lambda at: at.isoformat(sep=" ").replace("+00:00", "Z"),
+        lambda at: at.replace(tzinfo=None).isoformat().replace(".", ","),
+        lambda at: at.astimezone(UTC).strftime("%H:%M:%S.%f"),
+        lambda at: f"{at.timestamp():.6f}",
+        lambda at: f"{1e3 * at.timestamp():.3f}",
+        lambda at: f"{1e6 * at.timestamp():.0f}",
+    ],
+)
+def test_time_stamps_and_times_since_1970(tmp_path: Path, stamp: Callable[[datetime], str]) -> None:
+    times = [stamp(BEGIN + timedelta(seconds=t)) for t in T]
+    lines = [f"{at};20;-20;{x}" for at, x in zip(times, X, strict=True)]
+    (tmp_path / "rig.csv").write_text("\n".join(["t;tau_1;tau_2;x", *lines]))
+    found = read_log(tmp_path / "rig.csv")
+    np.testing.assert_allclose(found.t - found.t[0], T, atol=1e-6)
+    np.testing.assert_allclose(found.from_zero().t, T, atol=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
+def test_encodings_names_with_spaces_and_colons_and_lines_before_the_header(tmp_path: Path, encoding: str) -> None:
+    file = written(
+        tmp_path / "rig.csv", "Prüfstand 3\n\nt;Motor: 1;Motor 2;x;Seil: Kraft [kN]", separator=";", encoding=encoding
+    )
+    names = ["tau_1=Motor: 1", "tau_2=Motor 2:Nm", "F1 = Seil: Kraft"]
+    is_as_written(read_log(file, column_map(names)), 1e3)
+    is_as_written(read_log(file, column_map([*names[:2], "F1=Seil: Kraft [kN]:N"])), 1.0)
+
+
+def test_a_packed_file_and_one_of_excel(tmp_path: Path) -> None:
+    text = written(tmp_path / "rig.csv", "sep=;\nt;tau_1;tau_2;x;F1", separator=";").read_bytes()
+    is_as_written(read_log(tmp_path / "rig.csv"))
+    (tmp_path / "rig.csv.gz").write_bytes(gzip.compress(text))
+    is_as_written(read_log(tmp_path / "rig.csv.gz"))
+
+
+@pytest.mark.parametrize("word", ["#N/A", "n/a", "None", "--", "NaN", "null", " "])
+def test_usual_words_are_gaps(tmp_path: Path, word: str) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1", f"-0.001,20.5,-20.5,{word},1")
+    found = read_log(file)
+    assert np.isnan(found.columns["x"][0])
+    assert np.isfinite(found.columns["x"][1:]).all()
+    assert found.notes == ()
+
+
+def test_another_word_is_a_gap_with_a_note_and_a_column_of_words_is_refused(tmp_path: Path) -> None:
+    file = written(
+        tmp_path / "rig.csv", "t,tau_1,tau_2,x [m],F1", "-0.002,20.5,-20.5,1,ERR", "-0.001,20.5,-20.5,ERR,ERR"
+    )
+    found = read_log(file)
+    assert found.readings == ("x", "F1")
+    note = "rig.csv: line 3: x [m] = 'ERR': is neither a number nor a usual word for a gap, taken for a gap"
+    assert found.notes == (note, note.replace("3: x [m]", "2: F1") + ", and so are 1 others")
+    words = "\n".join(["t,tau_1,tau_2,x", *(f"{t},20,20,bad" for t in T)])
+    (tmp_path / "words.csv").write_text(words)
+    with pytest.raises(ConfigurationError, match=r"words.csv: line 2: x = 'bad': must be a number or a gap"):
+        read_log(tmp_path / "words.csv")
+
+
+def test_rows_of_other_lengths_are_refused_but_for_an_unfinished_last_one(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    whole = file.read_text()
+    file.write_text(whole + "0.05,20.5")
+    is_as_written(read_log(file))
+    file.write_text(whole + "0.05,20.5\n")
+    with pytest.raises(ConfigurationError, match=r"rig.csv: line 42: has 2 cells: must have 5"):
+        read_log(file)
+
+
+def test_what_was_not_used_is_listed_with_the_option_that_uses_it(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,Kraft links [kN]")
+    assert read_log(file).notes == ("rig.csv: not used: Kraft links [kN] (--column 'F1=Kraft links [kN]')",)
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,temperature")
+    assert read_log(file).notes == ("rig.csv: not used: temperature; --column READING=NAME uses one",)
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x [m],x [mm]")
+    with pytest.raises(ConfigurationError, match=r"more than one column 'x'; name one.*: x \[m\], x \[mm\]"):
+        read_log(file)
+    assert read_log(file, column_map(["x=x [m]"])).columns["x"][1] == X[1]
+
+
+SLOW = {"t": T[::4], "F1": 1.5 + X[::4]}
+
+
+def test_matlab_structures_with_rates_of_their_own(tmp_path: Path) -> None:
+    rig = {"t": T, "tau_1": np.full(ROWS, 20.5), "tau_2": np.full(ROWS, -20.5), "x": X}
+    savemat(tmp_path / "rig.mat", {"rig": rig | {"F1": {"time": SLOW["t"], "data": SLOW["F1"]}}})
+    found = read_log(tmp_path / "rig.mat")
+    np.testing.assert_allclose(found.columns["x"], X)
+    np.testing.assert_allclose(found.columns["F1"][::4], SLOW["F1"])
+    assert np.isnan(found.columns["F1"][1:4]).all()
+    assert found.notes == ()
+
+
+def test_columns_of_other_lengths_have_times_of_their_own(tmp_path: Path) -> None:
+    slow = SLOW["t"] + 5e-4
+    np.savez(tmp_path / "rig.npz", t=T, tau_1=T + 1, tau_2=T - 1, x=X, left=SLOW["F1"], slow=slow)
+    with pytest.raises(ConfigurationError, match=r"F1 has 10 values and its times 40: .*--column 'F1=left@TIMES'"):
+        read_log(tmp_path / "rig.npz", column_map(["F1=left"]))
+    found = read_log(tmp_path / "rig.npz", column_map(["F1=left@slow:kN"]))
+    assert len(found.t) == ROWS + 10
+    rows = np.isfinite(found.columns["F1"])
+    np.testing.assert_allclose(found.t[rows], slow)
+    np.testing.assert_allclose(found.columns["F1"][rows], 1e3 * SLOW["F1"])
+
+
+def test_matlab_7_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "rig.mat"
+    file.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM" + bytes(384))
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "h5py", None)
+        with pytest.raises(ConfigurationError, match=r"version 7.3: pip install h5py, or save it with save"):
+            read_log(file)
+    h5py: Any = pytest.importorskip("h5py")
+    with h5py.File(file, "w", userblock_size=512) as content:
+        for name, values in {"t": T, "tau_1": T + 1, "tau_2": T - 1, "x": X}.items():
+            content[f"rig/{name}"] = values[np.newaxis]
+    with file.open("r+b") as block:
+        block.write(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM")
+    np.testing.assert_allclose(read_log(file).columns["x"], X)
+
+
+def test_gaps_split_a_log() -> None:
+    t = np.arange(1000) * 1e-3
+    columns = {"t": t, "tau_1": 20 + t, "tau_2": 20 - t, "x": t}
+    whole = log(columns)
+    assert whole.between_gaps(0.1, 200) == [whole]
+    columns["tau_1"] = np.where((t > 0.3) & (t < 0.55), np.nan, columns["tau_1"])
+    jump = {name: np.delete(values, slice(760, 780)) for name, values in columns.items()}
+    jump["t"][760:] += 0.2
+    parts = log(jump, "rig").between_gaps(0.1, 200)
+    assert [part.name for part in parts] == ["rig, 0 to 0.3 s", "rig, 0.55 to 0.759 s", "rig, 0.98 to 1.199 s"]
+    assert len(log(jump).between_gaps(0.1, 215)) == 2
+    columns["tau_2"] = np.where(t < 0.2, np.nan, columns["tau_2"])
+    assert [part.t[0] for part in log(columns).between_gaps(0.1, 90)] == pytest.approx([0.2, 0.55])
