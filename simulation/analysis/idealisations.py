@@ -260,7 +260,9 @@ STEADY = {
 """Parameters without which the response to a small motion about rest is that in motion, and has no steps."""
 
 
-def position_loop_gain(experiment: Experiment, omega: float, amplitude: float = 1e-3, periods: int = 4) -> float:
+def position_loop_gain(
+    experiment: Experiment, omega: float, amplitude: float = 1e-3, periods: float = 4.0, samples: int = 500
+) -> float:
     """Gain of the loop opened at the force command u, at one frequency and amplitude: a describing function.
 
     1. Vehicle and drums oscillate about the start as a sinusoidal force of the ropes moves them, while the controller
@@ -273,10 +275,13 @@ def position_loop_gain(experiment: Experiment, omega: float, amplitude: float = 
         omega: in rad/s.
         amplitude: of the vehicle's speed in m/s; less where the force would exceed half of a rope's tension at rest.
         periods: of the oscillation.
+        samples: of all periods, of which there may be fewer, down to one. The gain at a frequency that is slower still
+            is at least that at the slowest one: loop gains fall with frequency.
     """
     ready, step, plant = prepare(experiment), experiment.simulation.sample_time, experiment.plant
     if omega * step > math.pi:  # beyond the Nyquist frequency
         return 0.0
+    omega = max(omega, 2 * math.pi / (samples * step))
     loop, rest, mass = ready.loop, experiment.controller.limits.preload / 2, inertia(plant.vehicle)
     amplitude = min(amplitude, rest / 2 / (mass * omega))
     force = 1j * omega * mass * amplitude  # as a phasor, like all that moves
@@ -289,7 +294,7 @@ def position_loop_gain(experiment: Experiment, omega: float, amplitude: float = 
         shafts += [f"motor_{side.number}.{{}}"] if f"motion.plant.motor_{side.number}.theta" in loop.states else []
         for shaft in shafts:
             moving |= {shaft.format("theta"): turn, shaft.format("omega"): 1j * omega * turn}
-    t = step * np.arange(math.ceil(periods * 2 * math.pi / omega / step))
+    t = step * np.arange(math.ceil(min(periods * 2 * math.pi / omega / step, samples)))
     paths = {loop.states.index(f"motion.plant.{name}"): (p * np.exp(1j * omega * t)).real for name, p in moving.items()}
     commands = (_commands(ready, {index: sign * path for index, path in paths.items()}) for sign in (1, -1))
     odd = np.subtract(*commands) / 2
