@@ -2,7 +2,9 @@
 
 import ctypes
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -20,10 +22,30 @@ Floats = NDArray[np.float64]
 NON_FINITE = ("-fno-finite-math-only",)
 """A single function is called with whatever its caller has; infinities and NaN come out as in the interpreter."""
 
+RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+"""The compiled function by its address."""
+
+
+@dataclass(frozen=True)
+class BoundFunction:
+    """A compiled function with arrays of its own: a call reads `inputs` and overwrites `outputs`, without any check.
+
+    Attributes:
+        inputs, outputs: name → array; fill the inputs in place, as in ``bound.inputs["state"][:] = state``.
+    """
+
+    inputs: dict[str, Floats]
+    outputs: dict[str, Floats]
+    _call: Callable[[], None] = field(repr=False)
+
+    def __call__(self) -> None:
+        """Evaluate; Python's lock is released meanwhile."""
+        self._call()
+
 
 @dataclass(frozen=True)
 class CompiledFunction:
-    """A compiled function; called like the CasADi function it comes from.
+    """A compiled function; called like the CasADi function it comes from. It pickles by being compiled again.
 
     Attributes:
         name: of the function.
@@ -33,7 +55,57 @@ class CompiledFunction:
     name: str
     inputs: dict[str, tuple[int, int]]
     outputs: dict[str, tuple[int, int]]
-    _call: "ctypes._NamedFuncPointer"
+    _call: "ctypes._NamedFuncPointer" = field(repr=False)
+    _made_of: tuple[ca.Function, Compiler | None, tuple[str, ...]] = field(repr=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _compiled, self._made_of
+
+    def bind(self, batch: tuple[int, ...] = (), **constants: ArrayLike) -> BoundFunction:
+        """Make arrays of zeros for its inputs and outputs, and a call between them that costs next to nothing.
+
+        For loops of one's own, sample by sample.
+
+        Args:
+            batch: leading dimensions of every array; shapes are otherwise as in a call.
+            constants: inputs that stay as they are, such as ``parameters=…``: what follows from them alone is worked
+                out once, and the rest compiled anew.
+
+        Raises:
+            TypeError: unknown inputs.
+            ValueError: a wrong shape.
+        """
+        if constants:
+            return compile(self._with(constants), *self._made_of[1:2], flags=self._made_of[2]).bind(batch)
+        count = math.prod(batch)
+        sides = [
+            {name: np.zeros((*batch, rows * columns)) for name, (rows, columns) in shapes.items()}
+            for shapes in (self.inputs, self.outputs)
+        ]
+        steps = (ctypes.c_int64 * len(self.inputs))(*(rows * columns for rows, columns in self.inputs.values()))
+        inputs, outputs = (
+            (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays.values())) for arrays in sides
+        )
+        given = {name: _unshaped(array, self.inputs[name]) for name, array in sides[0].items()}
+        found = {name: _unshaped(array, self.outputs[name]) for name, array in sides[1].items()}
+        # addresses, which need no conversion; the function keeps the arrays that they are of alive
+        raw = RAW(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
+        arguments = tuple(ctypes.addressof(array) for array in (inputs, steps, outputs))
+        call = partial(raw, *arguments, count)
+        call.arrays = inputs, steps, outputs, sides, self._call  # pyright: ignore[reportAttributeAccessIssue]
+        return BoundFunction(given, found, call)
+
+    def _with(self, constants: dict[str, ArrayLike]) -> ca.Function:
+        """The function with some inputs constant."""
+        self._bound((), constants, partly=True)
+        function = self._made_of[0]
+        values = {
+            name: ca.reshape(ca.DM(_shaped(name, value, self.inputs[name]).ravel()), *self.inputs[name])
+            for name, value in constants.items()
+        }
+        symbols = {name: ca.MX.sym(name, *shape) for name, shape in self.inputs.items() if name not in values}
+        results = function.call([(values | symbols)[name] for name in self.inputs])
+        return ca.Function(function.name(), list(symbols.values()), results, list(symbols), list(self.outputs))
 
     def __call__(self, *arguments: ArrayLike, **named: ArrayLike) -> Floats | tuple[Floats, ...]:
         """Evaluate, for one set of arguments or for many; Python's lock is released meanwhile.
@@ -67,7 +139,9 @@ class CompiledFunction:
         shaped = [_unshaped(result, shape) for result, shape in zip(results, self.outputs.values(), strict=True)]
         return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
-    def _bound(self, arguments: tuple[ArrayLike, ...], named: dict[str, ArrayLike]) -> dict[str, ArrayLike]:
+    def _bound(
+        self, arguments: tuple[ArrayLike, ...], named: dict[str, ArrayLike], *, partly: bool = False
+    ) -> dict[str, ArrayLike]:
         names = list(self.inputs)
         if len(arguments) > len(names):
             raise TypeError(f"{self.name}() takes {len(names)} arguments ({', '.join(names)}), {len(arguments)} given")
@@ -78,7 +152,7 @@ class CompiledFunction:
                 raise TypeError(f"{self.name}() takes {what} '{name}'; its arguments are {', '.join(names)}")
         given |= named
         missing = [name for name in names if name not in given]
-        if missing:
+        if missing and not partly:
             raise TypeError(f"{self.name}() misses {', '.join(missing)}")
         return given
 
@@ -132,7 +206,12 @@ def compile(  # noqa: A001
         inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
         outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
         _call=found.run,
+        _made_of=(function, compiler, flags),
     )
+
+
+def _compiled(function: ca.Function, compiler: Compiler | None, flags: tuple[str, ...]) -> CompiledFunction:
+    return compile(function, compiler, flags=flags)
 
 
 def _source(function: ca.Function) -> str:

@@ -250,9 +250,13 @@ class SteppedRuns:
         parameters = self._parameters[0, :1] if self._shared else self._parameters[blocks, lanes]
         other.start(np.arange(len(runs)), self.states(runs), parameters)
         other.read(np.arange(len(runs)), self._lines[runs])
-        other.outcomes[:], other.done[:] = self.outcomes[runs], self.done[runs]
-        other.commands[:], other.observation[:] = self.commands[runs], self.observation[:, runs]
+        other.restore(self.outcomes[runs], self.done[runs], self.commands[runs], self.observation[:, runs])
         return other
+
+    def restore(self, outcomes: Indices, done: Indices, commands: Floats, observation: Floats) -> None:
+        """Put all runs where others were; their states are those of `start`."""
+        self.outcomes[:], self.done[:] = outcomes, done
+        self.commands[:], self.observation[:] = commands, observation
 
 
 @cache

@@ -108,6 +108,7 @@ class Scenarios:
     """An experiment or an ensemble under command.
 
     Attributes:
+        given: the one or the other, as it was.
         experiment: the nominal values, under command.
         ensemble: what is drawn from, its controller as it was; None: nothing is drawn.
         loop: the closed loop of all scenarios.
@@ -119,6 +120,7 @@ class Scenarios:
         Raises:
             ConfigurationError: the nominal values do not fit together.
         """
+        self.given = given
         self.ensemble = given if isinstance(given, Ensemble) else None
         self._base = given.experiment if isinstance(given, Ensemble) else given
         self._command: CommandName = command
@@ -259,6 +261,27 @@ class Lanes:
             _ends=self._ends[indices],
         )
         return other
+
+    def kept(self) -> dict[str, NDArray]:
+        """What `resume` needs to go on from here."""
+        runs = self.runs
+        states = runs.states(np.arange(len(self._ends)))
+        return {"states": states} | {
+            name: getattr(runs, name).copy() for name in ("outcomes", "done", "commands", "observation")
+        }
+
+    def resume(self, states: Floats, outcomes: Indices, done: Indices, commands: Floats, observation: Floats) -> None:
+        """Take all runs, which have been started, to where others were that `kept` them."""
+        every = np.arange(len(self._ends))
+        parameters = np.array([self.lanes[index].parameters for index in every.tolist()])
+        self.runs.start(every, states, parameters)
+        self.runs.restore(outcomes, done, commands, observation)
+        for index in np.flatnonzero(outcomes == Outcome.RUNNING).tolist():
+            page = self._pages[index]
+            while page.end <= done[index]:
+                page = page.following()
+            self._turn(index, page, int(done[index]))
+        self._count_left()
 
     def _turn(self, index: int, page: SignalPage, sample: int) -> None:
         self._pages[index], self._ends[index] = page, page.end

@@ -1,7 +1,6 @@
 """An experiment step by step, in many lanes at once: the plant is simulated, control is the caller's."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -185,7 +184,7 @@ class Stepper:
         self.signals = tuple(signals)
         self.source = Scenarios(experiment, command)
         self.experiment, self._loop = self.source.experiment, self.source.loop
-        self._code = compile_stepping(self.source.commanded(self.signals), exact=exact)
+        self._code, self._exact = compile_stepping(self.source.commanded(self.signals), exact=exact), exact
         self._threads = threads or max(1, min(cores(), self.batch * self.hold // WORTH_A_THREAD[exact]))
         self._rows = {name: row for row, name in enumerate(self.signals)}
         self._quantities = {name: self._loop.quantities[name] for name in self.signals}
@@ -321,8 +320,9 @@ class Stepper:
         if log is not None:
             same = np.array_equal(indices, np.arange(self.batch))
             log = list(log) if same else [given[indices] for given in log]
-        other = copy(self)
+        other = object.__new__(Stepper)
         vars(other).update(
+            vars(self),
             batch=len(indices),
             _shape=(len(indices), *self._shape[1:]),
             _lanes=continued,
@@ -332,8 +332,36 @@ class Stepper:
         )
         return other
 
+    def __copy__(self) -> "Stepper":
+        return self.fork()
+
     def __deepcopy__(self, memo: dict[int, Any]) -> "Stepper":
         return self.fork()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled by what it is made of and where its lanes are; the code is compiled, or found, again."""
+        options = {
+            "command": self.command,
+            "hold": self.hold,
+            "signals": self.signals,
+            "exact": self._exact,
+            "record": self._log is not None,
+            "threads": self._threads,
+        }
+        return (
+            _rebuilt,
+            (self.source.given, self.batch, self.seed, options, self.scenarios),
+            (
+                self._lanes.kept(),
+                self._log,
+                self._since,
+            ),
+        )
+
+    def __setstate__(self, state: tuple[dict[str, Any], list[Floats] | None, NDArray[np.int64]]) -> None:
+        kept, self._log, self._since = state
+        self._lanes.resume(**kept)
+        self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
 
     def result(self, lane: int, stride: int = 1) -> Result:
         """The run of a lane so far, as `simulate` gives runs: its recorded commands are run again, and rows kept.
@@ -381,6 +409,15 @@ class Stepper:
             oldest = int(self._since.min())
             del self._log[:oldest]
             self._since -= oldest
+
+
+def _rebuilt(
+    given: Experiment | Ensemble, batch: int, seed: int, options: dict[str, Any], scenarios: list[Scenario]
+) -> Stepper:
+    """A stepper whose lanes run given scenarios from their beginning."""
+    stepper = Stepper(given, batch, seed, **options)
+    stepper.reset(scenarios=scenarios)
+    return stepper
 
 
 def _check(command: str, numbers: dict[str, tuple[int, int]]) -> None:

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -81,3 +84,31 @@ def test_what_has_no_c_at_all_is_refused() -> None:
         compiled(root)
     with pytest.raises(CodegenError, match="must have an input and an output"):
         compiled(ca.Function("nothing", [], [ca.DM(1)]))
+
+
+def test_a_bound_function_gives_what_a_call_gives_in_arrays_of_its_own() -> None:
+    x, A = ca.SX.sym("x", 2), ca.SX.sym("A", 2, 3)
+    function = ca.Function("f", [x, A], [A.T @ x, ca.exp(A)], ["x", "A"], ["y", "z"])
+    made, rng = compiled(function), np.random.default_rng(1)
+    given = {"x": rng.normal(size=(5, 2)), "A": rng.normal(size=(5, 2, 3))}
+    bound = made.bind((5,))
+    for name, array in bound.inputs.items():
+        array[...] = given[name]
+    bound()
+    for mine, expected in zip(bound.outputs.values(), made(**given), strict=True):
+        assert mine.tolist() == expected.tolist()
+    fixed = made.bind(A=given["A"][0])
+    fixed.inputs["x"][:] = given["x"][0]
+    fixed()
+    assert fixed.outputs["y"] == pytest.approx(made(given["x"][0], given["A"][0])[0], rel=1e-15)
+    with pytest.raises(TypeError, match="no argument 'B'"):
+        made.bind(B=1)
+    with pytest.raises(ValueError, match="A: shape"):
+        made.bind(A=np.zeros((3, 3)))
+
+
+def test_a_compiled_function_pickles_by_being_compiled_again() -> None:
+    x = ca.SX.sym("x", 2)
+    made = compiled(ca.Function("f", [x], [2 * x]))
+    for again in (pickle.loads(pickle.dumps(made)), copy.deepcopy(made)):  # noqa: S301
+        assert np.array_equal(again([1.0, 2.0]), [2.0, 4.0])

@@ -1,6 +1,8 @@
+import copy
+import pickle
 import subprocess
 import sys
-from copy import deepcopy
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -266,7 +268,7 @@ def test_a_fork_goes_on_by_itself() -> None:
     again = [stepper.step(command).array for command in commands]
     np.testing.assert_array_equal(ahead, again)
     assert fork.result(3) == stepper.result(3)
-    np.testing.assert_array_equal(deepcopy(stepper).observation.array, stepper.observation.array)
+    np.testing.assert_array_equal(copy.deepcopy(stepper).observation.array, stepper.observation.array)
 
 
 @pytest.mark.parametrize("exact", [True, False])
@@ -464,3 +466,21 @@ def test_other_processes_give_the_same_bits() -> None:
         stepper.step(np.full((3, 2), 25.0))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == stepper.observation.array.tobytes().hex()
+
+
+def pickled(stepper: Stepper) -> Stepper:
+    return pickle.loads(pickle.dumps(stepper))  # noqa: S301
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, pickled])
+def test_a_copy_and_what_is_unpickled_go_on_by_themselves(duplicate: Callable[[Stepper], Stepper]) -> None:
+    stepper = Stepper(dw.load_ensemble("sea"), 2, hold=20, command="force")
+    for _ in range(20):
+        stepper.step([10.0, -10.0])
+    stepper.reset(lanes=[1], scenarios=[5])
+    stepper.step([10.0, -10.0])
+    other = duplicate(stepper)
+    assert other.step([10.0, -10.0]).array.tolist() == stepper.step([10.0, -10.0]).array.tolist()
+    other.step([0.0, 0.0])
+    assert (stepper.times.tolist(), other.times.tolist()) == ([0.44, 0.04], [0.46, 0.06])
+    assert other.result(1).columns["x"][:40].tolist() == stepper.result(1).columns["x"].tolist()
