@@ -1,13 +1,17 @@
 """Which scenarios are tuned and chosen in: typical ones for the means, hard ones for what is the worst."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.authority import force_demand, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.scoring import training_set
 from dualwinch.tuning.scoring.training_set import (
     beyond_authority,
     drawn,
@@ -18,8 +22,16 @@ from dualwinch.tuning.scoring.training_set import (
 from dualwinch.tuning.selection_config import SelectionConfig
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
-CONFIG = SelectionConfig(demand_among=120)
+CONFIG = SelectionConfig(demand_among=80)
 FURTHEST, LOOKED_AT, BEHIND = CONFIG.largest_lag, CONFIG.demand_among, CONFIG.lags_beyond_authority
+
+
+@pytest.fixture(scope="module", autouse=True)
+def demands_once() -> Iterator[None]:
+    """The same draws are asked for again and again: what each of them demands is computed once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training_set, "force_demand", cache(force_demand))
+        yield
 
 
 def having(hard_training: int) -> SelectionConfig:
@@ -78,7 +90,9 @@ def test_the_motors_can_hold_vertices() -> None:
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
     config = replace(having(18), demand_among=600)
     picks, more = training_choices(SEA, 12, 3, config)
-    behind = [force_demand(each.experiment).shortfall for each in SEA.chosen(range(600), 3, vertex=True)]
+    behind = [
+        training_set.force_demand(each.experiment).shortfall for each in SEA.chosen(range(600), 3, vertex=True)
+    ]
     flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
@@ -105,7 +119,7 @@ def test_what_the_motors_can_always_hold_is_overwhelmed_by_nothing() -> None:
 
 
 def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
-    config = replace(CONFIG, demand_among=240)  # enough vertices for all of them twice
+    config = replace(CONFIG, demand_among=600)  # enough vertices for all of them twice
     (first, *_) = beyond_authority(SEA, 3, (), config)
     others = beyond_authority(SEA, 3, [first], config)
     assert len(others) == len(BEHIND)
@@ -119,7 +133,7 @@ def test_few_scenarios_are_some_of_each() -> None:
 
 
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
-    scenarios = list(SEA.scenarios(200, 7))
+    scenarios = list(SEA.scenarios(100, 7))
     kept = validation_draws(scenarios, CONFIG)
     assert [each.index for each in kept] == [
         each.index for each in scenarios if force_demand(each.experiment).shortfall <= FURTHEST
@@ -130,5 +144,5 @@ def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
 
 
 def test_where_the_motors_can_hold_nothing_all_scenarios_stay_as_they_are() -> None:
-    beyond = [each for each in SEA.scenarios(200, 7) if not within_authority(each.experiment)]
+    beyond = [each for each in SEA.scenarios(60, 7) if not within_authority(each.experiment)]
     assert validation_draws(beyond, CONFIG) == beyond
