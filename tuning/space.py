@@ -11,14 +11,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.source.expressions import GRAPHS
+from dualwinch.codegen.source.expressions import GRAPHS, elements_read
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, suggestion, unknown
 from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.settings import known_keys
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]
@@ -309,7 +310,7 @@ class _Gains:
         self.experiment = experiment
         self.leaves = {
             key: leaf
-            for key, leaf in {**describe(Experiment), **describe_parts(experiment)}.items()
+            for key, leaf in {**known_keys(), **describe_parts(experiment)}.items()
             if key.startswith("controller.")
         }
         self.tied: dict[str, list[str]] = {}
@@ -347,9 +348,8 @@ class _Gains:
 def _effective(structure: Experiment) -> frozenset[str]:
     """Parameters that the closed loop of a structure depends on."""
     loop = closed_loop(structure)
-    index = loop.step.index_in("parameters")
-    used = {column for output in (0, 1) for column in loop.step.jac_sparsity(output, index).get_col()}
-    return frozenset(loop.parameters[column] for column in used)
+    read = set().union(*(elements_read(function, "parameters") for function in loop.functions))
+    return frozenset(loop.parameters[element] for element in read)
 
 
 LARGEST = 1e30

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from dualwinch.codegen.files import write_whole
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
 from dualwinch.simulation.results.outcomes import RunOutcomes
+from dualwinch.simulation.settings import known_keys
 
 KINDS = ("mean", "median", "p95", "worst")
 """Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
@@ -224,7 +224,7 @@ class EnsembleResult(RunOutcomes):
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
     """Content of a file: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
     experiment = result.ensemble.experiment
-    drawn = {**describe(Experiment), **describe_parts(experiment)}
+    drawn = {**known_keys(), **describe_parts(experiment)}
     merits = metric_quantities(experiment.metrics)
     columns: dict[str, tuple[NDArray[Any], Quantity]] = {
         "scenario": (np.arange(len(result)), Quantity("", "number of the scenario")),
