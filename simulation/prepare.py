@@ -57,11 +57,14 @@ class PreparedExperiment:
         """Every number that the closed loop takes at run time, by its key (`loop.structure.parameters_of`)."""
         return parameters_of(self.experiment, self.nominal)
 
-    @cached_property
+    @property
     def loop(self) -> ClosedLoop:
-        """The closed loop, without terms that are always zero."""
-        zeros = zeros_of(self.structure, self.parameters) | absent_signals(self.experiment)
-        return closed_loop(self.structure, zeros)
+        """The closed loop, without terms that are always zero; it is kept where its bytes are counted."""
+        return closed_loop(self.structure, self._zeros)
+
+    @cached_property
+    def _zeros(self) -> frozenset[str]:
+        return zeros_of(self.structure, self.parameters) | absent_signals(self.experiment)
 
     @property
     def state(self) -> NDArray[np.float64]:

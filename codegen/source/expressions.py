@@ -54,7 +54,7 @@ class GraphCache:
         sample: most elements of a sequence whose bytes are counted; those of a longer one are as many times more.
     """
 
-    def __init__(self, limit: int = 512 << 20, per_instruction: int = 100, sample: int = 100) -> None:
+    def __init__(self, limit: int = 512 << 20, per_instruction: int = 110, sample: int = 100) -> None:
         self.limit = limit
         self.per_instruction = per_instruction
         self.sample = sample
@@ -203,8 +203,8 @@ def elements_read(function: ca.Function, name: str) -> set[int]:
         return set()
     if not function.is_a("SXFunction"):
         return set(range(function.numel_in(name)))
-    argument = function.name_in().index(name)
-    reads = (made.read for made in instructions(function) if made.operation == ca.OP_INPUT)
+    argument, steps = function.name_in().index(name), range(function.n_instructions())
+    reads = (function.instruction_input(step) for step in steps if function.instruction_id(step) == ca.OP_INPUT)
     return {element for vector, element in reads if vector == argument}
 
 

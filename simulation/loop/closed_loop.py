@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
@@ -83,23 +82,27 @@ class ClosedLoop(Sampled):
         """(states,) whether a state has one of some marks."""
         return np.array([not self.marks[name].isdisjoint(marks) for name in self.states])
 
-    @cached_property
+    @property
     def step(self) -> ca.Function:
         """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
-        arguments = [ca.SX.sym(name, self.sample.size1_in(name)) for name in self.sample.name_in()]
-        discrete, hold, *_ = self.sample(*arguments)
-        start = arguments[0][: self.move.numel_in("motion")]
-        motion, margin = start, ca.SX(0)
-        for part in range(self.parts):
-            motion, margin = self.move(motion, hold, part, arguments[2])
-        if self.one_step:
-            moved, moved_margin, valid = self.one_step(start, hold, arguments[2])
-            motion = ca.if_else(valid > 0, moved, motion)
-            margin = ca.if_else(valid > 0, moved_margin, margin)
-        outputs = [ca.vertcat(motion, discrete), self.observe(*arguments), margin]
-        return ca.Function(
-            "step", arguments, outputs, self.sample.name_in(), ["next_state", "row", "margin"], {"cse": True}
-        )
+        return _whole_step(self)
+
+
+@built_once
+def _whole_step(loop: Sampled) -> ca.Function:
+    arguments = [ca.SX.sym(name, loop.sample.size1_in(name)) for name in loop.sample.name_in()]
+    discrete, hold, *_ = loop.sample(*arguments)
+    start = arguments[0][: loop.move.numel_in("motion")]
+    motion, margin = start, ca.SX(0)
+    for part in range(loop.parts):
+        motion, margin = loop.move(motion, hold, part, arguments[2])
+    if loop.one_step:
+        moved, moved_margin, valid = loop.one_step(start, hold, arguments[2])
+        motion = ca.if_else(valid > 0, moved, motion)
+        margin = ca.if_else(valid > 0, moved_margin, margin)
+    outputs = [ca.vertcat(motion, discrete), loop.observe(*arguments), margin]
+    names = loop.sample.name_in(), ["next_state", "row", "margin"]
+    return ca.Function("step", arguments, outputs, *names, {"cse": True})
 
 
 LOOP_OPENINGS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}

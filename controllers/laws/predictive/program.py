@@ -12,7 +12,7 @@ speed``; the Riccati equation then gives the cost.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +49,7 @@ class Prediction:
     of_change: Floats
 
 
-@cache
+@lru_cache(maxsize=64)
 def prediction(horizon: float, stages: int) -> Prediction:
     """The prediction over a horizon in s."""
     growing = GROWTH ** np.arange(stages)

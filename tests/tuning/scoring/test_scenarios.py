@@ -90,9 +90,7 @@ def test_the_motors_can_hold_vertices() -> None:
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
     config = replace(having(18), demand_among=600)
     picks, more = training_choices(SEA, 12, 3, config)
-    behind = [
-        training_set.force_demand(each.experiment).shortfall for each in SEA.chosen(range(600), 3, vertex=True)
-    ]
+    behind = [training_set.force_demand(each.experiment).shortfall for each in SEA.chosen(range(600), 3, vertex=True)]
     flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
