@@ -33,6 +33,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import Scalar
+from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
@@ -199,7 +200,7 @@ def _swings(plant: Plant, preload: float) -> dict[str, float]:
     rates = [rope.tangent(preload / 2, length)[0] for rope, length in zip(ropes, lengths, strict=True)]
     squares = {"v": sum(rates) / plant.vehicle.mass}
     for number, rate, winch in zip((1, 2), rates, (plant.winch_1, plant.winch_2), strict=True):
-        squares[f"omega_{number}"] = rate * winch.drum_radius**2 / winch.inertia
+        squares[f"omega_{number}"] = rate * winch.drum_radius**2 / total_inertia(winch)
     return {name: 10.0 ** round(math.log10(square) / 2) for name, square in squares.items()}
 
 

@@ -6,7 +6,7 @@ The module does not bear the command's name: that is the function ``dualwinch.ra
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -155,6 +155,8 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
 
 def to_record(found: BenchmarkResult) -> dict[str, Any]:
     """The result as plain data, also in the terms in which it is printed, with units."""
+    from dualwinch.config.ensemble_file import loads_ensemble
+    from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     record = found.to_dict()
@@ -169,7 +171,9 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
     metrics = {name: quantity.unit for name, quantity in metric_quantities().items()}
     units = {"statistics": metrics, "least": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
     rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
-    return {**record, "units": units | rms, **version_notes()}
+    left_out = idealisations(loads_ensemble(found.terms.configuration).experiment)
+    facts = {"idealisations": [asdict(one) for one in left_out], "units": units | rms}
+    return {**record, **facts, **version_notes()}
 
 
 def configuration(found: BenchmarkResult, scored: EntryResult) -> str:

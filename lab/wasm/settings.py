@@ -145,14 +145,13 @@ class Settings:
     def idle(self) -> frozenset[str]:
         """Keys of the plant that nothing depends on, such as the damping of a gearbox that is rigid."""
         loop = self.loop.closed
-        symbols = ca.SX.sym("parameters", len(loop.parameters))
-        every = [symbols[:0]]
+        symbols = ca.vertcat(*map(ca.SX.sym, loop.parameters))
+        every = [ca.SX(0)]
         for function in (*loop.functions, start_function(structure_of(self.wide))):
             sizes = {name: function.sparsity_in(name) for name in function.name_in()}
             given = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
             every += function.call(given)
-        used = ca.which_depends(ca.vertcat(*map(ca.densify, every)), symbols, 1, False)  # noqa: FBT003
-        matter = {name.partition(".")[2] for name, there in zip(loop.parameters, used, strict=True) if there}
+        matter = {symbol.name().partition(".")[2] for symbol in ca.symvar(ca.vertcat(*every))}
         return frozenset(f"plant.{key}" for key in numbers(self.wide.plant) if key not in matter) - DRAWN
 
     @cached_property

@@ -146,7 +146,8 @@ def test_packages_step_as_the_interpreter_with_more_segments(tmp_path: Path) -> 
             np.testing.assert_allclose(host.state, after, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("version", [3, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("version", [2, 3])
 def test_an_fmu_of_the_plant_moves_as_its_block(version: Any, tmp_path: Path) -> None:
     export_fmu(heavy(), tmp_path / "plant.fmu", what="plant", fmi=version)
     fmu, made = Instance(tmp_path / "plant.fmu"), block("plant", heavy())
