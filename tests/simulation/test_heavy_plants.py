@@ -25,16 +25,16 @@ from tests.stepping import interpreted, plausible, values
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 DAMPING = 164.0
-SHAFTS = {f"{name}_{number}": f"motor_{number}.{name}" for name in ("theta", "omega") for number in (1, 2)}
-"""What an encoder reads → the plant's output: it is on the motor's shaft."""
+SHAFTS = {"omega_1": "motor_1.omega", "omega_2": "motor_2.omega"}
+"""What an encoder gives → the plant's output: it is on the motor's shaft."""
 
 
 @cache
 def heavy(duration: float = 0.1, **keys: Any) -> dw.Experiment:
-    """The nominal machine of `site`, its drums damped, with perfect sensors and motors, in calm water."""
+    """The nominal machine of `site`, its drums damped, with perfect sensors, motors and drives, in calm water."""
     site = dw.load_ensemble("site").experiment
     damping = {f"controller.winch_{number}.damping": DAMPING for number in (1, 2)}
-    simulation = replace(site.simulation, duration=duration, jitter=0.0, delay_samples=0)
+    simulation = replace(site.simulation, duration=duration, jitter=0.0, delay_samples=0, torque_step=0.0)
     calm = replace(site, sensors=dw.Sensors(), actuator=dw.Ideal(), disturbance=dw.Disturbance(), simulation=simulation)
     return dw.override(
         calm, damping | {"reference.jerk_limit": 1.0} | {k.replace("__", "."): v for k, v in keys.items()}
