@@ -82,6 +82,16 @@ def test_gain_of_a_linear_law_is_that_of_the_exact_linear_loop() -> None:
     assert position_loop_gain(experiment, 4000.0) == 0.0, "beyond the Nyquist frequency"
 
 
+@pytest.mark.parametrize(("l0", "kind"), [(5.0, "fando-nftsm"), (50.0, "fando-nftsm"), (5.0, "nftsm")])
+def test_gain_of_a_sliding_mode_law_is_the_rules_feedback_over_the_frequency(l0: float, kind: str) -> None:
+    """Observer gain and describing function in closed form (`simulation.analysis.resonance`), winches without PID."""
+    law = {"controller.observer.l0": l0} if kind == "fando-nftsm" else {}
+    pid = {f"controller.winch_{number}.{gain}": 0.0 for number in (1, 2) for gain in ("kp", "ki")}
+    experiment, omega = dw.override(dw.case(4, kind), law | pid), 122.0
+    rule, _ = dw.resonance_gains(experiment, amplitudes=(2e-4,))
+    assert position_loop_gain(experiment, omega, 2e-4) * omega == pytest.approx(rule.feedback, rel=0.15)
+
+
 def test_tuned_gains_have_the_ropes_mode_in_their_bandwidth_and_the_papers_have_not() -> None:
     """Of ropes with their mass the one loses the vehicle, the other hardly notices (the next test)."""
     (mode,) = (one for one in idealisations(dw.load(TUNED)) if one.name == "rope mass")
