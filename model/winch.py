@@ -17,7 +17,7 @@ import annotated_types as at
 
 from dualwinch.model.quantities.part import NoState
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
-from dualwinch.model.scalar import Scalar, absolute, clip, cos, maximum, minimum, present, sin, tanh, where
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, present, sin, tanh, where
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def gear_torque(theta: Scalar, omega: Scalar, rotor: Rotor, winch: Winch) -> Sca
     twist, half = rotor.theta - theta - transmission(theta, winch), winch.backlash / 2
     pressed = twist - clip(twist, -half, half)
     torque = winch.gear_stiffness * pressed + winch.gear_damping * (rotor.omega - omega)
-    return where(pressed > 0, maximum(torque, 0.0), where(pressed < 0, minimum(torque, 0.0), 0.0))
+    return where(pressed * torque > 0, torque, 0.0)  # teeth push, they do not stick
 
 
 def winch_rates(
