@@ -17,6 +17,7 @@ lives as long as the process.
 
 import contextlib
 import ctypes
+import errno
 import hashlib
 import os
 import re
@@ -59,7 +60,8 @@ POSIX = hasattr(os, "getuid")
 def cache_folder() -> Path:
     """The folder of compiled libraries; made with mode 0700 where there is none.
 
-    Where it cannot be trusted it is one of this process alone, and a `CacheWarning` says why.
+    Where it cannot be trusted, or written to, or nothing in it may be run, it is one of this process alone, and a
+    `CacheWarning` says why.
 
     Raises:
         CacheError: it cannot be made or read.
@@ -68,9 +70,11 @@ def cache_folder() -> Path:
     folder = Path(given or user_cache_path("dualwinch")).absolute() / NAME
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        reason = _doubt_above(folder) or _doubt(folder)
+        reason = _doubt_above(folder) or _doubt(folder) or _useless(folder)
         return _substitute(reason) if reason else folder
     except OSError as error:
+        if error.errno in {errno.EROFS, errno.EACCES, errno.EPERM}:
+            return _substitute(f"{folder}: {error.strerror}")
         raise CacheError(f"cannot use the cache folder {folder}: {error.strerror}; {HINT}") from error
 
 
@@ -119,6 +123,15 @@ def _doubt(folder: Path) -> str:
     return ""
 
 
+def _useless(folder: Path) -> str:
+    """Why nothing can be written to a folder and run from there; empty where it can."""
+    if not os.access(folder, os.W_OK):
+        return f"{folder} is read-only"
+    if POSIX and os.statvfs(folder).f_flag & getattr(os, "ST_NOEXEC", 0):
+        return f"nothing may be run from {folder} (mounted noexec)"
+    return ""
+
+
 def _others_write(facts: os.stat_result) -> bool:
     """Whether others may write to a folder; a group that is the user's alone is no other."""
     return bool(facts.st_mode & stat.S_IWOTH) or bool(facts.st_mode & stat.S_IWGRP and not _private(facts.st_gid))
@@ -142,7 +155,7 @@ def _substitute(reason: str) -> Path:
     """A folder of this process alone, gone when it ends."""
     folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", ignore_cleanup_errors=True)
     _substitutes.append(folder)
-    if further := _doubt_above(Path(folder.name)):
+    if further := _doubt_above(Path(folder.name)) or _useless(Path(folder.name)):
         raise CacheError(f"no folder for compiled libraries: {reason}, and {further}; {HINT}")
     warnings.warn(
         f"compiled libraries are not kept: {reason}; they are built anew in {folder.name}", CacheWarning, stacklevel=3

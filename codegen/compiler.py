@@ -163,7 +163,11 @@ def find_compiler(wanted: str | None = None) -> Compiler:
 @cache
 def _find(wanted: str | None, path: str) -> Compiler:
     if wanted:
-        command = tuple(shlex.split(wanted))
+        try:
+            command = tuple(shlex.split(wanted))
+        except ValueError as error:  # a quotation mark without its other one
+            said = str(error).lower()
+            raise CompilerNotFoundError(f"{wanted!r} is no command (DUALWINCH_CC or CC): {said}") from error
         version_line = None if wanted == "zig" else _ask_version(command)
         named = Compiler(Path(command[0]).stem, command, version_line) if version_line else None
         found = _zig() if wanted == "zig" else named

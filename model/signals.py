@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,24 @@ Beyond: TypeAlias = Literal["hold", "zero", "error"]
 
 EARLY = 1e-9
 """Time in s by which a value counts before its own time: instants of samples are rounded."""
+
+
+def _seconds(t: Iterable[Any]) -> Iterable[Any]:
+    """Times as they are; dates as seconds since the first one, spans of time in seconds."""
+    given = np.asarray(t if isinstance(t, np.ndarray) else list(t))
+    if given.dtype == object and all(isinstance(each, datetime | timedelta) for each in given):
+        start = given[0] if isinstance(given[0], datetime) else timedelta()
+        return [(each - start).total_seconds() for each in given]
+    if given.dtype.kind in "mM":
+        return (given - given[0] if given.dtype.kind == "M" else given) / np.timedelta64(1, "s")
+    return given
+
+
+def _numbers(name: str, given: Iterable[Any]) -> Floats:
+    try:
+        return np.asarray(given if isinstance(given, np.ndarray) else list(given), float).reshape(-1)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{name}: must be numbers: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -107,16 +126,17 @@ class Signal:
         """A signal from arrays.
 
         Args:
-            t: (n,) times in s, ascending.
+            t: (n,) times in s, ascending; or dates, which count from the first one.
             values: (n,) values at these times.
             unit: of the values, such as ``kN``.
             interpolation: as the field.
             beyond: as the field.
 
         Raises:
-            ConfigurationError: fewer than two values, not as many as times, or numbers that are not finite.
+            ConfigurationError: fewer than two values, not as many as times, or what is no finite number.
         """
-        times, numbers = (Numbers(np.asarray(list(given), float).tolist()) for given in (t, values))
+        times = Numbers(_numbers("times", _seconds(t)).tolist())
+        numbers = Numbers(_numbers("values", values).tolist())
         if not times:
             raise ConfigurationError("times: is too short: must have two numbers or more")
         return cls(unit=unit, interpolation=interpolation, beyond=beyond, times=times, values=numbers)
@@ -149,6 +169,11 @@ class Signal:
             return
         self.recording.column(0, self.unit, si)
         start, end = self.recording.t[[0, -1]]
+        if end < -EARLY or start > last + EARLY:
+            raise ConfigurationError(
+                f"{self.file or 'times'}: none of its times is in the run: has {start:.10g} to {end:.10g} s, must have "
+                f"some of 0 to {last:g} s; count them from the run's start, and see to time_unit"
+            )
         if self.beyond == "error" and not (start <= EARLY and last <= end + EARLY):
             raise ConfigurationError(
                 f"{self.file or 'times'}: is too short: holds {start:g} to {end:g} s, must hold 0 to {last:g} s; "

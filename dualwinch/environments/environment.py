@@ -108,6 +108,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         reward: Reward | Mapping[str, float] | None = None,
         exact: bool = False,
         render_mode: None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         """Make the environment.
 
@@ -122,10 +123,17 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             reward: its weights (`environments.task.Reward`).
             exact: with the operations of `simulate`, at a quarter of the speed; see `Stepper`.
             render_mode: there is none; results have figures.
+            autoreset_mode: a lane begins its next episode with its next step; there is no other.
 
         Raises:
             ConfigurationError: an unknown experiment, or a number out of range.
         """
+        if autoreset_mode not in {AutoresetMode.NEXT_STEP, AutoresetMode.NEXT_STEP.value}:
+            given, only = getattr(autoreset_mode, "value", autoreset_mode), AutoresetMode.NEXT_STEP.value
+            raise ConfigurationError(
+                f'autoreset_mode = "{given}": must be "{only}"; for others make environments one by '
+                'one: gymnasium.make_vec(..., vectorization_mode="sync")'
+            )
         self.num_envs, self.render_mode = num_envs, render_mode
         self._task = task = Task(
             experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised

@@ -151,7 +151,7 @@ SUMMARY = {
 """Summary of a controller: name in tables and files → statistic."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EnsembleResult(RunOutcomes):
     """The scenarios of an ensemble after their runs; arrays of outcomes are (scenarios,).
 
@@ -172,6 +172,17 @@ class EnsembleResult(RunOutcomes):
     def __len__(self) -> int:
         """Number of scenarios that were run."""
         return len(self.outcomes)
+
+    def __repr__(self) -> str:
+        ends = ", ".join(f"{count} {word}" for word, count in self.outcome_counts.items())
+        shown = []
+        for name in ("mean.mse", "worst.max_abs_error", "worst.peak_tension"):
+            statistic = statistic_from(name)
+            value = statistic.quantity.text(self.statistic(name))
+            shown.append(f"{name} = {value} {statistic.quantity.shown_unit}")
+        asked = f"{len(self)} of {self.asked}" if self.partial else str(len(self))
+        about = f"{self.ensemble.name}: {asked} scenarios of seed {self.seed}"
+        return f"{type(self).__name__}({'; '.join([about, ends, ', '.join(shown)])})"
 
     @property
     def partial(self) -> bool:

@@ -29,7 +29,7 @@ def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
     return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Metrics(Mapping[str, float]):
     """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
 
@@ -152,6 +152,14 @@ class Metrics(Mapping[str, float]):
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (tuple(self.quantities.items())[len(BUILT_IN) :], tuple(vars(self).values()))
 
+    def __repr__(self) -> str:
+        """Every value in the unit that people read it in."""
+        words = []
+        for name, quantity in self.quantities.items():
+            value = f"{np.shape(self[name])} values" if np.ndim(self[name]) else quantity.text(self[name])
+            words.append(f"{name} = {value} {quantity.shown_unit}".rstrip())
+        return f"{type(self).__name__}({', '.join(words)})"
+
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
         rows = []
@@ -194,7 +202,7 @@ def _metrics_with(own: tuple[tuple[str, MetricQuantity], ...]) -> type[Metrics]:
         return Metrics
     added = [(name, Annotated[float, quantity]) for name, quantity in own]
     return make_dataclass(
-        Metrics.__name__, added, bases=(Metrics,), namespace={"__doc__": Metrics.__doc__}, frozen=True
+        Metrics.__name__, added, bases=(Metrics,), namespace={"__doc__": Metrics.__doc__}, repr=False, frozen=True
     )
 
 

@@ -110,6 +110,11 @@ def _facts(result: Result) -> dict[str, Any]:
 
 
 def _result_of(content: FileContent, base: Experiment) -> Result:
+    lengths = {name: len(values) for name, values in content.columns.items()}
+    if len(set(lengths.values())) > 1:
+        (first, rows), *others = lengths.items()
+        odd, count = next((name, count) for name, count in others if count != rows)
+        raise ConfigurationError(f"column '{odd}' has {count} rows: must have {rows}, as '{first}'")
     facts = {key: content.facts[key] for key in ("end_time", "metrics", "final_state", "experiment")}
     facts |= {"nominal": content.facts.get("nominal")}
     facts = {key: json.loads(value) if isinstance(value, str) else value for key, value in facts.items()}

@@ -52,3 +52,9 @@ def test_identity_names_compiler_flags_and_processor() -> None:
     assert compiler.version in compiler.identity
     assert "-O3" in compiler.identity
     assert all(feature in compiler.identity for feature in vector_features())
+
+
+@pytest.mark.parametrize("command", ["gcc '", "gcc \\"])
+def test_a_command_with_half_a_quotation_is_no_compiler(command: str) -> None:
+    with pytest.raises(CompilerNotFoundError, match=r"is no command \(DUALWINCH_CC or CC\): no "):
+        find_compiler(command)

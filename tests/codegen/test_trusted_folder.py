@@ -1,12 +1,14 @@
 """Whose libraries are run: the folder of compiled libraries among files that are not its own, and under attack."""
 
 import ctypes
+import errno
 import os
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -210,3 +212,23 @@ def test_whatever_the_umask_a_library_is_found_again(umask: int) -> None:
         assert mode(library(SOURCE, find_compiler())) == 0o700
     finally:
         os.umask(before)
+
+
+def test_a_folder_that_cannot_be_written_to_or_made(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("os.access", lambda path, _: Path(path) != given / NAME)
+        built_elsewhere(f"{given / NAME} is read-only")
+    monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(given / "further"))
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cache, "_doubt", refuse)
+        built_elsewhere("Read-only file system")
+
+
+def test_a_folder_that_nothing_may_be_run_from(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    of_folder, noexec = os.statvfs, SimpleNamespace(f_flag=os.ST_NOEXEC)
+    monkeypatch.setattr("os.statvfs", lambda path: noexec if Path(path) == given / NAME else of_folder(path))
+    built_elsewhere("mounted noexec")

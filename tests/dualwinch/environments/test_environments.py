@@ -227,3 +227,11 @@ def test_nothing_else_needs_gymnasium() -> None:
     program = "import sys, dualwinch; dualwinch.Stepper; print('gymnasium' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_the_mode_of_starting_anew_may_be_given_and_is_the_one() -> None:
+    register()
+    for mode in (AutoresetMode.NEXT_STEP, "NextStep"):
+        gymnasium.make_vec("dualwinch/Case1-v0", num_envs=1, autoreset_mode=mode)
+    with pytest.raises(ConfigurationError, match='autoreset_mode = "SameStep": must be "NextStep"'):
+        gymnasium.make_vec("dualwinch/Case1-v0", num_envs=1, autoreset_mode=AutoresetMode.SAME_STEP)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
@@ -183,3 +184,19 @@ def test_it_travels_between_processes(file: Path) -> None:
 def test_a_file_and_arrays_are_too_much(file: Path) -> None:
     with pytest.raises(ConfigurationError, match="must not be given beside a file"):
         Signal(str(file), "F", "N", times=(0.0, 1.0), values=(0.0, 0.0))
+
+
+def test_dates_count_from_the_first_one() -> None:
+    stamps = pd.date_range("2024-05-01 12:00", periods=3, freq="2s")
+    plain = Signal.from_arrays([0.0, 2.0, 4.0], [1, 3, -1], unit="N")
+    for times in (stamps, stamps.tz_localize("UTC"), stamps.to_numpy(), stamps.to_pydatetime(), stamps - stamps[0]):
+        assert Signal.from_arrays(times, pd.Series([1, 3, -1], index=stamps), unit="N") == plain
+    with pytest.raises(ConfigurationError, match="times: must be numbers"):
+        Signal.from_arrays(["a", "b"], [1, 2], unit="N")  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("shift", [100.0, -100.0, 1.7e9])
+def test_a_signal_that_never_meets_the_run_is_refused(shift: float) -> None:
+    signal = Signal.from_arrays(np.array([0.0, 4.0]) + shift, [1, 3], unit="N")
+    with pytest.raises(ConfigurationError, match="none of its times is in the run"):
+        signal.check("N", 50.0)

@@ -138,6 +138,15 @@ def test_files_that_hold_no_result_are_told(suffix: str, run: Result, tmp_path: 
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_columns_of_different_lengths_are_no_result(suffix: str, run: Result, tmp_path: Path) -> None:
+    short = replace(run, columns=run.columns | {"v": run["v"][:-1]})
+    path = tmp_path / f"run{suffix}"
+    save(short, path)
+    with pytest.raises(ConfigurationError, match=r"column 'v' has \d+ rows: must have \d+, as 't'$"):
+        load_result(path)
+
+
 def test_a_csv_file_needs_its_metadata(run: Result, tmp_path: Path) -> None:
     path = written(run, tmp_path / "run.csv")
     (tmp_path / "run.csv-metadata.json").unlink()
