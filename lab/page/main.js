@@ -75,7 +75,7 @@ function choose(key, choice) {
   const structure = structureOf(catalogue, next);
   const others = Object.keys(before).filter((other) => other !== key && structure.settings[other] !== before[other]);
   change(next);
-  if (structure.settings[key] !== choice) say(`On this machine the lab has ${structure.label}.`);
+  if (structure.settings[key] !== choice) say("The lab has this machine with the paper’s law only; simulate has it with any.");
   else if (others.length) say(`In the lab this goes with ${structure.label} only.`);
 }
 
