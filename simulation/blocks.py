@@ -295,7 +295,7 @@ def _assemble(
     vectors = {"state": law.state, "input": inputs, "parameters": parameters}
 
     def function(kind: str) -> ca.Function:
-        expressions = [_column(part) for part in results[kind].values() if part]
+        expressions = [_column(part) for part in results[kind].values()]
         columns = [_column(vectors[name]) for name in given[kind]]
         return ca.Function(kind, columns, expressions, [*given[kind]], [*results[kind]], {"cse": True})
 

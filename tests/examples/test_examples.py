@@ -3,19 +3,27 @@
 import importlib.util
 import inspect
 import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from dualwinch.export import export_c
 from dualwinch.model.quantities.part import Part
+from dualwinch.simulation.blocks import block
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
 from tests.tuning.conftest import few_scenarios  # noqa: F401 # a fixture
 
 pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.stem != "lqr_torques")
+"""Those of one part that is tuned; the other one works its gain out before the run."""
 LESSON = (ROOT / "docs" / "your-own-parts.md").read_text(encoding="utf-8")
 LONGEST = 25
 """Lines of a part."""
@@ -75,3 +83,19 @@ def test_a_law_is_used_like_any_other(
     assert "LQI: completed at 50 s" in printed
     assert "Margins(" in printed
     assert (tmp_path / "lqi" / "dualwinch_controller.c").exists()
+
+
+def test_full_state_feedback_commands_torques_and_holds(tmp_path: Path) -> None:
+    """A law without states, exported, too."""
+    example = loaded(ROOT / "examples" / "lqr_torques.py")
+    experiment = example.lqr(override(case(4), {"simulation.duration": 20.0}))
+    result = simulate(experiment)
+    assert result.outcome == "completed"
+    assert result.metrics.max_abs_error < 0.01
+    assert result.metrics.slack_share == 0
+    assert not block("controller", experiment).states
+    export_c(experiment, tmp_path)
+    flags = "-std=c99 -pedantic -Wall -Wextra -Wconversion -Wshadow -Werror"
+    if cc := shutil.which("cc"):
+        sources = sorted(map(str, tmp_path.glob("*.c")))
+        subprocess.run([cc, *flags.split(), "-c", *sources], cwd=tmp_path, check=True)
