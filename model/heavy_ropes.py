@@ -35,7 +35,7 @@ from dualwinch.model.friction import bristle_rate
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity, vector
 from dualwinch.model.ropes import SHORTEST_ROPE, RopeLaw, Track, one_sided
-from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, sqrt, tanh
+from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, sqrt, tanh, where
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,8 @@ class RopePull:
 
 def span_of(length: Scalar, track: Track) -> Scalar:
     """Distance in m of the points that carry a rope of a length in m."""
-    return minimum(length, track.roller_spacing) if present(track.roller_spacing) else length
+    spacing = track.roller_spacing
+    return where(spacing > 0, minimum(length, spacing), length) if present(spacing) else length
 
 
 def lumped_mass(rope: RopeLaw, length: Scalar) -> Scalar:

@@ -14,7 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, is_distributed, plant_structure, remembers_friction
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import alike, numbers, with_leaves
+from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
 from dualwinch.model.ropes import is_kelvin_voigt
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
@@ -173,11 +173,15 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
     gains = _gains(controller)
-    believed = nominal_plant(controller.nominal, nominal or experiment.plant, controller.limits.preload)
-    unknown = unknown_keys()
+    own, other = (
+        nominal_plant(controller.nominal, plant, controller.limits.preload)
+        for plant in (experiment.plant, nominal or experiment.plant)
+    )
+    # code is shaped by the simulated plant: of what that has the other one may have nothing, a zero
+    believed, unknown = leaves(other, "nominal."), unknown_keys()
     values = (
         numbers(experiment.plant, "plant.")
-        | {key: value for key, value in numbers(believed, "nominal.").items() if key not in unknown}
+        | {key: believed[key] for key in numbers(own, "nominal.") if key not in unknown}
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")

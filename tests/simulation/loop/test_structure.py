@@ -2,14 +2,17 @@
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
+from dualwinch.model.heavy_ropes import sag_shortening
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.ropes import Rope, Track
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
@@ -133,3 +136,16 @@ def test_what_is_zero_for_good_is_not_looked_at() -> None:
     assert np.array_equal(following(lean, 0.2), following(lean, 0.0))
     assert np.array_equal(following(lean, 0.2), following(whole, 0.0))
     assert not np.array_equal(following(whole, 0.2), following(whole, 0.0))
+
+
+def test_what_a_controller_believes_may_lack_what_the_machine_has() -> None:
+    """Code is shaped by the machine; of a plant without sag or hysteresis, a controller of it believes zeros."""
+    heavy = {f"plant.rope_{side}.submerged_weight": 20.2 for side in (1, 2)}
+    heavy |= {"plant.track.roller_spacing": 1.0, "plant.rope_1.hysteresis": 7.0}
+    machine = override(case(4), heavy)
+    known, believed = parameters_of(machine), parameters_of(machine, Plant())
+    assert list(believed) == list(known)
+    assert (known["nominal.track.roller_spacing"], believed["nominal.track.roller_spacing"]) == (1.0, 0.0)
+    weight, spacing = ca.SX.sym("weight"), ca.SX.sym("spacing")
+    sag = sag_shortening(Rope(submerged_weight=weight), 1000.0, 20.0, Track(roller_spacing=spacing))
+    assert float(ca.Function("sag", [weight, spacing], [sag])(0, 0)) == 0
