@@ -237,7 +237,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     _check_bounds(columns, described)
     scaling = [name for name in names if Mark.SCALES_DRAWS in described[name].marks]
     for group in groups:
-        _check_group(group, scenarios, scaling)
+        check_group(group, scenarios, scaling)
         if structure_of(group.experiment) != structure or group.experiment.samples != first.samples:
             place = group.members[0]
             raise ConfigurationError(f"scenarios[{place}]: must have the structure and the length of scenarios[0]")
@@ -251,7 +251,7 @@ def check_shape(names: Sequence[str], values: Floats) -> None:
         raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
 
 
-def _check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str]) -> None:
+def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str] = ()) -> None:
     """Members in doubt are shown to `prepare`, which has the words for what is wrong with them."""
     for place in group.members[doubtful(group)]:
         try:

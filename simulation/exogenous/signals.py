@@ -234,17 +234,20 @@ def exogenous_pieces(
         yield table
 
 
-def exogenous_sources(experiment: Experiment, columns: Mapping[str, NDArray[Any]], count: int) -> list[Signals]:
+def exogenous_sources(
+    experiment: Experiment, columns: Mapping[str, NDArray[Any]], count: int, *, further: int = 0
+) -> list[Signals]:
     """The exogenous signals of runs, for compiled code that draws them while it runs.
 
     Args:
         experiment: values that the runs share, all given signals among them.
         columns: key → their own numbers, (count,).
         count: number of the runs.
+        further: samples after the last one of a run.
     """
     names, random = exogenous_names(experiment.controller), random_signals(experiment)
     signals = Signals([random.get(name) for name in names])
-    signals.give(_given(experiment, names, 0, experiment.samples), 0)
+    signals.give(_given(experiment, names, 0, experiment.samples + further), 0)
     drawn = random_signals(experiment, columns)
     return signals.of_many([drawn.get(name) for name in names], count)
 

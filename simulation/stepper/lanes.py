@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -15,16 +15,18 @@ from dualwinch.codegen.drivers.stepping import Commanded, SteppedRuns, Stepping
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
+from dualwinch.simulation.batch.scenarios import check_group, scenario_groups
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.exogenous.signals import exogenous_pieces
+from dualwinch.simulation.exogenous.signals import exogenous_pieces, exogenous_sources
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import (
     ClosedLoop,
     absent_signals,
     closed_loop,
     exogenous_names,
+    starts,
 )
-from dualwinch.simulation.loop.structure import zeros_of
+from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
@@ -84,7 +86,10 @@ def first_page(experiment: Experiment, length: int) -> SignalPage:
 
     That is for the observation after the last sample.
     """
-    source = exogenous_pieces(experiment, length, experiment.samples + 1)
+    return _first_of(exogenous_pieces(experiment, length, experiment.samples + 1))
+
+
+def _first_of(source: Iterator[Floats]) -> SignalPage:
     return SignalPage(next(source), 0, source, threading.Lock())
 
 
@@ -94,14 +99,19 @@ class Lane:
 
     Attributes:
         scenario: what was drawn.
-        experiment: the same under command.
+        command: what it is under.
         parameters, state: as the compiled code takes them, the state before the first sample.
     """
 
     scenario: Scenario
-    experiment: Experiment
+    command: CommandName
     parameters: Floats
     state: Floats
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """The scenario's experiment under command."""
+        return under_command(self.scenario.experiment, self.command)
 
 
 class Scenarios:
@@ -156,41 +166,50 @@ class Scenarios:
             return [Scenario(0, self._base, self._base.plant, {})] * len(numbers)
         return self.ensemble.chosen([int(number) for number in numbers], seed)
 
-    def lanes(self, scenarios: Sequence[Scenario]) -> list[Lane]:
-        """What lanes of scenarios start from.
+    def started(self, scenarios: Sequence[Scenario], batch: int) -> tuple[list[Lane], list[SignalPage]]:
+        """What lanes of scenarios start from, and the first pages of their signals, in a batch of so many lanes.
+
+        Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
 
         Raises:
             ConfigurationError: a scenario's values do not fit together; the message names it.
         """
         if self.ensemble is None:
-            return [self._only] * len(scenarios)
-        return [self._lane(scenario) for scenario in scenarios]
+            page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
+            if self.experiment.samples * page.table.itemsize * page.table.shape[1] < ROOM:
+                self._only_page = page
+            return [self._only] * len(scenarios), [page] * len(scenarios)
+        lanes: dict[int, Lane] = {}
+        pages: dict[int, SignalPage] = {}
+        length = page_length(self.experiment, batch)
+        for group in scenario_groups(self._under_command(scenarios)):
+            check_group(group, scenarios)
+            names = tuple(group.numbers)
+            if names != self.loop.parameters:
+                self.loop.vector(group.numbers)  # says what differs
+            states = starts(structure_of(group.experiment), group.vectors)
+            sources = exogenous_sources(group.experiment, group.columns, len(group.members), further=1)
+            for place, numbers, state, source in zip(
+                group.members.tolist(), group.vectors, states, sources, strict=True
+            ):
+                lanes[place] = Lane(scenarios[place], self._command, numbers, state)
+                pages[place] = _first_of(source.pieces(length, group.experiment.samples + 1))
+        every = range(len(scenarios))
+        return [lanes[place] for place in every], [pages[place] for place in every]
 
-    def first_pages(self, lanes: Sequence[Lane], batch: int) -> list[SignalPage]:
-        """The first pages of lanes' signals, of a batch of so many lanes.
-
-        Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
-        """
-        if self.ensemble:
-            return [first_page(lane.experiment, page_length(self.experiment, batch)) for lane in lanes]
-        page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
-        if self.experiment.samples * page.table.itemsize * page.table.shape[1] < ROOM:
-            self._only_page = page
-        return [page] * len(lanes)
+    def _under_command(self, scenarios: Sequence[Scenario]) -> list[Scenario]:
+        """The scenarios with bases under command, one for all that share one."""
+        bases = {id(scenario.base): scenario.base for scenario in scenarios}
+        commanded = {key: under_command(base, self._command) for key, base in bases.items()}
+        return [replace(scenario, base=commanded[id(scenario.base)]) for scenario in scenarios]
 
     _only_page: SignalPage | None = None
 
     @cached_property
     def _only(self) -> Lane:
-        return self._lane(*self.drawn([0], 0))
-
-    def _lane(self, scenario: Scenario) -> Lane:
-        experiment = under_command(scenario.experiment, self._command)
-        try:
-            prepared = prepare(experiment, scenario.nominal)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"scenario {scenario.index}: {error}") from error
-        return Lane(scenario, experiment, self.loop.vector(prepared.parameters), prepared.state)
+        (scenario,) = self.drawn([0], 0)
+        prepared = prepare(under_command(scenario.experiment, self._command), scenario.nominal)
+        return Lane(scenario, self._command, self.loop.vector(prepared.parameters), prepared.state)
 
 
 @GRAPHS.cached

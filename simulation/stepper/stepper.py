@@ -223,11 +223,10 @@ class Stepper:
         if len(wanted) != len(indices):
             raise ConfigurationError(f"scenarios: has {len(wanted)} numbers: must have {len(indices)}, one a lane")
         if len(indices):
-            drawn = [
-                given if isinstance(given, Scenario) else self.source.drawn([given], self.seed)[0] for given in wanted
-            ]
-            started = self.source.lanes(drawn)
-            self._lanes.start(indices, started, self.source.first_pages(started, self.batch))
+            numbers = [given for given in wanted if not isinstance(given, Scenario)]
+            drawn = iter(self.source.drawn(numbers, self.seed))
+            chosen = [given if isinstance(given, Scenario) else next(drawn) for given in wanted]
+            self._lanes.start(indices, *self.source.started(chosen, self.batch))
         self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
         self._forget(indices)
         return self.observation

@@ -2,7 +2,7 @@
 
 import ctypes
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
@@ -138,6 +138,13 @@ class Signals:
         self._given = [None if values is None else np.ascontiguousarray(values, float) for values in given]
         self.records["given"] = [0 if values is None else values.ctypes.data for values in self._given]
         self.records["given_from"] = first
+
+    def pieces(self, length: int, samples: int) -> Iterator[Floats]:
+        """So many samples from the first one on, (samples, signals), in tables of at most `length`."""
+        for first in range(0, samples, length):
+            table = np.empty((min(length, samples - first), len(self.records)))
+            self.fill(table, first)
+            yield table
 
     def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.
