@@ -466,6 +466,10 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
     return tables
 
 
+MOST_COLUMNS = 6
+"""Columns of a sweep's table of modes."""
+
+
 def print_sweep(
     systems: Sequence[LinearSystem], points: Sequence[OperatingPoint], plant: Plant, swept: str
 ) -> list[FigureTable]:
@@ -476,17 +480,25 @@ def print_sweep(
     values = [getattr(point, swept) for point in points]
     (first,) = _point_columns(swept)
     console.print("natural frequency in Hz (damping ratio)")
-    columns = [FigureColumn(swept, first.unit, f"{swept} ({first.unit})", form="g")]
-    columns += [FigureColumn(track.label) for track in tracks]
-    rows = [
+    wide = len(tracks) > MOST_COLUMNS  # modes stand below each other then, at the ends and in the middle
+    shown = sorted({0, (len(points) - 1) // 2, len(points) - 1}) if wide else range(len(points))
+    cells = [
         [
-            value,
-            *(f"{measured(mode.natural_frequency / (2 * math.pi))} ({mode.damping:.3g})" for mode in modes),
+            f"{measured(mode.natural_frequency / (2 * math.pi))} ({mode.damping:.3g})"
+            for mode in map(track.modes.__getitem__, shown)
         ]
-        for value, modes in zip(values, zip(*(track.modes for track in tracks), strict=True), strict=True)
+        for track in tracks
     ]
+    if wide:
+        columns = [FigureColumn("mode", ""), *(FigureColumn(f"{swept} = {values[k]:g}") for k in shown)]
+        rows = [[track.label, *line] for track, line in zip(tracks, cells, strict=True)]
+    else:
+        columns = [FigureColumn(swept, first.unit, f"{swept} ({first.unit})", form="g")]
+        columns += [FigureColumn(track.label) for track in tracks]
+        rows = [[value, *line] for value, line in zip(values, zip(*cells, strict=True), strict=True)]
     console.print(FigureTable("", columns, rows).render())
-    highest = max(mode.sample_rate for track in tracks for mode in track.modes)
+    found = [mode for track in tracks for mode in track.modes]
+    highest = max(mode.sample_rate for mode in [mode for mode in found if mode.rate.imag] or found)
     console.print(f"{SAMPLES_A_PERIOD} samples a period of the fastest mode: {measured(highest)} Hz")
     passed = [(value, words) for value, point in zip(values, points, strict=True) for words in point.violations]
     if passed:

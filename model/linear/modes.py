@@ -28,17 +28,55 @@ TAKES_PART = 0.2
 """A body (a rope) takes part with this share of the kinetic energy (the elastic energy), or more."""
 
 
+class Inside(NamedTuple):
+    """A mode within a rope and a gearbox: complex displacements in m, along the track but for the sag.
+
+    Attributes:
+        nodes: of the rope, from the drum to the vehicle.
+        sag: of the rope, 0 where it has none.
+        rotor: at the drum's rim; None where the gearbox is rigid.
+    """
+
+    nodes: tuple[complex, ...]
+    sag: complex
+    rotor: complex | None
+
+    def largest(self, *kinds: str) -> complex:
+        """The largest displacement of some kinds of modes (`KINDS`)."""
+        moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
+        return max((way for kind in kinds for way in moved[kind]), key=abs, default=0j)
+
+
 class Shape(NamedTuple):
-    """A mode of the plant in metres: complex displacements along the track, the drums' at their rims."""
+    """A mode of the plant in metres: complex displacements along the track, the drums' at their rims.
+
+    `inner` is what goes on within rope and gearbox of winch 1 and winch 2.
+    """
 
     vehicle: complex
     drum_1: complex
     drum_2: complex
+    inner: tuple[Inside, Inside]
 
     @property
     def stretches(self) -> tuple[complex, complex]:
         """Stretches of rope 1 and rope 2."""
         return self.drum_1 - self.vehicle, self.vehicle - self.drum_2
+
+    @property
+    def largest(self) -> complex:
+        """The largest displacement."""
+        moved = (self.vehicle, self.drum_1, self.drum_2, *(inside.largest(*KINDS) for inside in self.inner))
+        return max(moved, key=abs)
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether nothing moves against anything else."""
+        apart = [*self.stretches, *(inside.sag for inside in self.inner)]
+        for inside, drum in zip(self.inner, (self.drum_1, self.drum_2), strict=True):
+            apart += [node - self.vehicle for node in inside.nodes]
+            apart += [] if inside.rotor is None else [inside.rotor - drum]
+        return max(map(abs, apart)) < RIGID * abs(self.largest)
 
 
 def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
@@ -61,45 +99,24 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     if Mark.SETTLES in known[main].marks:
         return "friction on the rail" if main.startswith("rail") else f"friction within rope {main[5]}"
     moved = displacements(shape, plant, prefix)
-    inner = [_inside(side, shape, prefix) for side in plant.sides]
-    largest = max(map(abs, (*moved, *(inside.largest(*KINDS) for inside in inner))))
-    if max(map(abs, (*moved.stretches, *(inside.sag for inside in inner)))) < RIGID * largest:
+    if moved.is_rigid:
         speed, position = participation[prefix + "v"], participation[prefix + "x"]
         return "rigid drift: speed" if speed > position else "rigid drift: position"
     lengths = rope_lengths(x, plant.track)
     weights = [_side_masses(side, length, plant) for side, length in zip(plant.sides, lengths, strict=True)]
     energies = [
         mass.energies(drum, moved.vehicle, inside)
-        for mass, drum, inside in zip(weights, (moved.drum_1, moved.drum_2), inner, strict=True)
+        for mass, drum, inside in zip(weights, (moved.drum_1, moved.drum_2), moved.inner, strict=True)
     ]
     vehicle = inertia(plant.vehicle) * abs(moved.vehicle) ** 2
     totals = {kind: sum(energy[kind] for energy in energies) for kind in energies[0]}
     kind = max(totals, key=lambda each: totals[each] + (vehicle if each == "drum" else 0.0))
     if kind != "drum":
-        return _by_kind(kind, [energy[kind] for energy in energies], inner, moved)
+        return _by_kind(kind, [energy[kind] for energy in energies], moved)
     tension = system.operating_point.get
     sides = zip(plant.sides, lengths, ("F1", "F2"), strict=True)
     springs = [side.rope.tangent(tension(name, PRELOAD / 2), length)[0] for side, length, name in sides]
     return _by_energies(moved, (inertia(plant.vehicle), *(mass.drum + mass.rotor for mass in weights)), springs)
-
-
-class Inside(NamedTuple):
-    """A mode within a rope and a gearbox: complex displacements in m, along the track but for the sag.
-
-    Attributes:
-        nodes: of the rope, from the drum to the vehicle.
-        sag: of the rope, 0 where it has none.
-        rotor: at the drum's rim; None where the gearbox is rigid.
-    """
-
-    nodes: tuple[complex, ...]
-    sag: complex
-    rotor: complex | None
-
-    def largest(self, *kinds: str) -> complex:
-        """The largest displacement of some kinds of modes (`KINDS`)."""
-        moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
-        return max((way for kind in kinds for way in moved[kind]), key=abs, default=0j)
 
 
 def _inside(side: Side, shape: Mapping[str, complex], prefix: str) -> Inside:
@@ -150,30 +167,34 @@ def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
 
 
 KINDS = {
-    "waves": ("rope {}, longitudinal mode {}", "both ropes {}, longitudinal mode {}"),
+    "waves": ("rope {}, longitudinal mode {}", "ropes {}, longitudinal mode {}"),
     "gear": ("gear {}", "both gears {}"),
     "sag": ("sag of rope {}", "sag of both ropes {}"),
 }
 """Kind of a mode within ropes and gearboxes → its name, of one side and of both."""
 
 
-def _by_kind(kind: str, energies: Sequence[float], inner: Sequence[Inside], moved: Shape) -> str:
+def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
     """A mode's name by its kind and the energies that both sides have of it."""
     one, two = KINDS[kind]
     stronger = int(energies[1] > energies[0])
-    nodes = inner[stronger].nodes
+    nodes = moved.inner[stronger].nodes
     along = [moved.vehicle, *reversed(nodes), (moved.drum_1, moved.drum_2)[stronger]]
     number = 1 + _sign_changes(along)
     if min(energies) < TAKES_PART * sum(energies):
         return one.format(stronger + 1, number)
-    first, second = (inside.largest(kind) for inside in inner)
+    first, second = (inside.largest(kind) for inside in moved.inner)
     return two.format("together" if (first * second.conjugate()).real > 0 else "opposed", number)
 
 
 def _sign_changes(along: Sequence[complex]) -> int:
-    """Nodes of a mode's shape, by its displacements along a rope; small ones do not count."""
+    """Nodes of a mode's shape, by its displacements from the vehicle to the drum; small ones do not count.
+
+    The drum's always does: a heavy one hardly moves, yet against the rope next to it.
+    """
     largest = max(along, key=abs)
-    shown = [(way / largest).real for way in along if abs(way) > RIGID * abs(largest)]
+    shown = [(way / largest).real for way in along[:-1] if abs(way) > RIGID * abs(largest)]
+    shown.append((along[-1] / largest).real)
     return sum(first * second < 0 for first, second in pairwise(shown))
 
 
@@ -188,16 +209,18 @@ def plant_prefix(states: Sequence[str]) -> str | None:
 
 def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") -> Shape:
     """A mode's displacements of vehicle and drum rims along the track, in metres."""
+    first, second = (_inside(side, shape, prefix) for side in plant.sides)
     return Shape(
         shape[prefix + "x"],
         plant.winch_1.drum_radius * shape[prefix + "theta_1"],
         -plant.winch_2.drum_radius * shape[prefix + "theta_2"],
+        (first, second),
     )
 
 
 def _by_energies(moved: Shape, masses: Sequence[float], springs: Sequence[float]) -> str:
     """A mode's name by the bodies and ropes, of given masses in kg and spring rates in N/m, that have its energy."""
-    vehicle, *drums = _taking_part(masses, moved)
+    vehicle, *drums = _taking_part(masses, moved[:3])
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]
     rope = "both ropes" if len(ropes) == 2 else f"rope {ropes[0]}"

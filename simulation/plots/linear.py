@@ -163,7 +163,9 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: G
 
 
 def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> Figure:
-    """How drums and vehicle move along the track in every mode, the largest displacement drawn as one.
+    """How everything moves along the track in every mode, the largest displacement drawn as one.
+
+    Dots are nodes of ropes, squares the motors' rotors behind gearboxes that give, triangles the depth of a sag.
 
     Args:
         system: has the plant's states.
@@ -189,14 +191,27 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
     return page.figure
 
 
+ROTOR = 0.2
+"""Distance of a rotor from its drum in the figure of a mode's shape, where the vehicle's is 1."""
+
+
 def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
-    vehicle, drum_1, drum_2 = displacements(mode.shape, plant, prefix)
-    moved = np.array([drum_2, vehicle, drum_1])
-    moved = (moved / moved[np.argmax(np.abs(moved))]).real
-    for rope, ends in ((2, [0, 1]), (1, [1, 2])):
-        axes.plot(ends, moved[ends], color=ROPE_COLOURS[rope - 1], linewidth=1.2)
-    axes.vlines([0, 1, 2], 0, moved, color=LIGHT, linewidth=4, zorder=1)
-    axes.plot([0, 1, 2], moved, "o", color=INK, markersize=4.5)
+    found = displacements(mode.shape, plant, prefix)
+    vehicle, drum_1, drum_2, inner = found
+    for rope, drum, place in ((2, drum_2, 0), (1, drum_1, 2)):
+        inside, colour = inner[rope - 1], ROPE_COLOURS[rope - 1]
+        along = (np.array([drum, *inside.nodes, vehicle]) / found.largest).real
+        at = np.linspace(place, 1, len(along))
+        axes.plot(at, along, color=colour, linewidth=1.2)
+        axes.plot(at[1:-1], along[1:-1], ".", color=colour)
+        axes.vlines(at, 0, along, color=LIGHT, linewidth=4, zorder=1)
+        axes.plot(at[[0, -1]], along[[0, -1]], "o", color=INK, markersize=4.5)
+        if inside.rotor is not None:
+            ends, turned = [place, place + ROTOR * (place - 1)], (inside.rotor / found.largest).real
+            axes.plot(ends, [along[0], turned], ":", color=INK, linewidth=1)
+            axes.plot(ends[1], turned, "s", color=INK, markersize=3.5)
+        if inside.sag:
+            axes.plot((place + 1) / 2, (inside.sag / found.largest).real, "v", color=colour, fillstyle="none")
     zero_line(axes)
     axes.set_xticks([0, 1, 2], ["drum 2's rim", "vehicle", "drum 1's rim"])
     axes.set(xlim=(-0.3, 2.3), ylim=(-1.25, 1.25), title=mode.label)

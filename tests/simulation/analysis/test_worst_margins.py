@@ -79,6 +79,21 @@ def test_margins_are_those_of_one_loop_after_the_other(
 
 
 @pytest.mark.slow
+def test_margins_on_heavy_ropes_and_gears_are_those_of_one_loop_after_the_other() -> None:
+    """On the nominal machine of the site with damped drums and a law without chatter; its ropes' sag at its softest."""
+    values = {
+        "controller.nftsm.smoothing": 0.05,
+        "controller.winch_1.damping": 164.0,
+        "controller.winch_2.damping": 164.0,
+    }
+    experiment = override(load_ensemble("site").experiment, values)
+    (found,) = MarginSurvey([experiment], cuts=tuple(LOOP_OPENINGS)).worst([[]])
+    wanted = one_after_the_other(experiment)
+    assert min(wanted.values()) > 0
+    assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.slow
 def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> None:
     machines = drawn(3)
     (found,) = MarginSurvey(machines, cuts=tuple(LOOP_OPENINGS)).each([[]])

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.system import LinearSystem
@@ -62,10 +63,25 @@ def test_the_pole_map_holds_every_mode(sweep: list[LinearSystem]) -> None:
 def test_shapes_show_who_moves() -> None:
     figure = mode_shapes(linearise(x=10.0), Plant())
     assert titles(figure) == ["rigid drift: position", "rigid drift: speed", "rope 1 – drum 1", "rope 2 – drum 2"]
-    marks = {axes.get_title("left"): np.asarray(axes.lines[2].get_ydata()) for axes in figure.axes}
+    marks = {}
+    for axes in figure.axes:
+        (drum_2, vehicle), (drum_1, _) = (
+            np.asarray(line.get_ydata()) for line in axes.lines if line.get_marker() == "o"
+        )
+        marks[axes.get_title("left")] = [drum_2, vehicle, drum_1]
     np.testing.assert_allclose(marks["rigid drift: position"], [1, 1, 1], atol=1e-3)
     np.testing.assert_allclose(marks["rope 1 – drum 1"], [0, 0, 1], atol=1e-2)
     np.testing.assert_allclose(marks["rope 2 – drum 2"], [1, 0, 0], atol=1e-2)
+
+
+def test_shapes_show_nodes_rotors_and_sag() -> None:
+    site = load_ensemble("site").experiment.plant
+    figure = mode_shapes(linearise(10.0, 1.0, 6000.0, site), site)
+    (gear,) = [axes for axes in figure.axes if axes.get_title("left") == "gear 1"]
+    (sag,) = [axes for axes in figure.axes if axes.get_title("left") == "sag of rope 1"]
+    rotor = [float(np.asarray(line.get_ydata())[0]) for line in gear.lines if line.get_marker() == "s"][1]
+    deepest = [float(np.asarray(line.get_ydata())[0]) for line in sag.lines if line.get_marker() == "v"][1]
+    assert (rotor, deepest) == (1, 1)
 
 
 def test_shapes_need_the_plants_states() -> None:
