@@ -22,11 +22,10 @@ COLLECTED = pytest.StashKey[list[pytest.Item]]()
 def examples(full: int, **words: Any) -> settings:
     """``@examples(60)``: so many in the profile ``full``; in ``quick`` not more than its number there.
 
-    Where they are more than the number of ``full``, they are as many times more in ``quick``. The words are those of
-    `hypothesis.settings`.
+    The words are those of `hypothesis.settings`.
     """
     usual = settings().max_examples
-    return settings(max_examples=min(full, max(usual, usual * full // FULL)), **words)
+    return settings(max_examples=full if usual == FULL else min(full, usual), **words)
 
 
 def pairwise(*factors: Iterable[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Any]:
