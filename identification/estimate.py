@@ -6,6 +6,7 @@ L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,10 @@ class ParameterEstimate:
     converged: bool
 
 
+def _with_values(experiment: Experiment, keys: Sequence[str], values: Floats) -> Experiment:
+    return with_leaves(experiment, dict(zip(keys, values.tolist(), strict=True)))
+
+
 class PredictionErrorMethod:
     """Maximum likelihood of the innovations of extended Kalman filters.
 
@@ -83,7 +88,8 @@ class PredictionErrorMethod:
         self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
-        self.likelihood = Likelihood(self.filters, self.with_values, columns, options.search)
+        self._machine = partial(_with_values, experiment, keys)  # no method, which would keep logs alive in a circle
+        self.likelihood = Likelihood(self.filters, self._machine, columns, options.search)
         self._noise = NoiseEstimator(self.filters, experiment, options.noise)
 
     @property
@@ -97,8 +103,7 @@ class PredictionErrorMethod:
 
     def with_values(self, values: Floats) -> Experiment:
         """The experiment with other values of the unknowns."""
-        keys = (unknown.key for unknown in self.unknowns)
-        return with_leaves(self._experiment, dict(zip(keys, values.tolist(), strict=True)))
+        return self._machine(values)
 
     def initial_noise(self) -> NoiseCovariances:
         """R and Q to begin with."""

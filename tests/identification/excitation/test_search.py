@@ -1,12 +1,19 @@
 """Runs that tell: what is expected of them is what fits to their simulated logs come to."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
 from dualwinch.config.experiment_file import loads, to_toml
+from dualwinch.identification.estimate import PredictionErrorMethod
 from dualwinch.identification.excitation import ExcitationDesign, excite
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
+from dualwinch.identification.options import DEFAULTS
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import unknown_parameters
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.settings import override
@@ -93,3 +100,20 @@ def test_limits_that_no_motion_satisfies_are_reported() -> None:
         ConfigurationError, match=r"none of \d+ motions is within the limits; the nearest has a motor's torq"
     ):
         excite(KEYS, experiment, torque=20.0, duration=20.0, trials=8)
+
+
+def test_a_method_and_its_logs_are_freed_without_the_garbage_collector() -> None:
+    """A search goes through hundreds of logs: those that wait for the collector would fill the memory."""
+    experiment = override(machine(), {"simulation.duration": 1.0})
+    sections = sections_of([log_of(simulate(experiment))], experiment, DEFAULTS.resampling)
+    unknowns = unknown_parameters(["plant.vehicle.mass"], experiment, {}, DEFAULTS.search)
+    gc.collect()
+    gc.disable()
+    try:
+        method = PredictionErrorMethod(sections, experiment, unknowns, threads=1)
+        assert method.information(np.array([unknown.start for unknown in unknowns])) is not None
+        alive = weakref.ref(method)
+        del method
+        assert alive() is None
+    finally:
+        gc.enable()
