@@ -129,10 +129,14 @@ class GraphCache:
 
 
 def _instructions(function: ca.Function) -> int:
-    """The number of instructions, or of numbers in the work vectors of what has none, as a solver."""
-    if function.is_a("SXFunction") or function.is_a("MXFunction"):
+    """The number of instructions, or of numbers in the work vectors of what has none, and those of what it calls.
+
+    A solver calls the derivatives of its problem, ten times as large as all else of it.
+    """
+    if function.is_a("SXFunction"):
         return function.n_instructions()
-    return function.sz_w() + function.sz_iw()
+    own = function.n_instructions() if function.is_a("MXFunction") else function.sz_w() + function.sz_iw()
+    return own + sum(_instructions(function.get_function(name)) for name in function.get_function())
 
 
 GRAPHS = GraphCache()

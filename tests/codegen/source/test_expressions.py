@@ -111,6 +111,18 @@ def test_a_function_that_several_results_have_counts_once() -> None:
     assert graphs.size < 0.1 * alone
 
 
+def test_a_solver_counts_with_the_derivatives_of_its_problem() -> None:
+    graphs, x = GraphCache(per_instruction=100), ca.SX.sym("x", 50)
+    cost = ca.sum1(ca.sin(x) ** 2)
+
+    @graphs.cached
+    def solver() -> ca.Function:
+        return ca.nlpsol("solver", "ipopt", {"x": x, "f": cost, "g": ca.cos(x)}, {"print_time": False})
+
+    derivatives = [solver().get_function(name) for name in ("nlp_grad_f", "nlp_jac_g", "nlp_hess_l")]
+    assert graphs.size > 100 * sum(function.n_instructions() for function in derivatives)
+
+
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no /proc")
 def test_the_estimate_is_not_below_what_the_process_grows_by() -> None:
     def resident() -> int:
