@@ -114,6 +114,28 @@ def penalised_first(evaluations: Sequence[Evaluation], penalty: float = Selectio
     return sorted(range(len(evaluations)), key=key)
 
 
+def rarest_violations_first(
+    evaluations: Sequence[Evaluation], shares: Sequence[float], penalty: float = SelectionConfig.penalty
+) -> list[int]:
+    """Indices of the evaluations, the best first where bounds on the worst case are violated now and then.
+
+    By the objective's logarithm plus a penalty on the share of scenarios in which they are. Of several objectives, or
+    of one that need not be positive, by that share.
+
+    Args:
+        evaluations: of candidates in the same scenarios.
+        shares: of scenarios, maybe others, in which each violates a bound.
+        penalty: added to the logarithm of the objective for a share of 1.
+    """
+    positive = _penalisable(evaluations)
+
+    def key(index: int) -> tuple[float, ...]:
+        costs, share = evaluations[index].costs, shares[index]
+        return (math.log(costs[0]) + penalty * share,) if positive else (share, *costs)
+
+    return sorted(range(len(evaluations)), key=key)
+
+
 def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
     """Whether the objective has a logarithm: there is one, and it is positive."""
     return all(len(evaluation.objectives) == 1 and evaluation.costs[0] > 0 for evaluation in evaluations)

@@ -9,11 +9,12 @@
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
    group without a feasible one the candidates of the next keep a larger back-off from each violated bound in training,
    by the least that was missing. The feasible ones that improve on the start there are validated; where there are none,
-   those that violate bounds in the fewest scenarios. One repair: a peak beyond its bound is taken back by the reserve.
+   some of all groups, by an exact penalty on the share of scenarios in which they violate bounds. One repair: a peak
+   beyond its bound is taken back by the reserve.
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
    in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). One that violates a peak is
-   repaired by a line search on the reserve and counts as another candidate. If none passes, the one with the fewest
-   violations is chosen, and the result says which probability they support.
+   repaired by a line search on the reserve and counts as another candidate. If none passes, one is chosen by an exact
+   penalty on its share of violations, and the result says which probability they support.
 5. **Test set**: evaluated once, for the choice, the start and the baseline controller; reported with its intervals and
    never fed back. Where it contradicts the choice, the result says so.
 
@@ -31,7 +32,7 @@ from dualwinch.tuning.problem import CHANCE, TEST
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, pareto_front
+from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, pareto_front, rarest_violations_first
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, TestSet
 from dualwinch.tuning.scoring.validation import ValidationSet, repaired, validation_scenarios
@@ -156,7 +157,7 @@ def _validated(
     some = tried[:: -(-len(tried) // sizes.candidates) or 1]
     candidates = [trial.candidate for trial in some]
     results = evaluator.over(candidates, validation.scenarios, constraints=validation.constraints)
-    order = sorted(range(len(some)), key=lambda index: (results[index].violated, results[index].costs))
+    order = rarest_violations_first(results, [each.violated / each.scenarios for each in results], config.penalty)
     return [Validated(some[index], results[index]) for index in order if improves_on(results[index], reference)]
 
 
@@ -221,5 +222,7 @@ def _confirmed(
         waiting[:0] = [
             Validated(replace(candidate.trial, candidate=result.candidate), result) for result in feasible[:1]
         ]
-    violations, best = min(found, key=lambda each: each[0])
+    shares = [violations / sizes.chance for violations, _ in found]
+    chosen = rarest_violations_first([each.result for _, each in found], shares, config.penalty)[0]
+    violations, best = next((each for each in found if not each[0]), found[chosen])
     return best, ChanceConstraint(config.violation, config.confidence, config.confirmed, sizes.chance, violations)

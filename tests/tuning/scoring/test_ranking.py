@@ -1,11 +1,14 @@
 """Orders of candidates: constraints first, then what is sound."""
 
+from dataclasses import replace
+
 from dualwinch.tuning.scoring.ranking import (
     Candidate,
     Evaluation,
     best_first,
     improves_on,
     pareto_front,
+    rarest_violations_first,
 )
 
 
@@ -39,3 +42,18 @@ def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objectiv
     assert not improves_on(reached(0.5, beyond=0.6), loud)
     assert improves_on(reached(2, 1), reached(1, 2))
     assert not improves_on(reached(2, 2), reached(1, 2))
+
+
+def test_better_than_the_start_is_also_what_violates_bounds_in_fewer_scenarios() -> None:
+    rare, often = (replace(reached(1, beyond=0.5), violated=count) for count in (1, 9))
+    assert improves_on(replace(rare, objectives=(2,)), often)
+    assert not improves_on(often, rare)
+    loud = replace(rare, violations=rare.violations | {"mean.chatter <= 1 N": 0.1})
+    assert not improves_on(loud, often)
+
+
+def test_rare_violations_are_weighed_against_the_objective() -> None:
+    evaluations = [reached(1), reached(2), reached(10)]
+    assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=50) == [1, 0, 2]  # factors e^2 and e^0.5
+    assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=500) == [2, 1, 0]
+    assert rarest_violations_first([reached(-1), reached(2)], [0.02, 0.01]) == [1, 0]
