@@ -7,8 +7,8 @@
    by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
 3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
-   group without a feasible one the candidates of the next keep a larger back-off from each violated bound in training,
-   by the least that was missing. The feasible ones that improve on the start there are validated; where there are none,
+   group without a feasible one those of the next keep twice the back-off in training from each bound that it violated.
+   The feasible ones that improve on the start there are validated; where there are none,
    some of all groups, by an exact penalty on the share of scenarios in which they violate bounds. One repair: a peak
    beyond its bound is taken back by the reserve.
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
@@ -148,12 +148,12 @@ def _validated(
         group = [trial for trial in waiting if _keeps(trial, back_off, config.back_off)][: sizes.candidates]
         if not group:
             break
-        found, missing = _screened(evaluator, validation, group)
+        found, violated = _screened(evaluator, validation, group)
         found = [each for each in found if improves_on(each.result, reference)]
         if found:
             return [found[index] for index in best_first([each.result for each in found])]
         waiting, tried = [trial for trial in waiting if trial not in group], [*tried, *group]
-        back_off |= {label: back_off.get(label, 0.0) + more for label, more in missing.items()}
+        back_off |= {label: 2 * back_off.get(label, config.back_off) for label in violated}
     some = tried[:: -(-len(tried) // sizes.candidates) or 1]
     candidates = [trial.candidate for trial in some]
     results = evaluator.over(candidates, validation.scenarios, constraints=validation.constraints)
@@ -177,8 +177,8 @@ def _by_training_objective(trials: Sequence[Evaluation], back_off: float) -> lis
 
 def _screened(
     evaluator: Evaluator, validation: ValidationSet, group: Sequence[Evaluation]
-) -> tuple[list[Validated], dict[str, float]]:
-    """The candidates of a group that are feasible, as they are or repaired, and the least that is missing."""
+) -> tuple[list[Validated], set[str]]:
+    """The candidates of a group that are feasible, as they are or repaired, and bounds that others violate."""
     problem = evaluator.training.problem
     results = validation.screen([trial.candidate for trial in group])
     found = [Validated(trial, each.feasible) for trial, each in zip(group, results, strict=True) if each.feasible]
@@ -193,9 +193,7 @@ def _screened(
         for (trial, other), each in zip(others, again, strict=True)
         if each.feasible
     ]
-    violated = [(label, value) for each in results for label, value in each.missing.items() if 0 < value < np.inf]
-    least = {label: min(value for name, value in violated if name == label) for label, _ in violated}
-    return found, least
+    return found, {label for each in results for label, value in each.missing.items() if 0 < value < np.inf}
 
 
 def _confirmed(

@@ -188,34 +188,36 @@ def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
     return Evaluation(Candidate({RESERVE: reserve}, "x"), (1.0,), {LABEL: violation}, {}, {}, 1, number=number)
 
 
-def test_a_group_gives_its_feasible_candidates_and_repaired_ones_and_what_the_others_miss(bounded: Evaluator) -> None:
-    found, missing = selection._screened(bounded, MadeUp(bounded, 6100.0), [trial(80, 4), trial(180, 7)])
+def test_a_group_gives_its_feasible_candidates_and_repaired_ones_and_the_bounds_that_others_violate(
+    bounded: Evaluator,
+) -> None:
+    found, violated = selection._screened(bounded, MadeUp(bounded, 6100.0), [trial(80, 4), trial(180, 7)])
     assert [(each.trial.number, round(float(each.trial.point[RESERVE]), 6)) for each in found] == [(7, 180), (4, 130)]
-    assert missing == pytest.approx({LABEL: 20 / BOUND})
-    found, missing = selection._screened(bounded, MadeUp(bounded, 6500.0), [trial(80, 4), trial(180, 7)])
+    assert violated == {LABEL}
+    found, violated = selection._screened(bounded, MadeUp(bounded, 6500.0), [trial(80, 4), trial(180, 7)])
     assert found == []
-    assert missing == pytest.approx({LABEL: 320 / BOUND})
+    assert violated == {LABEL}
 
 
-def test_the_next_group_keeps_the_distance_from_a_bound_that_the_last_one_missed(
+def test_the_next_group_keeps_twice_the_distance_from_a_bound_that_the_last_one_violated(
     bounded: Evaluator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     groups = list[list[int]]()
 
     def screened(
         _: Evaluator, __: ValidationSet, group: Sequence[Evaluation]
-    ) -> tuple[list[selection.Validated], dict[str, float]]:
+    ) -> tuple[list[selection.Validated], set[str]]:
         groups.append([each.number for each in group])
-        return [], {LABEL: 0.1} if len(groups) < 3 else {}
+        return [], {LABEL} if len(groups) < 3 else set()
 
     monkeypatch.setattr(selection, "_screened", screened)
-    near = [trial(100 + number, number, violation=-0.01 * number) for number in range(40)]
+    near = [trial(100 + number, number, violation=-0.001 * number) for number in range(40)]
     small = replace(SMALL, candidates=4, screening_rollouts=10_000)
     validation = ValidationSet(bounded, validation_scenarios(bounded.training.problem, SMALL))
     selection._validated(bounded, validation, near, bounded.start(), small)
     assert groups[0] == [0, 1, 2, 3]
-    assert groups[1] == [10, 11, 12, 13], "0.1 less the back-off"
-    assert groups[2] == [20, 21, 22, 23]
+    assert groups[1] == [5, 6, 7, 8], "1 % from the bound, half of which training has asked for"
+    assert groups[2] == [15, 16, 17, 18], "2 %"
 
 
 def test_without_a_feasible_candidate_the_one_that_violates_bounds_in_the_fewest_scenarios_is_the_choice(
