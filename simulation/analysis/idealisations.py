@@ -256,6 +256,7 @@ STEADY = {
     "nominal.vehicle.friction_coefficient": 0.0,
     "sensors.position_resolution": 0.0,
     "sensors.encoder_counts": 0.0,
+    "sensors.drum_speed_resolution": 0.0,
 }
 """Parameters without which the response to a small motion about rest is that in motion, and has no steps."""
 
@@ -306,7 +307,7 @@ def position_loop_gain(
 def _commands(ready: PreparedExperiment, paths: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Force commands in N while states follow given deviations from the start: index of the state → (samples,)."""
     loop, state, start = ready.loop, ready.state, ready.state
-    parameters = loop.vector(ready.parameters | STEADY)
+    parameters = loop.vector({key: STEADY.get(key, value) for key, value in ready.parameters.items()})
     outside, motion, command = np.zeros(len(loop.exogenous)), loop.move.numel_in("motion"), loop.columns.index("u")
     found = []
     for deviations in zip(*paths.values(), strict=True):
