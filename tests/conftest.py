@@ -1,5 +1,6 @@
 """Settings of the property tests, and the runs that several tests look at, each done once."""
 
+import gc
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Protocol
@@ -30,6 +31,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep what is collected before anything is deselected, for ``tests/test_tiers.py``."""
     config.stash[COLLECTED] = list(items)
+
+
+def pytest_collection_finish() -> None:
+    """Tests and modules stay to the end: the garbage collector does not go through them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
