@@ -1,8 +1,9 @@
 """Experiments as annotated TOML, read back with errors that name key, file and line."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from dualwinch.codegen.text import one_line
@@ -129,14 +130,25 @@ WIDEST = 60
 """Characters of an entry, such as a long list, that the comments beside the others still stand back for."""
 
 
-def to_toml(experiment: Experiment) -> str:
+def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str:
     """The complete experiment as TOML; each key with unit, meaning, source and range as a comment.
 
     A value that is taken from elsewhere stands as a comment with the value it takes, one that is not given without.
     Paths of files are absolute, and digests say what was read from them.
+
+    Args:
+        experiment: to be written.
+        given: keys that a file of one's own gives; all others are marked as still the paper's, or a default.
     """
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
-    return "\n".join(lines + _tables(experiment, describe_parts(experiment))) + "\n"
+    if given is not None:
+        lines.append("# PAPER: not given, still the paper's machine; DEFAULT: not given, not of the paper either.")
+    return "\n".join(lines + _tables(experiment, describe_parts(experiment), given)) + "\n"
+
+
+def given_keys(path: Path) -> frozenset[str]:
+    """Keys of a file of an experiment, as they stand there."""
+    return frozenset(key for key, _ in flattened(read_source(path).table()))
 
 
 def own_parts_to_toml(experiment: Experiment) -> str:
@@ -157,7 +169,7 @@ def own_parts_to_toml(experiment: Experiment) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _tables(experiment: Experiment, described: Mapping[str, Leaf]) -> list[str]:
+def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
     """Lines of some keys of an experiment, table by table."""
     values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
@@ -174,7 +186,8 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf]) -> list[str]:
         entry = f"{name} = {toml_value(value)}"
         if value is None:
             entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
-        tables.setdefault(table, []).append((entry, _comment(leaf)))
+        mark = "" if given is None or key in given else "PAPER: " if "aper" in _origin(leaf) else "DEFAULT: "
+        tables.setdefault(table, []).append((entry, mark + _comment(leaf)))
     for table, entries in tables.items():
         width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
         heading = f"[{table}]  # {_said(headings[table])}" if table in headings else f"[{table}]"
@@ -192,6 +205,11 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
         "reference.speed": cruise_speed(experiment.reference),
         "simulation.duration": experiment.duration,
     }
+
+
+def _origin(leaf: Leaf) -> str:
+    """The source of a key's default; tables are the paper's."""
+    return leaf.quantity.source.replace("Table", "paper's Table")
 
 
 def _comment(leaf: Leaf) -> str:

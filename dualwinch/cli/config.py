@@ -14,6 +14,7 @@ app = App(
     help_epilogue="""Examples:
 
     dualwinch config > my.toml
+    dualwinch config --config mine.toml > whole.toml
     dualwinch config --case 4 --set controller.kind=nftsm
     dualwinch config --plugin my_law.py --set controller.kind=my-law > mine.toml
     dualwinch config --ensemble sea > my-sea.toml
@@ -29,15 +30,17 @@ def config(
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
+    With --config, keys that the file does not give are marked: still the paper's, or a default.
     With --plugin, the numbers of its parts follow, including those of parts that are not in use.
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
-    from dualwinch.config.experiment_file import own_parts_to_toml, to_toml
+    from dualwinch.config.experiment_file import given_keys, own_parts_to_toml, to_toml
     from dualwinch.model.errors import ConfigurationError
 
     if ensemble is None:
         asked = given.experiment()
-        sys.stdout.write(to_toml(asked) + (own_parts_to_toml(asked) if given.plugin else ""))
+        mine = given_keys(given.config) | given.values.keys() if given.config else None
+        sys.stdout.write(to_toml(asked, mine) + (own_parts_to_toml(asked) if given.plugin else ""))
         return
     if given.case is not None or given.config or given.assignments:
         raise ConfigurationError("--ensemble: prints a file as it is; give --case, --config or --set to 'simulate'")

@@ -117,7 +117,9 @@ class ExperimentOptions:
         from dualwinch.config.experiment_file import experiment_from
 
         self.use_parts()
-        return experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
+        found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
+        say_left(found)
+        return found
 
     def nominal(self, ensemble: str | None) -> Experiment:
         """The experiment, or the nominal machine of an ensemble with the values of case, file and options.
@@ -165,6 +167,20 @@ class ControllerOptions(ExperimentOptions):
 
 EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 """Where no option is given."""
+
+
+def say_left(experiment: Experiment) -> None:
+    """Print, on standard error, which defaults did not follow the values of an experiment."""
+    from dualwinch.cli.output import styled, terminal
+    from dualwinch.simulation.experiment import Experiment
+
+    if experiment.plant == Experiment().plant:
+        return
+    from dualwinch.simulation.analysis.remarks import defaults_left
+
+    for words in defaults_left(experiment):
+        terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+
 
 LONGEST_TIME = 1e7
 """Largest number of a time."""

@@ -29,6 +29,7 @@ app = App(
     dualwinch race --law fando-nftsm --estimator all --coordination all
     dualwinch race --ablations --searches 3 --rollouts 10000 --stress
     dualwinch race --plugin my_law.py --law my-law --law adrc
+    dualwinch race --config mine.toml --ensemble rig --out race
 """,
 )
 
@@ -68,6 +69,9 @@ def race(
         bool, Parameter(help="Include the paper's law without each of its parts.", negative="")
     ] = False,
     plugin: Plugins = None,
+    config: Annotated[
+        Path | None, Parameter(help="Machine to race on, TOML: values that the ensemble's file lacks.")
+    ] = None,
     rollouts: Annotated[int, WHOLE, Parameter(help="Rollouts of each search.")] = 30_000,
     searches: Annotated[
         int,
@@ -96,13 +100,16 @@ def race(
     continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
     and the gains of each entry as a configuration.
     """
+    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.config.experiment_file import load
     from dualwinch.config.folders import made_folder
     from dualwinch.tuning.benchmark.race import race
 
     use_parts(plugin)
+    drawn = load_ensemble(ensemble, load(config)) if config else ensemble
     with made_folder(out), ProgressLine("reading the problem", command="race") as progress:
         found = race(
-            ensemble=ensemble,
+            ensemble=drawn,
             laws=entries.law,
             estimators=entries.estimator,
             coordinations=entries.coordination,

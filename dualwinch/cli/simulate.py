@@ -146,6 +146,7 @@ def simulate_one(
 def print_result(result: Result, *, json: bool) -> None:
     """Print outcome and figures of merit of a run."""
     from dualwinch.simulation.analysis.idealisations import idealisations
+    from dualwinch.simulation.analysis.remarks import remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, found = result.metrics, idealisations(result.experiment)
@@ -155,12 +156,15 @@ def print_result(result: Result, *, json: bool) -> None:
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
         facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
+        facts["remarks"] = list(remarks(result))
         print_json({**facts, "idealisations": [asdict(one) for one in found]})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
+    for words in remarks(result):
+        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
     say_idealised(found)
 
 

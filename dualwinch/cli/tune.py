@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -159,6 +160,16 @@ def tune(
             confidence=share_from(confidence, "--confidence"),
         )
         run_study(problem, options, line)
+        line.say(f"next: {next_line(options.out / 'best.toml', ensemble, given)}")
+
+
+def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
+    """The command that judges the best gains on the machine that they were tuned for."""
+    file = shlex.quote(str(best))
+    if ensemble is None:
+        return f"dualwinch simulate --config {file}"
+    own = f" --config {file}" if given.config or given.case or given.assignments else ""
+    return f"dualwinch compare paper {file} --ensemble {shlex.quote(ensemble)}{own}"
 
 
 REPORT_SECONDS = 2.0

@@ -87,14 +87,14 @@ class LinearSystem:
         s = 1j * angular if self.dt is None else np.exp(1j * angular * self.dt)
         poles = self.poles()
         at_pole = (np.abs(s[:, None] - poles) <= ROUND_OFF * np.abs(poles).max(initial=1.0)).any(axis=1)
-        found = np.empty((len(s), *self.D.shape), complex)
+        found = np.empty((len(s), *self.D.shape), np.complex128)
         regular = s[~at_pole]
         pencil = regular[:, None, None] * np.eye(len(self.states)) - self.A
         found[~at_pole] = self.C @ np.linalg.solve(pencil, np.broadcast_to(self.B, (len(regular), *self.B.shape)))
         for index in np.flatnonzero(at_pole):
             for row, column in np.ndindex(self.D.shape):
                 found[index, row, column] = self._at_pole(s[index], row, column)
-        return found + self.D
+        return np.asarray(found + self.D, np.complex128)
 
     def _at_pole(self, s: complex, row: int, column: int) -> complex:
         """One element of ``C (s - A)^-1 B`` at a pole of the system, from the states between its input and output."""

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -294,7 +294,7 @@ class ComplementarySensitivity:
         return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
 
 
-def _solved(pencil: Complex, right: Complex) -> Complex:
+def _solved(pencil: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
     """Solutions of many linear systems; those of a singular one, at a pole, are very large."""
     try:
         return np.linalg.solve(pencil, right)

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.compare import controllers, to_record
+from dualwinch.cli.compare import controllers, other_machine, to_record
+from dualwinch.cli.options import ExperimentOptions
 from dualwinch.cli.output import json_text
+from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.experiment_file import load
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
@@ -108,3 +111,28 @@ def test_an_unknown_gain_names_file_and_line(tmp_path: Path) -> None:
     path.write_text("[controller.observer]\nl00 = 3.0\n")
     with pytest.raises(ConfigurationError, match=r"wrong.toml:2: unknown key 'controller.observer.l00'"):
         controllers([str(path)])
+
+
+def test_gains_for_another_machine_are_said_with_the_option_that_is_right(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[plant.vehicle]\nmass = 3000\n[plant.track]\nlength = 120\n")
+    said = other_machine(str(mine), load_ensemble("rig"))
+    assert "plant.vehicle.mass = 3000.0 there, 10000.0 here, plant.track.length = 120.0 there" in said
+    assert said.endswith(f"to judge them on it: --config {mine}")
+    assert not other_machine(str(mine), load_ensemble("rig", load(mine)))
+    assert not other_machine("paper", load_ensemble("rig"))
+    options = ExperimentOptions(config=mine)
+    assert next_line(mine, "rig", options) == f"dualwinch compare paper {mine} --ensemble rig --config {mine}"
+    assert next_line(mine, "sea", ExperimentOptions()) == f"dualwinch compare paper {mine} --ensemble sea"
+    assert next_line(mine, None, options) == f"dualwinch simulate --config {mine}"
+
+
+def test_config_marks_what_is_still_the_papers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[plant.vehicle]\nmass = 3000\n")
+    main(["config", "--config", str(mine), "--set", "plant.vehicle.height=3.0"])
+    lines = {line.partition(" =")[0]: line.partition("# ")[2] for line in capsys.readouterr().out.splitlines()}
+    assert lines["mass"].startswith("[kg]")
+    assert lines["height"].startswith("[m]")
+    assert lines["diameter"].startswith("PAPER: [m]")
+    assert lines["added_mass"].startswith("DEFAULT: [kg]")

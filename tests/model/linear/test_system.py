@@ -136,8 +136,8 @@ def test_response_is_infinite_at_a_pole_and_only_where_that_shows() -> None:
     A[0, 1], A[2, 3], A[3, 2] = 1.0, 1.0, -4.0
     B, C = np.zeros((4, 2)), np.eye(4)[[0, 1, 2]]
     B[1, 0] = B[3, 1] = 1.0
-    names = "position", "speed", "swing", "swinging"
-    units = dict.fromkeys((*names, "force", "push", "x", "v", "a"), "1")
+    names: tuple[str, ...] = ("position", "speed", "swing", "swinging")
+    units: dict[str, str] = dict.fromkeys((*names, "force", "push", "x", "v", "a"), "1")
     system = LinearSystem(A, B, C, np.zeros((3, 2)), None, names, ("force", "push"), ("x", "v", "a"), units)
     response = system.response([0.0, 1.0, 2.0])
     assert np.isinf(response).tolist() == [

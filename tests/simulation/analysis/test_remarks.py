@@ -1,0 +1,43 @@
+"""Remarks on completed runs: each said where its cause is, and none of the paper's own run."""
+
+from dataclasses import replace
+
+from dualwinch.simulation.analysis.remarks import RemarkLimits, defaults_left, remarks
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
+
+SHORT = override(case(2), {"simulation.duration": 1.0})
+
+
+def test_the_papers_run_needs_no_remark() -> None:
+    assert not list(remarks(simulate(SHORT)))
+
+
+def test_slack_saturation_and_chatter_are_said() -> None:
+    result = simulate(SHORT)
+    bad = replace(result.metrics, slack_share=0.02, saturated_share=0.5, chatter=50.0)
+    said = "; ".join(remarks(replace(result, metrics=bad)))
+    for words in ("slack in 2 %", "beyond its limit in 50 %", "jump by 50 N a sample, 5 % of"):
+        assert words in said
+    assert not list(remarks(replace(result, metrics=bad, outcome="left_track")))
+    assert not list(remarks(replace(result, metrics=replace(bad, slack_share=0.0)), RemarkLimits(0.1, 0.9)))
+
+
+def test_a_loop_that_is_unstable_at_small_amplitudes_is_said() -> None:
+    """23.6 ms more of delay are borne, 40 are not (`test_margins`)."""
+    late = override(SHORT, {"simulation.delay_samples": 40, "plant.winch_1.inertia": 2.5})
+    said = list(remarks(simulate(late)))
+    assert any("unstable at small amplitudes: at rest at 25 m" in words for words in said)
+
+
+def test_defaults_that_do_not_follow_are_said() -> None:
+    assert defaults_left(SHORT) == []
+    other = override(
+        SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.4, "controller.winch_1.kp": 1e-3}
+    )
+    assert defaults_left(other) == [
+        "plant.vehicle.drag_area = 6 is still the default and does not follow plant.vehicle.height",
+        "plant.winch_1.inertia = 1.8 is still the default and does not follow plant.winch_1.drum_radius",
+        "controller.winch_1.ki = 0.02 is still the default and does not follow plant.winch_1.drum_radius",
+    ]
