@@ -15,6 +15,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import lab, main
+from dualwinch.lab.assemble import own_run
 from dualwinch.lab.content import content
 from dualwinch.lab.wasm.structures import structures
 from tests.lab.in_node import zig_is_there
@@ -59,7 +60,13 @@ def test_a_run_of_ones_own_is_in_the_page(tmp_path: Path) -> None:
     assert own["label"] == "mine.parquet"
     assert own["settings"] == {"reference.kind": "uniform", "controller.observer.l0": 20.0}
     assert own["metrics"] == dict(result.metrics)
-    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(own["columns"]["F2"]), "<f8"), result["F2"])
+    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(own["columns"]["F2"]), "<f8"), result["F2"][::4])
+
+
+def test_a_page_takes_two_megabytes_of_a_run_at_most() -> None:
+    run = own_run("run", dw.simulate(dw.override(dw.case(4), {"simulation.duration": 50.0})))
+    assert len(json.dumps(run)) < 2.2e6
+    assert len({len(column) for column in run["columns"].values()}) == 1
 
 
 def test_a_run_without_rows_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
