@@ -95,11 +95,11 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
         if 1 / options.other_pull < ratio < options.other_pull:
             continue
         units = {name: _unit_by(by, name) for name, by in ((torque, 1 / ratio), (tension, ratio))}
-        way = "; its sign?" if ratio < 0 else ""
         said = [f"{name} in {unit} (--column {name}=NAME:{unit})" for name, unit in units.items() if unit]
+        other = f"{torque} of the opposite sign (--column {torque}=NAME:-N m)" if ratio < 0 else "one in another unit"
         raise ConfigurationError(
             f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: "
-            f"is {' or '.join(said) or f'one of them in another unit{way}'}?"
+            f"is {' or '.join(said) or other}?"
         )
 
 

@@ -129,7 +129,10 @@ def test_the_ensemble_draws_the_estimates_errors() -> None:
 def test_a_log_of_another_machine_is_refused() -> None:
     right = logged(machine())
     other = {name: -values if name == "tau_1" else values for name, values in right.columns.items()}
-    with pytest.raises(ConfigurationError, match=r"log: .*it is of another machine, or tau_1"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"log: tau_1 holds -.* N on average, .* is tau_1 of the opposite sign \(--column tau_1",
+    ):
         identify([Log(right.t, other)], ["plant.vehicle.mass"], machine())
 
 

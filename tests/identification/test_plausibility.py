@@ -49,7 +49,7 @@ def test_units_that_cannot_be_are_refused() -> None:
         ("v", -1.0, r"v makes -1 times the way of x: is it in -m/s"),
         ("theta_2", 1 / (2 * np.pi), "theta_2 makes 0.159 times the way of x: is it in rev"),
         ("theta_1", 2.5, "theta_1 makes 2.5 times the way of x: is it in another unit, or of the motor"),
-        ("tau_1", -1.0, "tau_1 holds -.* and F1 reads .*; its sign"),
+        ("tau_1", -1.0, "tau_1 holds -.* and F1 reads .*: is tau_1 of the opposite sign"),
         ("tau_2", 1e-3, r"tau_2 holds .* N on average.*: is tau_2 in kN m \(--column tau_2=NAME:kN m\)"),
     ],
 )
