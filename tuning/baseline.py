@@ -89,11 +89,18 @@ def default_reserve(ensemble: Ensemble) -> float:
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
-    Damping of the drums that matches the wave impedance of the ropes (`controllers.coordinations.winch_pid`), where
-    ropes have mass, gears give or winches are heavy; and deviations for what the self-calibrating filter learns.
+    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance of
+    the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance in
+    place of the law's observer. Its gain stands in the loop gain at the drums' resonance
+    (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. Beside
+    these, deviations for what the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
+    if swings(plant):
+        beliefs["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
+        if "controller.kalman.compensation" in known:
+            beliefs |= {"controller.kalman.compensation": 1.0, "controller.observer.l0": SLOW_OBSERVER}
     for side in plant.sides if swings(plant) else ():
         length = plant.track.length / 2 + plant.track.rope_offset
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
@@ -112,6 +119,12 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
 
 STEEL_ROPE = 2.36
 """Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""
+
+MORE_PRELOAD = 1.3
+"""Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
+
+SLOW_OBSERVER = 0.2
+"""Constant part of the gain in 1/s of an observer to which the filter leaves nothing to observe."""
 
 SAG_DEVIATION = 0.7
 """Share by which sags are believed to differ: spacings of rollers by a third."""

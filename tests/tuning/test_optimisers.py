@@ -1,5 +1,7 @@
 """Every optimiser: within the space, reproducible, better than where it started, and led by constraints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,33 @@ def test_a_strategy_that_stands_still_starts_elsewhere(make_problem: MakeProblem
     calm = np.flatnonzero(spreads < 0.02)
     assert len(calm)
     assert spreads[calm[0] :].max() > 0.2  # all of the space is looked at again
+
+
+def test_a_first_generation_without_feasible_candidates_is_drawn_again_nearer_to_the_start(
+    make_problem: MakeProblem,
+) -> None:
+    """At most twice, each time 0.3 times as wide; where the first is feasible, it stays as wide."""
+    prepared = prepare(make_problem())
+    space, start = prepared.problem.space, prepared.problem.space.encoded(prepared.problem.start)
+
+    def spreads(nearest: float) -> list[float]:
+        proposer, found = CmaSearch(prepared, 0), []
+        for _ in range(4):
+            fresh = [bowl(prepared, point) for point in proposer.ask(16)]
+            away = [float(np.abs(space.encoded(each.point) - start).max()) for each in fresh]
+            label = prepared.constraints[0].label
+            proposer.tell(
+                [replace(each, violations={label: far - nearest}) for each, far in zip(fresh, away, strict=True)]
+            )
+            found.append(float(np.median(away)))
+        return found
+
+    narrow, wide = spreads(0.0), spreads(1.0)
+    assert narrow[1] < 0.6 * narrow[0]
+    assert narrow[2] < 0.6 * narrow[1]
+    assert narrow[3] > 0.5 * narrow[2]
+    assert wide[0] == narrow[0]
+    assert wide[1] > 0.6 * wide[0]
 
 
 def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: MakeProblem) -> None:

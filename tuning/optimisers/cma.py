@@ -44,6 +44,9 @@ class CmaSearch:
         seed: the same seed gives the same candidates.
         patience: how long a strategy may take.
         sigma: first standard deviation, in shares of each range.
+        narrowing: factor on it, with which the first strategy starts again where no candidate of its first generation
+            is feasible: around gains that few others resemble, most of a wide distribution is lost.
+        narrowings: how often at most.
         smallest: smallest generation: one candidate for each vector lane.
         edge: nearest to a bound that the first mean lies, in shares of the range.
         scouts: random candidates, the best of which is where the next strategy starts.
@@ -63,6 +66,8 @@ class CmaSearch:
         patience: StagnationRule = ALONE,
         *,
         sigma: float = 0.2,
+        narrowing: float = 0.3,
+        narrowings: int = 2,
         smallest: int = 16,
         edge: float = 0.02,
         scouts: int = 64,
@@ -74,16 +79,18 @@ class CmaSearch:
             edge,
             scouts,
         )
+        self._narrowing, self._narrowings, self._start = narrowing, narrowings, prepared.problem.start
         self._space = prepared.problem.space
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
         self.finished = 0
         self.leader: Evaluation | None = None
         self._scouts: list[Evaluation] | None = None
-        self._begin(prepared.problem.start)
+        self._begin(self._start)
 
     def near(self, point: Point, covariance: Floats, patience: StagnationRule) -> None:
         """Go on around a point, with candidates of a covariance (d, d) in shares of the ranges."""
+        self._narrowings = 0
         self._begin(point, covariance, patience)
 
     def _begin(self, start: Point, covariance: Floats | None = None, patience: StagnationRule | None = None) -> None:
@@ -118,12 +125,20 @@ class CmaSearch:
         self._waiting += evaluations
         while len(self._waiting) >= self.population:
             generation, self._waiting = self._waiting[: self.population], self._waiting[self.population :]
-            if self._scouts is None:
+            if self._too_wide(generation):
+                self._sigma, self._narrowings = self._narrowing * self._sigma, self._narrowings - 1
+                self._begin(self._start)
+            elif self._scouts is None:
                 self._learn(generation)
             else:
                 self._scouts += generation
                 if len(self._scouts) >= self._most_scouts:
                     self._begin(self._scouts[penalised_first(self._scouts)[0]].point)
+
+    def _too_wide(self, generation: Sequence[Evaluation]) -> bool:
+        """Whether the first strategy has yet to learn, and its first generation, beside the start, is infeasible."""
+        first = not (self.finished or self._leaders) and self._scouts is None and self._narrowings > 0
+        return first and not any(each.feasible for each in generation if each.point != self._start)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = penalised_first(generation)
