@@ -159,7 +159,8 @@ class Likelihood:
         1. Least squares with the gains at this point give a gradient and an information matrix, whose Cholesky factor
            gives directions of one standard deviation each.
         2. Differences of the likelihood along these correct slope and curvature.
-        3. The step is halved while it does not lower the deviance.
+        3. The step is halved while it does not lower the deviance. Where no length does, the step of least squares is
+           taken instead.
 
         Args:
             at: (p,) coordinates.
@@ -191,23 +192,45 @@ class Likelihood:
         here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
         slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
-        move = np.where(reach > least, -(plain + slopes) / curvatures, 0.0) @ directions
-        move *= min(coordinates.room(at, move), 1.0)
-        expected = float(np.where(reach > least, (plain + slopes) ** 2 / curvatures, 0.0).sum())
-        options, there = self._options, here - expected  # where next to nothing is expected, it is not checked
-        if expected >= options.small_gain:
-            for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
-                there = float(self.deviances([at + move], noise, coordinates)[0])
-                if there <= here:
-                    break
-                move = move / 2
-            else:
-                move, there = np.zeros_like(at), here
+        # a kink of the likelihood, as where a rope slackens, makes differences useless: then least squares alone
+        move, there, expected = np.zeros_like(at), here, 0.0
+        for more, bent in ((slopes, curvatures), (np.zeros_like(slopes), np.ones_like(curvatures))):
+            way = np.where(reach > least, -(plain + more) / bent, 0.0) @ directions
+            way *= min(coordinates.room(at, way), 1.0)
+            hoped = float(np.where(reach > least, (plain + more) ** 2 / bent, 0.0).sum())
+            move, there = self._shortened(at, here, way, hoped, noise, coordinates)
+            if more is slopes or there < here:
+                expected = hoped
+            if there < here or expected < self._options.large_gain:
+                break
         back = np.linalg.inv(jacobian)
         known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
         information = back.T @ _positive_part(known - prior) @ back
         at = np.clip(at + move, *coordinates.bounds)
         return NewtonStep(at, there, here - there, expected, slopes, curvatures, information)
+
+    def _shortened(
+        self,
+        at: Floats,
+        here: float,
+        move: Floats,
+        expected: float,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+    ) -> tuple[Floats, float]:
+        """A move, halved until the deviance falls, or none, and the deviance where it leads.
+
+        Where next to nothing is expected, it is not checked.
+        """
+        options = self._options
+        if expected < options.small_gain:
+            return move, here - expected
+        for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
+            there = float(self.deviances([at + move], noise, coordinates)[0])
+            if there <= here:
+                return move, there
+            move = move / 2
+        return np.zeros_like(at), here
 
     def _differences(
         self,
