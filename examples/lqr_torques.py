@@ -54,7 +54,7 @@ class FullState(dw.Coordination):
         given = [dw.clip(tension + lack, low, high) for tension, lack in zip(wanted, lacking[::-1], strict=True)]
         saturated = dw.where(lacking[0] ** 2 + lacking[1] ** 2 > 0, 1.0, 0.0)
         torques = [lever * tension for lever, tension in zip(levers, given, strict=True)]
-        return state, dw.CoordinationOutput(*given, *torques, saturated)
+        return state, dw.CoordinationOutput(given[0], given[1], torques[0], torques[1], saturated)
 
 
 def lqr_gain(experiment, sizes=(2e-3, 1e-2, 1.0, 5.0, 1.0, 5.0), torque=2.0):

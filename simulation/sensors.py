@@ -181,7 +181,7 @@ def sensors_structure(sensors: Sensors) -> Sensors:
     """What of some sensors shapes code, with numbers of no sensors in particular."""
     silence = silence_of(sensors)
     outages = {"outage": silence, "outage_length": 1.0} if silence else {}
-    shaping = {
+    shaping: dict[str, Any] = {
         name: 1.0 for name in ("load_cell_time_constant", "drum_speed_resolution") if present(getattr(sensors, name))
     }
     return Sensors(**outages, **shaping)

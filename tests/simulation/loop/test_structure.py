@@ -146,6 +146,7 @@ def test_what_a_controller_believes_may_lack_what_the_machine_has() -> None:
     known, believed = parameters_of(machine), parameters_of(machine, Plant())
     assert list(believed) == list(known)
     assert (known["nominal.track.roller_spacing"], believed["nominal.track.roller_spacing"]) == (1.0, 0.0)
-    weight, spacing = ca.SX.sym("weight"), ca.SX.sym("spacing")
+    weight: Any = ca.SX.sym("weight")
+    spacing: Any = ca.SX.sym("spacing")
     sag = sag_shortening(Rope(submerged_weight=weight), 1000.0, 20.0, Track(roller_spacing=spacing))
     assert float(ca.Function("sag", [weight, spacing], [sag])(0, 0)) == 0
