@@ -54,7 +54,7 @@ OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
 
 
 def linearise(
-    x: float | None = None,
+    x: Experiment | float | None = None,
     v: float = 0.0,
     preload: float | None = None,
     plant: Plant | None = None,
@@ -68,7 +68,7 @@ def linearise(
     What is not given comes from the experiment, or is the paper's.
 
     Args:
-        x: position in m; default: amid the track.
+        x: position in m; default: amid the track. An experiment in its place is `experiment`, amid its track.
         v: speed in m/s.
         preload: sum of both tensions in N.
         plant: in place of the experiment's.
@@ -79,6 +79,8 @@ def linearise(
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
+    if isinstance(x, Experiment):
+        experiment, x = x, None
     given = plant or (experiment or Experiment()).plant
     point = operating_point(x, v, preload, given, experiment=experiment, **outside)
     return linearise_at([point], given, dt)[0]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
@@ -148,3 +149,10 @@ def test_derivatives_that_are_round_off_are_zero_in_any_unit() -> None:
     )
     for unit in (1.0, 1e30, 1e-30):
         assert (without_round_off(unit * here, unit * above, unit * below) != 0).tolist() == [False, True, False, False]
+
+
+def test_an_experiment_is_linearised_amid_its_own_track() -> None:
+    long = override(case(2), {"plant.track.length": 120.0, "plant.vehicle.mass": 3e3})
+    system = dw.linearise(long, v=0.5)
+    assert system.operating_point["x"] == 60
+    assert system.A.tolist() == dw.linearise(60.0, 0.5, experiment=long).A.tolist()
