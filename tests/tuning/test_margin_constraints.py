@@ -68,7 +68,7 @@ def test_bounds_come_with_units(text: str, limit: float, label: str) -> None:
         ),
         ("mean.delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
         ("delay_margin>=5ms", "a margin is the worst one, worst.delay_margin"),
-        ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, min, h'),
+        ("worst.delay_margin>=5mm", 'unit "mm": must be one of s, ms, us, ns, min, h'),
         ("worst.gain_margin>=6deg", 'unit "deg": must be one of dB'),
         ("worst.phase_margin>=1s", 'unit "s": must be one of deg, rad'),
         ("worst.disk_margin>=1dB", 'unit "dB": must be a plain number'),
