@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 
 import dualwinch
 from benchmarks.document import markdown, put
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.vehicle import drag
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.sensors import encoder_step
 
 Floats = NDArray[np.float64]
 
@@ -40,10 +42,7 @@ class Believed:
 
     def value(self, key: str) -> float:
         """The nominal value."""
-        found: object = self.ensemble.experiment
-        for name in key.split("."):
-            found = getattr(found, name, 0.0)
-        return float(found)  # pyright: ignore[reportArgumentType]
+        return float(leaves(self.ensemble.experiment)[key])
 
     def deviation(self, key: str, scale: float = 1.0) -> float:
         """Standard deviation of a value over the machines, as of a uniform distribution over its range."""
@@ -72,10 +71,11 @@ def least_error(ensemble: Ensemble, samples: int = 10) -> tuple[float, float]:
     x, v, a = (course[name][::samples] for name in ("x_ref", "v_ref", "a_ref"))
     tensions = [course[f"F{side}"][::samples] for side in SIDES]
     lengths = rope_lengths(x, plant.track)
+    counted = float(encoder_step(plant.winch_1.gear_ratio, experiment.sensors))
     noise = (
         np.hypot(known.value("sensors.position_noise"), known.value("sensors.position_resolution") / np.sqrt(12)),
         known.value("sensors.speed_noise"),
-        *(plant.winch_1.drum_radius * 2 * np.pi / plant.winch_1.gear_ratio / 4096 / np.sqrt(12),) * 2,
+        *(plant.winch_1.drum_radius * counted / np.sqrt(12),) * 2,
     )
     measured = np.diag(np.maximum(np.array(noise) ** 2, 1e-14) / samples)
 
