@@ -76,7 +76,7 @@ def cost_of_a_gradient() -> float:
     default = Simulation()
     run = Case(integrator=default.integrator, substeps=default.substeps)
     values = [run.named_parameters[name] for name in GAINS]
-    gradient = _shortest(lambda: sensitivities(GAINS, [values], [run.experiment], stride=10, threads=1))
+    gradient = _shortest(lambda: sensitivities(GAINS, [values], [run.experiment], stride=10, workers=1))
     return gradient / _shortest(compiled.prepare_call(run))
 
 

@@ -21,7 +21,7 @@ from benchmarks.peers.peer import UnavailableError
 from dualwinch.codegen import DualwinchError
 from dualwinch.codegen.drivers.batch import LANES
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import Simulation
 
 HORIZONS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
@@ -44,7 +44,7 @@ def _case(length: float) -> Case:
 
 def _batch(case: Case, count: int, threads: int) -> Callable[[], object]:
     gains = case.named_parameters[GAIN] * np.linspace(1, 2, count)[:, None]
-    return lambda: rollout([GAIN], gains, [case.experiment], threads=threads)
+    return lambda: rollout([GAIN], gains, [case.experiment], workers=threads)
 
 
 def points() -> list[Point]:

@@ -31,7 +31,7 @@ from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import Prior, UnknownParameter, problem_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
@@ -53,7 +53,7 @@ def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) 
     began, log = perf_counter(), log_of(simulate(truth))
     record: dict[str, Any] = {"scenario": scenario.index}
     try:
-        found = identify([log], list(priors), believed, priors=priors, threads=1)
+        found = identify([log], list(priors), believed, priors=priors, workers=1)
     except ConfigurationError as error:
         return record | {"refused": str(error)}
     values, names = leaves(truth), {key for each in found.unidentifiable for key in each.keys} | set(found.uninformed)

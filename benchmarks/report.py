@@ -16,7 +16,7 @@ from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
 from dualwinch.codegen import find_compiler
 from dualwinch.codegen.compiler import processor_name, vector_features
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 
 NARROWEST = 120
 """Columns the table takes where the output is no terminal."""

@@ -33,7 +33,7 @@ from dualwinch.identification.predictor import (
 from dualwinch.identification.resample import LogSection
 from dualwinch.model.plant import Torques, tensions
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import rk4
 from dualwinch.simulation.loop.zero_order_hold import ZeroOrderHold, motion_template, problem_of

@@ -34,7 +34,7 @@ from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.reference import Reference, cruise_speed, own_duration
-from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes

@@ -25,7 +25,7 @@ from dualwinch.identification.predictor import (
 )
 from dualwinch.identification.resample import LogSection
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]

@@ -30,6 +30,7 @@ from dualwinch.identification.unknowns import (
     unknown_parameters,
 )
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import no_progress
@@ -54,7 +55,7 @@ def identify(
     forces: bool = False,
     unrecorded: float | None = None,
     options: EstimationOptions = DEFAULTS,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] = no_progress,
 ) -> IdentificationResult:
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
@@ -86,7 +87,7 @@ def identify(
         unrecorded: RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused: the
             log is of another machine, or the model lacks something; default: ``options.plausibility.unrecorded``.
         options: of the method.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -121,7 +122,7 @@ def identify(
     fitted = sections_of([log for log, _ in split], experiment, options.resampling)
     kept = sections_of([log for _, log in split if log], experiment, options.resampling)
 
-    method = PredictionErrorMethod(fitted, experiment, unknowns, options, threads)
+    method = PredictionErrorMethod(fitted, experiment, unknowns, options, threads_of(workers))
     estimates = multistart(method, starts, seed, progress)
     best = estimates[0]
     excess = check_fit(best, fitted, experiment, options, unrecorded)

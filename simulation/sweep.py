@@ -17,6 +17,7 @@ import numpy as np
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, shown
 from dualwinch.simulation.batch.rollout import run_grid
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import current, leaf_of, override
@@ -49,7 +50,7 @@ def sweep(
     experiment: Experiment,
     values: Mapping[str, Iterable[Any]],
     *,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> Sweep:
     """Run an experiment with every combination of some values.
@@ -61,7 +62,7 @@ def sweep(
         experiment: where the other values come from.
         values: dotted key → its values; of any keys, those too that choose parts or shape the compiled code, such as
             ``controller.kind`` and ``simulation.delay_samples``. Each key is an axis of the grid, in this order.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -81,7 +82,7 @@ def sweep(
     experiments = np.empty(shape, dtype=object)
     for index, point in zip(np.ndindex(shape), product(*grid.values()), strict=True):
         experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
-    runs = run_grid(experiments, threads=threads, progress=progress)
+    runs = run_grid(experiments, workers=workers, progress=progress)
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
     return Sweep(
         runs.outcomes,

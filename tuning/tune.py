@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
 from dualwinch.tuning.problem import SEARCH, TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
@@ -30,7 +31,7 @@ def tune(
     seconds: float | None = None,
     rollouts: int | None = None,
     held_out: int | None = None,
-    threads: int | None = None,
+    workers: Workers = None,
     store: StudyStorage | None = None,
     afterwards: float = 0.0,
     keep: bool = True,
@@ -49,7 +50,7 @@ def tune(
         rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
             gradient with as many as differences would take; the last batch may go beyond it by a few.
         held_out: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s that the caller needs for more of what comes on top.
         keep: whether an interrupt keeps the best so far; else it is raised.
@@ -72,11 +73,11 @@ def tune(
     check_method(method, len(problem.objectives))
     quiet()
     began = clock.now()
-    training = prepare(problem, threads, watch)
+    training = prepare(problem, workers, watch)
     if seconds is not None and seconds >= WORTH_COMPILING:
         compile_ahead(method, training)
     store = store or MemoryStorage()
-    evaluator = Evaluator(training, threads=threads)
+    evaluator = Evaluator(training, workers=workers)
     proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
     watch.phase(SEARCHING)
     searched = clock.now()

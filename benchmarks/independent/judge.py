@@ -14,7 +14,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
 

@@ -21,7 +21,7 @@ from benchmarks.peers import (
 )
 from benchmarks.peers.candidates import ROLLOUTS
 from benchmarks.peers.peer import Peer, Run
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import EngineName, Simulation
 
 LIMIT = "hand-c"

@@ -23,7 +23,7 @@ def prepare_with(threads: int) -> Callable[[Case], Run]:
             raise UnavailableError(str(error)) from error
 
         def run(*, keep: bool = False) -> Answer:
-            result = rollout([GAIN], candidates, [case.experiment], threads=threads)
+            result = rollout([GAIN], candidates, [case.experiment], workers=threads)
             metrics = Metrics(**{name: float(table[0, 0]) for name, table in result.metrics.items()})
             if not keep:
                 return Answer(np.nan, metrics, errors=result.metrics["mse"][:, 0])

@@ -13,7 +13,7 @@ from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.batch.workers import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.metrics.metrics import Metrics
@@ -54,9 +54,9 @@ def prepare_with(name: str, threads: int) -> Callable[[Case], Run]:
 
         def run(*, keep: bool = False) -> Answer:
             if not keep:
-                result = rollout([GAIN], candidates, scenarios, threads=threads)
+                result = rollout([GAIN], candidates, scenarios, workers=threads)
                 return Answer(np.nan, _metrics(result.metrics))
-            result = rollout([GAIN], candidates[:1], scenarios, stride=1, threads=threads)
+            result = rollout([GAIN], candidates[:1], scenarios, stride=1, workers=threads)
             x = result.columns["x"][0, 0]
             return Answer(float(x[-1]), _metrics(result.metrics), x)
 

@@ -29,7 +29,7 @@ def prepare(case: Case) -> Run:
     experiment, values = case.experiment, [[case.named_parameters[name] for name in GAINS]]
 
     def run(*, keep: bool = False) -> Answer:
-        found = sensitivities(GAINS, values, [experiment], threads=1)
+        found = sensitivities(GAINS, values, [experiment], workers=1)
         metrics = Metrics(**{name: float(table[0, 0]) for name, table in found.metrics.items()})
         if not keep:
             return Answer(np.nan, metrics)

@@ -204,7 +204,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     from dualwinch.config.folders import made_folder
-    from dualwinch.simulation.batch.threads import cores
+    from dualwinch.simulation.batch.workers import cores
     from dualwinch.tuning.optimisers import check_method, default_method
     from dualwinch.tuning.robustness.stress import check_stress
     from dualwinch.tuning.scoring.progress import TuningProgress
@@ -235,7 +235,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
                 trials=trials,
                 seconds=seconds,
                 rollouts=options.rollouts,
-                threads=max(1, cores() // options.workers),
+                workers=max(1, cores() // options.workers),
                 store=store,
                 afterwards=REPORT_SECONDS,
                 watch=TuningProgress(line, problem.objectives),

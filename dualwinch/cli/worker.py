@@ -63,7 +63,7 @@ def worker(
             line.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
             prepared = prepare(problem, threads, status)
             proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
-            evaluator = Evaluator(prepared, threads=threads)
+            evaluator = Evaluator(prepared, workers=threads)
             status.phase(SEARCHING)
             done = search(definition["method"], proposer, store, evaluator, status)
             line.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

@@ -68,14 +68,14 @@ def digest(part: type) -> str:
     These are the modules of its class and of the classes it is made from, and what these take from files beside them or
     from their own package. Libraries do not count.
     """
-    texts = [_text(module) or _text(part) for module in _modules(part)]
+    texts = [text_of(module) or text_of(part) for module in modules_of(part)]
     if part.__module__ not in sys.modules or not all(texts):
         return ""
     digests = sorted(hashlib.sha256(text.encode()).hexdigest() for text in texts)
     return digests[0] if len(digests) == 1 else hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def _text(defined: ModuleType | type) -> str:
+def text_of(defined: ModuleType | type) -> str:
     """The source of a module as it was imported, where its loader keeps that, else as it is now; or that of a class.
 
     A notebook's cell has a class, a notebook itself has no source.
@@ -88,7 +88,7 @@ def _text(defined: ModuleType | type) -> str:
         return ""
 
 
-def _modules(part: type) -> list[ModuleType]:
+def modules_of(part: type) -> list[ModuleType]:
     """The modules that define a part, without the product's own."""
     waiting = [sys.modules[base.__module__] for base in part.__mro__ if _counts(base.__module__)]
     found: dict[str, ModuleType] = {}

@@ -14,7 +14,7 @@ from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
-from dualwinch.simulation.batch.threads import Item, Outcome, map_all
+from dualwinch.simulation.batch.workers import Item, Outcome, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of

@@ -20,7 +20,7 @@ from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure
-from dualwinch.simulation.batch.threads import cores, run_all
+from dualwinch.simulation.batch.workers import Workers, cores, run_all, threads_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.loop.engine import Engine, engine_of
@@ -56,7 +56,7 @@ def rollout(
     *,
     stride: int = 0,
     most_slack: float | None = None,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> BatchResult:
     """Run every set of parameters in every scenario.
@@ -74,7 +74,7 @@ def rollout(
         stride: every how many samples a row is kept; 0 keeps none.
         most_slack: a run is given up once a rope was slack for more than this share of all its samples; default: never.
             Careful steps through slack take several times as long, and hold up the runs in the lanes beside.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -87,7 +87,7 @@ def rollout(
     if most_slack is not None and not 0 <= most_slack <= 1:
         raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
 
-    return _batch(names, parameters, scenarios, stride, most_slack, threads, progress, alike=True)
+    return _batch(names, parameters, scenarios, stride, most_slack, workers, progress, alike=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,14 +147,14 @@ class RunGrid(RunOutcomes):
 def run_grid(
     experiments: NDArray[np.object_],
     *,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> BatchResult:
     """Run experiments, side by side in vector lanes those that are of one structure, length and sample time.
 
     Args:
         experiments: an `Experiment` each, or a `Scenario`, in any shape.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -165,7 +165,7 @@ def run_grid(
         DualwinchError: no compiler, or no usable cache folder.
     """
     given = experiments.ravel().tolist()
-    found = _batch([], np.empty((1, 0)), given, 0, None, threads, progress, alike=False)
+    found = _batch([], np.empty((1, 0)), given, 0, None, workers, progress, alike=False)
     return found.take(0, axis=0).reshape(experiments.shape)
 
 
@@ -175,7 +175,7 @@ def _batch(
     scenarios: Scenarios,
     stride: int,
     most_slack: float | None,
-    threads: int | None,
+    workers: Workers,
     progress: Progress,
     *,
     alike: bool,
@@ -190,6 +190,7 @@ def _batch(
     none = not_run(shape, metric_quantities(first.structure.metrics))
     columns = {name: np.full((*shape, kept), np.nan) for name in first.loop.columns} if stride else {}
     found = BatchResult(none.outcomes, none.end_times, none.metrics, columns)
+    threads = threads_of(workers)
     whole = all(_rollout(pairs, found, places, stride, most_slack, threads, report) for pairs, places, report in parts)
     return replace(found, interrupted=not whole)
 

@@ -18,7 +18,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_shape, experiment_of
-from dualwinch.simulation.batch.threads import run_all
+from dualwinch.simulation.batch.workers import Workers, run_all, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
@@ -206,7 +206,7 @@ def sensitivities(
     *,
     columns: Sequence[str] = (),
     stride: int = 1,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> Sensitivities:
     """Run every set of values in every scenario, with exact forward sensitivities.
@@ -229,7 +229,7 @@ def sensitivities(
             (``x_read``), where the experiment keeps it (``simulation.readings``).
         stride: every how many samples error, columns and slopes are kept; 0 keeps none. A set in a scenario takes
             8 (p + 1) bytes a sample and column.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Raises:
@@ -253,7 +253,9 @@ def sensitivities(
                 chosen = range(first, min(first + run.varied.directions, p))
                 _differentiate(run, seeds, (i, j), outside, chosen, stride, found, (i, int(places[j])))
 
-        return run_all([lambda i=i, j=j: one(i, j) for i, j in seeds.pairs.indices.tolist()], threads, report)
+        return run_all(
+            [lambda i=i, j=j: one(i, j) for i, j in seeds.pairs.indices.tolist()], threads_of(workers), report
+        )
 
     return replace(found, interrupted=not all(complete(*part) for part in parts))
 

@@ -12,6 +12,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.authority import least_mse
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
 from dualwinch.simulation.ensembles.run import run_side_by_side
@@ -211,7 +212,7 @@ def compare(
     scenarios: int,
     seed: int,
     *,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] = no_progress,
 ) -> Comparison:
     """Run every controller in every scenario (common random numbers).
@@ -226,7 +227,7 @@ def compare(
         ensemble: of the scenarios; its own controller is not used.
         scenarios: how many.
         seed: of the draws, and of the resampling behind the intervals.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -241,7 +242,7 @@ def compare(
     if not controllers:
         raise ConfigurationError("controllers: must be at least one")
     drawn = [_with_controller(ensemble, name, controller) for name, controller in controllers.items()]
-    results = run_side_by_side(drawn, scenarios, seed, threads=threads, progress=progress)
+    results = run_side_by_side(drawn, scenarios, seed, workers=workers, progress=progress)
     return Comparison(ensemble, dict(zip(controllers, results, strict=True)))
 
 

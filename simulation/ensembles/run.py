@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
+from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.prepare import prepare
@@ -34,7 +35,7 @@ def run_ensemble(
     seed: int,
     *,
     traces: bool = True,
-    workers: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] = no_progress,
 ) -> EnsembleResult:
     """Run scenarios of an ensemble.
@@ -46,7 +47,7 @@ def run_ensemble(
         scenarios: how many.
         seed: of the draws; the same seed gives the same scenarios, bit for bit, however many there are.
         traces: whether traces are kept, for figures.
-        workers: threads (default: one a core).
+        workers: threads of this machine (default: one a core), or an executor.
         progress: receives the fraction of the scenarios that are done.
 
     Raises:
@@ -63,7 +64,7 @@ def run_side_by_side(
     scenarios: int,
     seed: int,
     points: int = 0,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] = no_progress,
 ) -> list[EnsembleResult]:
     """Run the same scenarios of several ensembles, which differ in their controllers alone; as `run_ensemble`.
@@ -76,7 +77,7 @@ def run_side_by_side(
         scenarios: how many.
         seed: of the draws.
         points: instants of the traces, at most; 0 keeps none.
-        threads: default: one a core; the compiled code runs without Python's lock.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: receives the fraction that is done.
     """
     if scenarios < 1:
@@ -85,7 +86,7 @@ def run_side_by_side(
         raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
     for ensemble in ensembles:
         prepare(ensemble.experiment)
-    size, threads = portion_size(ensembles[0].experiment, threads)
+    size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
     stride = -(-ensembles[0].experiment.samples // points) if points else 0
     portions: list[tuple[list[RunOutcomes], list[tuple[Value, ...]]]] = []
     traces: list[Traces | None] = [None] * len(ensembles)
@@ -121,7 +122,7 @@ def _run_portion(
     ran: list[BatchResult] = []
     for number, chosen in enumerate(portion):
         report = part(progress, number / len(portion), (number + 1) / len(portion))
-        ran.append(rollout([], np.empty((1, 0)), chosen, stride=stride, threads=threads, progress=report))
+        ran.append(rollout([], np.empty((1, 0)), chosen, stride=stride, workers=threads, progress=report))
         if ran[-1].interrupted:
             break
     return ran

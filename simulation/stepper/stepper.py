@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, suggestion
-from dualwinch.simulation.batch.threads import cores
+from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop

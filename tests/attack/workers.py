@@ -68,8 +68,8 @@ def begin(url: str, study: str = STUDY) -> DatabaseStudy:
 
 
 def _search(store: StudyStorage, asked: TuningProblem) -> None:
-    prepared = prepare(asked, threads=1)
-    search(METHOD, optimiser(METHOD, prepared, os.getpid()), store, Slow(prepared, threads=1))
+    prepared = prepare(asked, workers=1)
+    search(METHOD, optimiser(METHOD, prepared, os.getpid()), store, Slow(prepared, workers=1))
     store.close()
 
 

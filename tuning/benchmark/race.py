@@ -22,6 +22,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.scenarios import experiment_of
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
@@ -102,7 +103,7 @@ def race(
     method: str | None = None,
     stress: bool = False,
     out: str | PathLike[str] | None = None,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> BenchmarkResult:
     """Tune every combination of parts with the same number of rollouts, and score all in the same unseen scenarios.
@@ -126,7 +127,7 @@ def race(
         method: name of the optimiser; default: that of `dualwinch.tune`.
         stress: whether it is found out what breaks the best of each first (see `dualwinch.stress`).
         out: folder that finished entries are kept in; default: nowhere.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done of what there is to do, and with what is being done.
 
     Returns:
@@ -177,8 +178,8 @@ def race(
         list(entrants.values()),
         terms,
         folder=None if out is None else Path(out),
-        breaking=_breaking(first, threads) if stress else None,
-        threads=threads,
+        breaking=_breaking(first, workers) if stress else None,
+        workers=workers,
         told=progress,
     )
 
@@ -204,7 +205,7 @@ def _problem(
         raise ConfigurationError(f"{entry.key}: {error}") from error
 
 
-def _breaking(problem: TuningProblem, threads: int | None) -> Breaking:
+def _breaking(problem: TuningProblem, workers: Workers) -> Breaking:
     """Tells what breaks the gains of an experiment first.
 
     Raises:
@@ -214,7 +215,7 @@ def _breaking(problem: TuningProblem, threads: int | None) -> Breaking:
     name = "given"
 
     def breaking(experiment: Experiment) -> tuple[dict[str, Any], ...]:
-        found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, threads=threads)
+        found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
         if name not in found.names:  # lost without any imperfection, or the paper's own gains
             return tuple({"label": "none", "size": "", "broken": broken.words} for broken in found.lost.get(name, ()))
         return tuple(
@@ -354,7 +355,7 @@ def scored(
     terms: BenchmarkTerms,
     *,
     breaking: Breaking | None = None,
-    threads: int | None = None,
+    workers: Workers = None,
     watch: TuningProgress = SILENT,
 ) -> EntryResult:
     """Tune an entry, and score its best and its fronts in the unseen scenarios.
@@ -369,12 +370,12 @@ def scored(
         method=terms.method,
         rollouts=terms.rollouts,
         held_out=min(terms.held_out, problem.selection.sizes.test),
-        threads=threads,
+        workers=workers,
         keep=False,
         watch=watch,
     )
     watch.phase(UNSEEN_PHASE)
-    scorer = Scorer(tuned.training, threads=threads)
+    scorer = Scorer(tuned.training, workers=workers)
     unseen = TestSet(scorer, terms.held_out, terms.test_seed)
     best = unseen.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
@@ -408,21 +409,21 @@ def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPo
 
 
 def paper(
-    problem: TuningProblem, terms: BenchmarkTerms, *, threads: int | None = None, watch: TuningProgress = SILENT
+    problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = SILENT
 ) -> BaselineScore:
     """The paper's gains in the unseen scenarios, and the least error there.
 
     Args:
         problem: any of the race; ensemble, constraints and seed are those of all.
         terms: how many scenarios.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         watch: told of what is done.
 
     Raises:
         DualwinchError: no compiler, no usable cache folder, or no optimum found.
         KeyboardInterrupt: interrupted.
     """
-    scorer = Scorer(prepare(problem, threads, watch), threads=threads)
+    scorer = Scorer(prepare(problem, workers, watch), workers=workers)
     watch.phase(PAPER_PHASE)
     unseen = TestSet(scorer, terms.held_out, terms.test_seed)
     found = unseen.paper
@@ -484,7 +485,7 @@ def run_race(
     *,
     folder: Path | None = None,
     breaking: Breaking | None = None,
-    threads: int | None = None,
+    workers: Workers = None,
     told: Told | None = None,
 ) -> BenchmarkResult:
     """Tune and score every entry that the folder does not hold yet; find out what breaks it where that is asked for.
@@ -496,7 +497,7 @@ def run_race(
         terms: what is the same for all.
         folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
         breaking: finds out what breaks the best gains first.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         told: called now and then.
 
     Returns:
@@ -514,7 +515,7 @@ def run_race(
     try:
         if kept.find(PAPER) is None:
             first = EntryProgress(PAPER, 0, 1, lambda _, words: told(0.0, words) if told else None)
-            kept.keep(PAPER, {}, paper(entrants[0].problem, terms, threads=threads, watch=first).to_record())
+            kept.keep(PAPER, {}, paper(entrants[0].problem, terms, workers=workers, watch=first).to_record())
         for number, entrant in enumerate(waiting):
             entry, lap = entrant.entry, EntryProgress(called[entrant.entry.key], number, len(waiting), told)
             record = known[entry.key]
@@ -523,7 +524,7 @@ def run_race(
                 found = breaking(with_leaves(entrant.problem.experiment, record["gains"]))
                 kept.keep(entry.stem, entrant.definition, record | {"stress": list(found)})
             else:
-                done = scored(entrant, terms, breaking=breaking, threads=threads, watch=lap)
+                done = scored(entrant, terms, breaking=breaking, workers=workers, watch=lap)
                 kept.keep(entry.stem, entrant.definition, done.to_record())
             left -= 1
     except KeyboardInterrupt:

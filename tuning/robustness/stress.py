@@ -14,7 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.rollout import run_grid
-from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
@@ -62,7 +62,7 @@ def stress(
     scenarios: int = SCENARIOS,
     seed: int = 0,
     name: str = "given",
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> RobustnessResult:
     """Find out which imperfection breaks an experiment's gains first, and at which size; likewise the paper's.
@@ -83,7 +83,7 @@ def stress(
         scenarios: of every size.
         seed: of the draws.
         name: what the gains are called.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Returns:
@@ -108,7 +108,7 @@ def stress(
         constraints_of(constraints, noted, harsh.experiment),
         scenarios=scenarios,
         seed=seed,
-        threads=threads,
+        workers=workers,
         progress=progress,
     )
 
@@ -132,7 +132,7 @@ def stress_tuned(
     *,
     scenarios: int | None = None,
     name: str = "given",
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> RobustnessResult:
     """`stress` for the best of a tuning problem: on top of what it was tuned in, under the problem's constraints."""
@@ -144,7 +144,7 @@ def stress_tuned(
         scenarios=scenarios or SCENARIOS,
         seed=problem.seed,
         name=name,
-        threads=threads,
+        workers=workers,
         progress=progress,
     )
 
@@ -198,17 +198,17 @@ class ScaledRunner:
     """Runs scenarios, and tells how much of what is expected has been done."""
 
     def __init__(
-        self, scaling: ScaledEnsemble, expected: int, threads: int | None, progress: Callable[[float], None] | None
+        self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Callable[[float], None] | None
     ) -> None:
         """Set the bench up.
 
         Args:
             scaling: gives the scenarios.
             expected: number of sizes that will be run, at most.
-            threads: default: one a core.
+            workers: of this machine, or an executor; default: one thread a core.
             progress: called now and then with the share that is done.
         """
-        self._scaling, self._expected, self._threads, self._progress = scaling, expected, threads, progress
+        self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
         self._done = 0
 
     def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
@@ -219,7 +219,7 @@ class ScaledRunner:
         """
         first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
         loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
-        map_all(compile_batch, list(loops), self._threads)
+        map_all(compile_batch, list(loops), threads_of(self._workers))
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[ScaledRuns]:
         """What the scenarios of each of some sizes come to.
@@ -239,7 +239,7 @@ class ScaledRunner:
             if self._progress:
                 self._progress((before + share * len(sizes)) / self._expected)
 
-        runs = run_grid(scenarios, threads=self._threads, progress=report)
+        runs = run_grid(scenarios, workers=self._workers, progress=report)
         if runs.interrupted:
             raise KeyboardInterrupt
         self._done += len(sizes)
@@ -262,7 +262,7 @@ def breakdowns(
     *,
     scenarios: int,
     seed: int,
-    threads: int | None = None,
+    workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> RobustnessResult:
     """Find at which size of each imperfection each of some gains break.
@@ -278,7 +278,7 @@ def breakdowns(
         constraints: what must be kept to; factors are on what the paper's gains reach in the base.
         scenarios: how many.
         seed: of the draws.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done.
 
     Raises:
@@ -296,7 +296,7 @@ def breakdowns(
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
     reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
     sizes = sum(len(reach.rungs) + HALVINGS for reach in reaches.values())
-    bench = ScaledRunner(scaling, len(controllers) * (1 + sizes), threads, progress)
+    bench = ScaledRunner(scaling, len(controllers) * (1 + sizes), workers, progress)
 
     def sizes_of(imperfection: Imperfection, rung: int) -> dict[str, float]:
         return sizes_at(rung, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})

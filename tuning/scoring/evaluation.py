@@ -17,6 +17,7 @@ import numpy as np
 
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
@@ -90,16 +91,16 @@ class Scorer:
         margin_seconds: wall time in s of stability margins.
     """
 
-    def __init__(self, training: TrainingSet, threads: int | None = None) -> None:
+    def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         """A scorer.
 
         Args:
             training: gives objectives and constraints.
-            threads: default: one a core.
+            workers: of this machine, or an executor; default: one thread a core.
         """
         self.training = training
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
-        self._threads, self._units = threads, training.problem.units
+        self._workers, self._units = workers, training.problem.units
         self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
 
     @property
@@ -138,7 +139,7 @@ class Scorer:
         self, scenarios: Sequence[Experiment | Scenario], experiment: Experiment | None = None
     ) -> MarginSurvey | None:
         """The machines of some scenarios beside the nominal one (`tuning.scoring.training_set.survey`)."""
-        return survey(self.training.problem, scenarios, self._threads, experiment=experiment)
+        return survey(self.training.problem, scenarios, self._workers, experiment=experiment)
 
     def bounds(self, scenarios: Sequence[Scenario]) -> tuple[Constraint, ...]:
         """The constraints in other scenarios; the paper's controller, which bounds may refer to, is run there."""
@@ -187,10 +188,10 @@ class Scorer:
         most_slack = None if to_the_end else self._most_slack
         began = clock.now()
         if candidates is None:
-            result = run_pairs([], [[]], scenarios, self._threads)
+            result = run_pairs([], [[]], scenarios, self._workers)
         else:
             points = [space.parameters(candidate.point) for candidate in candidates]
-            result = run_pairs(space.keys, points, scenarios, self._threads, most_slack)
+            result = run_pairs(space.keys, points, scenarios, self._workers, most_slack)
         self.seconds += clock.now() - began
         self.rollouts += result.outcomes.size
         return result
@@ -252,15 +253,15 @@ EXEMPT = ("paper", "start")
 class Evaluator(Scorer):
     """Evaluates the candidates of a search batch by batch, with a pool of active scenarios."""
 
-    def __init__(self, training: TrainingSet, *, prune: bool = True, threads: int | None = None) -> None:
+    def __init__(self, training: TrainingSet, *, prune: bool = True, workers: Workers = None) -> None:
         """An evaluator.
 
         Args:
             training: gives scenarios, objectives and constraints.
             prune: whether hopeless candidates are pruned after the first scenarios; never with several objectives.
-            threads: default: one a core.
+            workers: of this machine, or an executor; default: one thread a core.
         """
-        super().__init__(training, threads)
+        super().__init__(training, workers)
         problem = training.problem
         self._config, self._pool, self._batches = problem.selection, ActiveScenarios(training), 0
         prunes = prune and len(problem.objectives) == 1

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import WORDS
@@ -22,7 +23,7 @@ def run_pairs(
     keys: Sequence[str],
     parameters: Sequence[Sequence[float]],
     scenarios: Sequence[Experiment | Scenario],
-    threads: int | None = None,
+    workers: Workers = None,
     most_slack: float | None = None,
 ) -> BatchResult:
     """`rollout` that raises an interrupt, for half a batch is of no use here; arguments as there.
@@ -30,7 +31,7 @@ def run_pairs(
     Raises:
         KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
     """
-    result = rollout(keys, parameters, scenarios, threads=threads, most_slack=most_slack)
+    result = rollout(keys, parameters, scenarios, workers=workers, most_slack=most_slack)
     if result.interrupted:
         raise KeyboardInterrupt
     return result

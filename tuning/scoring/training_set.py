@@ -29,7 +29,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.authority import ForceDemand, force_demand
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
@@ -197,7 +197,7 @@ def _demands(scenarios: Sequence[Scenario]) -> list[ForceDemand]:
 def survey(
     problem: TuningProblem,
     scenarios: Sequence[Experiment | Scenario],
-    threads: int | None = None,
+    workers: Workers = None,
     *,
     experiment: Experiment | None = None,
 ) -> MarginSurvey | None:
@@ -207,7 +207,7 @@ def survey(
         problem: says what is bounded and what varies.
         scenarios: drawn machines, the first `SelectionConfig.margin_machines_validated` of which are taken, vertices
             before draws; the nominal machine comes first.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         experiment: with another controller than the problem's, whose gains do not vary.
     """
     if not problem.margins:
@@ -215,17 +215,19 @@ def survey(
     machines = [scenario for scenario in scenarios if isinstance(scenario, Scenario)]
     machines.sort(key=lambda scenario: not scenario.vertex)
     taken = machines[: problem.selection.margin_machines_validated]
-    return MarginSurvey([experiment or problem.experiment, *taken], () if experiment else problem.space.keys, threads)
+    return MarginSurvey(
+        [experiment or problem.experiment, *taken], () if experiment else problem.space.keys, threads_of(workers)
+    )
 
 
 def hardest_machines(
-    problem: TuningProblem, scenarios: Sequence[Experiment | Scenario], threads: int | None = None
+    problem: TuningProblem, scenarios: Sequence[Experiment | Scenario], workers: Workers = None
 ) -> list[int]:
     """Indices of the scenarios on whose machines the start has the least margins, of any kind that is bounded."""
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
         return []
-    surveyed = MarginSurvey([scenarios[index] for index in drawn], problem.space.keys, threads)
+    surveyed = MarginSurvey([scenarios[index] for index in drawn], problem.space.keys, threads_of(workers))
     kinds = [statistic.margin for statistic in problem.margins]
     (found,) = surveyed.each([problem.space.parameters(problem.start)], kinds)
     least = {kind: min(of[kind].value for of in found) for kind in kinds}
@@ -260,14 +262,14 @@ class TrainingSet:
     margins: MarginSurvey | None = None
 
 
-def prepare(problem: TuningProblem, threads: int | None = None, watch: TuningProgress = SILENT) -> TrainingSet:
+def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = SILENT) -> TrainingSet:
     """Draw the training scenarios of a problem, and run the baseline controller and the start in them.
 
     The rollouts that a search calls are compiled by then.
 
     Args:
         problem: what is tuned.
-        threads: default: one a core.
+        workers: of this machine, or an executor; default: one thread a core.
         watch: gets both phases.
 
     Raises:
@@ -281,10 +283,10 @@ def prepare(problem: TuningProblem, threads: int | None = None, watch: TuningPro
         choices, more = training_choices(ensemble, problem.scenarios, problem.stream(TRAINING), problem.selection)
     scenarios = _drawn(problem, choices, problem.experiment)
     watch.phase(REFERENCES)
-    paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), threads)
-    start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, threads)
+    paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
+    start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
     hard = _drawn(problem, more, problem.experiment) if more else ()
-    hardest = hardest_machines(problem, [*scenarios, *hard], threads)
+    hardest = hardest_machines(problem, [*scenarios, *hard], workers)
     bounds = []
     for constraint in problem.constraints:
         reached = 0.0
@@ -293,7 +295,8 @@ def prepare(problem: TuningProblem, threads: int | None = None, watch: TuningPro
         elif constraint.of_paper:
             with_paper = _drawn(problem, [*choices, *more], problem.paper_experiment)
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
-            worst = MarginSurvey(machines if problem.ensemble else machines[:1], threads=threads).worst([[]])[0]
+            chosen = machines if problem.ensemble else machines[:1]
+            worst = MarginSurvey(chosen, threads=threads_of(workers)).worst([[]])[0]
             reached = constraint.statistic.of(worst)
         bounds.append(constraint.given(reached))
     return TrainingSet(
@@ -303,7 +306,7 @@ def prepare(problem: TuningProblem, threads: int | None = None, watch: TuningPro
         constraints=tuple(bounds),
         paper=paper,
         start=start,
-        margins=survey(problem, [[*scenarios, *hard][index] for index in hardest], threads),
+        margins=survey(problem, [[*scenarios, *hard][index] for index in hardest], workers),
     )
 
 

@@ -22,7 +22,7 @@ def rigs(count: int, duration: float = 6.0) -> list[Scenario]:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_lanes_are_single_runs(threads: int) -> None:
     scenarios = rigs(5)
-    batch = rollout(NAMES, GAINS, scenarios, stride=1, threads=threads)
+    batch = rollout(NAMES, GAINS, scenarios, stride=1, workers=threads)
     for i, j in ((0, 0), (1, 2), (1, 4)):
         changed = override(scenarios[j].experiment, dict(zip(NAMES, GAINS[i], strict=True)))
         alone = simulate(changed, nominal=scenarios[j].nominal)

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from dualwinch.simulation.batch import threads
-from dualwinch.simulation.batch.threads import map_all
+from dualwinch.simulation.batch import workers
+from dualwinch.simulation.batch.workers import map_all
 
 
 def test_outcomes_are_in_the_order_of_the_items_whoever_finishes_first() -> None:
@@ -25,6 +25,6 @@ def test_outcomes_are_in_the_order_of_the_items_whoever_finishes_first() -> None
 def test_errors_and_interrupts_come_through(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ZeroDivisionError):
         map_all(lambda item: 1 / item, [1, 0])
-    monkeypatch.setattr(threads, "run_all", lambda *_: False)
+    monkeypatch.setattr(workers, "run_all", lambda *_: False)
     with pytest.raises(KeyboardInterrupt):
         map_all(str, [1])

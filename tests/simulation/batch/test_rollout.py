@@ -68,7 +68,7 @@ def test_a_batch_runs_in_the_engine_that_its_scenarios_ask_for(engine: str) -> N
 def test_lane_size_threads_and_neighbours_change_no_bit() -> None:
     scenarios = [scenario(4, seed, 0.3) for seed in range(3)]
     everything = rollout(NAMES, GAINS, scenarios, stride=7)
-    assert same(everything, rollout(NAMES, GAINS, scenarios, stride=7, threads=1), lambda table: table)
+    assert same(everything, rollout(NAMES, GAINS, scenarios, stride=7, workers=1), lambda table: table)
     assert same(everything, rollout(NAMES, GAINS[5:6], scenarios[1:2], stride=7), lambda table: table[5:6, 1:2])
     assert same(everything, rollout(NAMES, GAINS[::-1], scenarios, stride=7), lambda table: table[::-1])
 
@@ -143,7 +143,7 @@ def test_an_interrupt_keeps_what_is_finished() -> None:
             raise KeyboardInterrupt
 
     scenarios = [scenario(4, seed, 0.05) for seed in range(60)]
-    result = rollout(NAMES, GAINS, scenarios, threads=1, progress=interrupt)
+    result = rollout(NAMES, GAINS, scenarios, workers=1, progress=interrupt)
     assert result.interrupted
     ran = result.outcomes != "not_run"
     assert 0.3 <= ran.mean() < 1

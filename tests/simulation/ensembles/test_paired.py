@@ -48,7 +48,7 @@ def test_each_controller_meets_the_ensemble_as_if_alone(sea: Ensemble) -> None:
 def test_portions_and_threads_change_no_bit(sea: Ensemble) -> None:
     """40 scenarios on one thread are two portions, on two threads one."""
     contenders = {"paper": paper_controller()}
-    results = [compare(contenders, sea, 40, 1, threads=threads).contenders["paper"] for threads in (1, 2)]
+    results = [compare(contenders, sea, 40, 1, workers=threads).contenders["paper"] for threads in (1, 2)]
     for metric, values in results[0].metrics.items():
         np.testing.assert_array_equal(values, results[1].metrics[metric])
 
@@ -119,7 +119,7 @@ def test_an_interrupt_keeps_what_all_have_finished(sea: Ensemble, monkeypatch: p
         return whole(*words, **options)
 
     monkeypatch.setattr(run, "rollout", interrupted)
-    result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, threads=1)
+    result = compare({"a": paper_controller(), "b": stronger()}, sea, 40, 0, workers=1)
     assert result.partial
     assert {len(contender.outcomes) for contender in result.contenders.values()} == {BLOCKS * LANES}
     assert result.paired("b")["mse"].pairs == BLOCKS * LANES

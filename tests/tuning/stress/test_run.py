@@ -55,7 +55,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
 
     def found(seed: int, threads: int) -> RobustnessResult:
         constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
-        return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, threads=threads)
+        return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, workers=threads)
 
     first, again = found(2, 1), found(2, 2)
     assert first.rows == again.rows

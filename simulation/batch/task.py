@@ -1,0 +1,227 @@
+"""A task for a worker of an executor: a function with its arguments, and what has to be the same there.
+
+A worker may be another process on another machine. It is to compute the same bits, so it must run the same product on
+the same CasADi and NumPy; and parts of your own must be the same there: those of a file (``--plugin FILE``) travel as
+source text, those of installed modules are compared by their digest. What differs is refused in one line.
+"""
+
+import hashlib
+import importlib
+import io
+import pickle
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.abc import InspectLoader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Self
+
+from dualwinch.codegen.errors import CacheError, CompileError, CompilerNotFoundError, DualwinchError
+from dualwinch.codegen.text import one_line
+from dualwinch.model.quantities.part import (
+    PACKAGE,
+    PLUGIN,
+    Part,
+    built_in,
+    digest,
+    modules_of,
+    named,
+    registries,
+    text_of,
+)
+
+
+class WorkerError(DualwinchError):
+    """A worker cannot compute a task: it is of another version, cannot compile, or was lost again and again."""
+
+
+@dataclass(frozen=True)
+class ModuleSource:
+    """The source of a module that a worker may not have.
+
+    Attributes:
+        name: of the module.
+        file: that it is from.
+        text: its source.
+    """
+
+    name: str
+    file: str
+    text: str
+
+
+@dataclass(frozen=True)
+class WorkerTask:
+    """A function with its arguments, as it travels to a worker.
+
+    Attributes:
+        versions: library → version, the same where it is run.
+        sources: modules that define parts of one's own, from files.
+        digests: (module, class, digest) of parts of one's own that are imported by the module's name.
+        payload: function and arguments, pickled.
+    """
+
+    versions: dict[str, str]
+    sources: tuple[ModuleSource, ...]
+    digests: tuple[tuple[str, str, str], ...]
+    payload: bytes
+
+    @classmethod
+    def of(cls, work: Callable[..., Any], *arguments: Any) -> Self:
+        """The task of a call.
+
+        Raises:
+            WorkerError: an argument cannot be pickled, such as a part that is defined in a function.
+        """
+        stream = io.BytesIO()
+        pickler = _Pickler(stream)
+        try:
+            pickler.dump((work, arguments))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise WorkerError(
+                f"workers: {one_line(error)}; a part of your own that other processes use must be defined in a file"
+            ) from error
+        registered = {part for registry in registries() for part in registry.values() if not built_in(part)}
+        from_files = {part for part in registered | pickler.parts if part.__module__.startswith(PLUGIN)}
+        modules = {module.__name__: module for part in from_files for module in modules_of(part)}
+        imported = sorted(pickler.parts - from_files, key=lambda part: (part.__module__, part.__qualname__))
+        return cls(
+            versions=versions(),
+            sources=tuple(
+                ModuleSource(name, str(modules[name].__file__), text_of(modules[name])) for name in sorted(modules)
+            ),
+            digests=tuple((part.__module__, part.__qualname__, digest(part)) for part in imported),
+            payload=stream.getvalue(),
+        )
+
+
+class _Pickler(pickle.Pickler):
+    """Pickles, and notes the parts of one's own that it meets."""
+
+    def __init__(self, stream: io.BytesIO) -> None:
+        super().__init__(stream, protocol=pickle.HIGHEST_PROTOCOL)
+        self.parts = set[type[Part]]()
+
+    def reducer_override(self, thing: Any) -> Any:
+        """Nothing of its own."""
+        if isinstance(thing, type) and issubclass(thing, Part) and not built_in(thing):
+            self.parts.add(thing)
+        return NotImplemented
+
+
+@cache
+def versions() -> dict[str, str]:
+    """What decides the bits of a result beside its arguments; the product's with a digest of all its sources."""
+    files = {
+        f"{folder.name}/{file.relative_to(folder.resolve())}": file
+        for folder in Path(str(sys.modules[PACKAGE].__file__)).parent.iterdir()
+        if folder.is_dir()
+        for file in folder.resolve().rglob("*")
+        if file.suffix in {".py", ".c", ".h"}
+    }
+    sources = hashlib.sha256()
+    for name in sorted(files):
+        sources.update(name.encode() + files[name].read_bytes())
+    found = {name: version(name) for name in (PACKAGE, "casadi", "numpy", "scipy")}
+    return {PACKAGE: f"{found.pop(PACKAGE)} (sources {sources.hexdigest()[:12]})", **found}
+
+
+def run_task(task: WorkerTask) -> Any:
+    """Compute a task, on a worker.
+
+    Raises:
+        WorkerError: the worker is of another version, has another part, or cannot compile.
+        DualwinchError: as raised by the function.
+    """
+    where = f"worker on {socket.gethostname()}"
+    for name, wanted in task.versions.items():
+        if (here := versions().get(name)) != wanted:
+            raise WorkerError(f"{where}: has {name} {here}, must be {wanted}; install the same on all machines")
+    _provide(where, task.sources)
+    _compare(where, task.digests)
+    try:
+        work, arguments = pickle.loads(task.payload)  # noqa: S301  from the client whose worker this is
+    except (ImportError, AttributeError) as error:
+        raise WorkerError(
+            f"{where}: {one_line(error)}; a part of your own must be defined in a file, --plugin FILE, or be installed"
+        ) from error
+    try:
+        return work(*arguments)
+    except (CompilerNotFoundError, CompileError, CacheError) as error:
+        raise WorkerError(f"{where}: {error}") from error
+    except MemoryError as error:
+        raise WorkerError(f"{where}: out of memory") from error
+
+
+def _provide(where: str, sources: Sequence[ModuleSource]) -> None:
+    """Import modules from their sources where they are not there, and register the parts they define.
+
+    Raises:
+        WorkerError: another version of a module is there.
+    """
+    if not sources:
+        return
+    finder = _Finder({source.name: source for source in sources})
+    sys.meta_path.append(finder)  # last, so that nothing carried hides what is installed
+    try:
+        for source in sources:
+            module = importlib.import_module(source.name)
+            if text_of(module) != source.text:
+                raise WorkerError(f"{where}: has another version of {Path(source.file).name}; start the workers anew")
+            for part in vars(module).values():
+                if isinstance(part, type) and issubclass(part, Part) and part.__module__ == source.name:
+                    _register(part)
+    finally:
+        sys.meta_path.remove(finder)
+
+
+def _register(part: type[Part]) -> None:
+    """Register a part; whether it fits was found out where the task is from."""
+    if part.registry is not None and isinstance(getattr(part, "kind", None), str):
+        with part.registry.adding(part):
+            pass
+
+
+def _compare(where: str, digests: Sequence[tuple[str, str, str]]) -> None:
+    for name, qualified, wanted in digests:
+        try:
+            part: Any = importlib.import_module(name)
+            for attribute in qualified.split("."):
+                part = getattr(part, attribute)
+        except (ImportError, AttributeError) as error:
+            raise WorkerError(f"{where}: has no {name}.{qualified}: {one_line(error)}; install it there") from error
+        if digest(part) != wanted:
+            raise WorkerError(f"{where}: has another version of {named(part)}; install the same on all machines")
+
+
+class _Finder(MetaPathFinder):
+    """Finds modules whose sources have come with a task."""
+
+    def __init__(self, sources: dict[str, ModuleSource]) -> None:
+        self._sources = sources
+
+    def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG002
+        """The specification of such a module."""
+        source = self._sources.get(fullname)
+        return ModuleSpec(fullname, _Loader(source), origin=source.file) if source else None
+
+
+class _Loader(InspectLoader):
+    """Makes a module of its source, and keeps that."""
+
+    def __init__(self, source: ModuleSource) -> None:
+        self._source = source
+
+    def get_source(self, fullname: str) -> str:  # noqa: ARG002
+        """The source."""
+        return self._source.text
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run it, under the name of the file it is from."""
+        module.__file__ = self._source.file
+        exec(compile(self._source.text, self._source.file, "exec"), vars(module))  # noqa: S102
