@@ -1,6 +1,6 @@
 """The parameter–scenario grid: every set of parameters with every scenario, as a compiled rollout takes each pair."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,8 +29,21 @@ class ParameterScenarioGrid:
         indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
     """
 
-    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        parameters: ArrayLike,
+        scenarios: Scenarios,
+        zeros: frozenset[str] | None = None,
+    ) -> None:
         """Check that everything goes together.
+
+        Args:
+            names: keys of the parameters that vary.
+            parameters: (n, names).
+            scenarios: m of them.
+            zeros: those of a larger grid that this is a part of, so that both run the same compiled code; default:
+                those of this one.
 
         Raises:
             ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go
@@ -43,8 +56,10 @@ class ParameterScenarioGrid:
         drawn = frozenset[str]().union(*(group.drawn for group in groups))
         there = {key for group in groups for key, column in group.columns.items() if column.any()}
         self.structure = structure_of(self.shared)
-        self.zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn])
-        self.zeros |= absent_signals(*(group.experiment for group in groups), varying=there)
+        if zeros is None:
+            zeros = zeros_of(self.structure, *(group.numbers for group in groups), varying=[*names, *drawn])
+            zeros |= absent_signals(*(group.experiment for group in groups), varying=there)
+        self.zeros = zeros
         self.loop = closed_loop(self.structure, self.zeros)
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
@@ -72,6 +87,20 @@ class ParameterScenarioGrid:
             if name in self.names:
                 numbers[name] = self.values[:, [self.names.index(name)]]
         return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.shared.metrics)
+
+    def portions(self, size: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Parts of about so many pairs: numbers of sets, and of scenarios, all pairs of which are one part."""
+        sets, scenarios = self.shape
+        together = max(1, size // sets)
+        for scene in range(0, scenarios, together):
+            for first in range(0, sets, size):
+                yield np.arange(first, min(first + size, sets)), np.arange(scene, min(scene + together, scenarios))
+
+    def part(
+        self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
+    ) -> tuple[tuple[str, ...], Floats, Scenarios, frozenset[str]]:
+        """What a grid of some of the sets and scenarios is made of."""
+        return self.names, self.values[sets], [self._scenarios[j] for j in scenarios.tolist()], self.zeros
 
     def vectors(self, indices: NDArray[np.int64]) -> Floats:
         """All parameters of some pairs as the loop takes them, (pairs, parameters)."""

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -20,7 +20,7 @@ from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure
-from dualwinch.simulation.batch.workers import Workers, cores, run_all, threads_of
+from dualwinch.simulation.batch.workers import Workers, cores, portion_of, run_all, spread, threads_of
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.loop.engine import Engine, engine_of
@@ -47,6 +47,13 @@ class BatchResult(RunOutcomes):
 
     columns: dict[str, Floats]
     interrupted: bool = False
+
+    def put(self, at: Any, part: "BatchResult") -> None:
+        """Put the runs of a part into their places, an index of arrays (n, m)."""
+        self.outcomes[at], self.end_times[at] = part.outcomes, part.end_times
+        for table, values in ((self.metrics, part.metrics), (self.columns, part.columns)):
+            for name in table:
+                table[name][at] = values[name]
 
 
 def rollout(
@@ -185,14 +192,65 @@ def _batch(
         (ParameterScenarioGrid(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress, alike=alike)
     ]
-    first = parts[0][0]
-    shape, kept = (first.shape[0], len(scenarios)), kept_rows(first.shared.samples, stride)
-    none = not_run(shape, metric_quantities(first.structure.metrics))
-    columns = {name: np.full((*shape, kept), np.nan) for name in first.loop.columns} if stride else {}
-    found = BatchResult(none.outcomes, none.end_times, none.metrics, columns)
+    found = _not_begun(parts[0][0], len(scenarios), stride)
+    if isinstance(workers, Executor):
+        grids = [(pairs, places) for pairs, places, _ in parts]
+        return replace(found, interrupted=not _spread(workers, grids, found, stride, most_slack, progress))
     threads = threads_of(workers)
     whole = all(_rollout(pairs, found, places, stride, most_slack, threads, report) for pairs, places, report in parts)
     return replace(found, interrupted=not whole)
+
+
+def _not_begun(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> BatchResult:
+    """The result of all sets of a grid in so many scenarios, to be filled in."""
+    shape, kept = (pairs.shape[0], scenarios), kept_rows(pairs.shared.samples, stride)
+    none = not_run(shape, metric_quantities(pairs.structure.metrics))
+    columns = {name: np.full((*shape, kept), np.nan) for name in pairs.loop.columns} if stride else {}
+    return BatchResult(none.outcomes, none.end_times, none.metrics, columns)
+
+
+def _spread(
+    executor: Executor,
+    grids: Sequence[tuple[ParameterScenarioGrid, NDArray[np.int64]]],
+    found: BatchResult,
+    stride: int,
+    most_slack: float | None,
+    progress: Progress,
+) -> bool:
+    """Run the pairs of grids on an executor's workers into their places of a result; whether without an interrupt."""
+    at = list[tuple[NDArray[np.int64], ...]]()
+
+    def tasks() -> Iterator[tuple[Any, ...]]:
+        for pairs, places in grids:
+            for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1])):
+                at.append(np.ix_(sets, places[scenes]))
+                yield *pairs.part(sets, scenes), stride, most_slack
+
+    done, runs = 0, found.outcomes.size
+    try:
+        for number, portion in spread(executor, rollout_portion, tasks()):
+            found.put(at[number], portion)
+            done += portion.outcomes.size
+            if progress:
+                progress(done / runs)
+    except KeyboardInterrupt:
+        return False
+    return True
+
+
+def rollout_portion(
+    names: Sequence[str],
+    parameters: Floats,
+    scenarios: Scenarios,
+    zeros: frozenset[str],
+    stride: int,
+    most_slack: float | None,
+) -> BatchResult:
+    """A part of a parameter–scenario grid, on one thread of a worker; arguments as of `rollout` and of the grid."""
+    pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
+    found = _not_begun(pairs, len(scenarios), stride)
+    _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, None)
+    return found
 
 
 def _rollout(

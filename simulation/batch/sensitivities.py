@@ -1,6 +1,7 @@
 """How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
@@ -18,7 +19,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_shape, experiment_of
-from dualwinch.simulation.batch.workers import Workers, run_all, threads_of
+from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, spread, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
@@ -103,8 +104,10 @@ class TangentSeeds:
         signals: names of the signals that some of the numbers shape.
     """
 
-    def __init__(self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios) -> None:
-        """Check that everything goes together.
+    def __init__(
+        self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios, zeros: frozenset[str] | None = None
+    ) -> None:
+        """Check that everything goes together; arguments as of `ParameterScenarioGrid`.
 
         Raises:
             ConfigurationError: as by `ParameterScenarioGrid`, or there is no derivative by a number.
@@ -120,7 +123,7 @@ class TangentSeeds:
             loop = described_parameters(structure_of(first))
             taken = [name for name in names if name in loop or not shaped_by(name)]
         self.pairs = ParameterScenarioGrid(
-            taken, self._values[:, [self.names.index(name) for name in taken]], scenarios
+            taken, self._values[:, [self.names.index(name) for name in taken]], scenarios, zeros
         )
         self._shaped = {name: signals for name in self.names if (signals := shaped_by(name))}
         self.signals = tuple(dict.fromkeys(signal for signals in self._shaped.values() for signal in signals))
@@ -140,6 +143,13 @@ class TangentSeeds:
         """The experiment whose signals a pair receives."""
         values = dict(zip(self.names, self._values[i].tolist(), strict=True))
         return with_leaves(self.pairs.experiment(j), {name: values[name] for name in self._shaped})
+
+    def part(
+        self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
+    ) -> tuple[tuple[str, ...], Floats, Scenarios, frozenset[str]]:
+        """What the numbers of some of the sets and scenarios are made of."""
+        _, _, some, zeros = self.pairs.part(sets, scenarios)
+        return self.names, self._values[sets], some, zeros
 
     def outside(self, i: int, j: int) -> Floats:
         """What a pair receives from outside, (samples, exogenous)."""
@@ -198,6 +208,13 @@ class Sensitivities:
     quantities: dict[str, Quantity] = field(default_factory=dict)
     interrupted: bool = False
 
+    def put(self, at: Any, part: "Sensitivities") -> None:
+        """Put the runs of a part into their places, an index of arrays (n, m)."""
+        self.outcomes[at], self.errors[at], self.slopes[at] = part.outcomes, part.errors, part.slopes
+        for name in ("metrics", "gradients", "columns", "column_slopes"):
+            for key, table in getattr(self, name).items():
+                table[at] = getattr(part, name)[key]
+
 
 def sensitivities(
     names: Sequence[str],
@@ -243,21 +260,62 @@ def sensitivities(
         for places, together, report in by_structure(scenarios, progress)
     ]
     found = _not_begun(parts[0][0], len(scenarios), asked, stride)
+    if isinstance(workers, Executor):
+        whole = all(_spread(workers, seeds, places, found, stride, report) for seeds, places, report in parts)
+        return replace(found, interrupted=not whole)
 
     def complete(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
         run = _compiled(seeds, asked)
 
         def one(i: int, j: int) -> None:
-            outside, p = seeds.outside(i, j), len(seeds.names)
-            for first in range(0, p, run.varied.directions):
-                chosen = range(first, min(first + run.varied.directions, p))
-                _differentiate(run, seeds, (i, j), outside, chosen, stride, found, (i, int(places[j])))
+            _differentiate_pair(run, seeds, (i, j), stride, found, (i, int(places[j])))
 
         return run_all(
             [lambda i=i, j=j: one(i, j) for i, j in seeds.pairs.indices.tolist()], threads_of(workers), report
         )
 
     return replace(found, interrupted=not all(complete(*part) for part in parts))
+
+
+def _spread(
+    executor: Executor,
+    seeds: TangentSeeds,
+    places: NDArray[np.int64],
+    found: Sensitivities,
+    stride: int,
+    progress: Progress,
+) -> bool:
+    """Differentiate runs on an executor's workers into their places of a result; whether there was no interrupt."""
+    sets, count = seeds.pairs.shape
+    size = portion_of(count, least=1)
+    chosen = [np.arange(first, min(first + size, count)) for first in range(0, count, size)]
+    tasks = (seeds.part(np.arange(sets), scenes) for scenes in chosen)
+    columns, done = tuple(found.columns), 0
+    try:
+        for number, part in spread(executor, sensitivities_portion, ((*task, columns, stride) for task in tasks)):
+            found.put((slice(None), places[chosen[number]]), part)
+            done += len(chosen[number])
+            if progress:
+                progress(done / count)
+    except KeyboardInterrupt:
+        return False
+    return True
+
+
+def sensitivities_portion(
+    names: Sequence[str],
+    parameters: Floats,
+    scenarios: Scenarios,
+    zeros: frozenset[str],
+    columns: tuple[str, ...],
+    stride: int,
+) -> Sensitivities:
+    """Every set of values in some scenarios, on one thread of a worker; arguments as of `sensitivities`."""
+    seeds = TangentSeeds(names, parameters, scenarios, zeros)
+    found = _not_begun(seeds, len(scenarios), columns, stride)
+    for i, j in seeds.pairs.indices.tolist():
+        _differentiate_pair(_compiled(seeds, columns), seeds, (i, j), stride, found, (i, j))
+    return found
 
 
 def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
@@ -323,6 +381,21 @@ def steps(structure: Experiment) -> frozenset[str]:
     """
     known = described_parameters(structure)
     return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
+
+
+def _differentiate_pair(
+    run: Sensitivity,
+    seeds: TangentSeeds,
+    pair: tuple[int, int],
+    stride: int,
+    result: Sensitivities,
+    at: tuple[int, int],
+) -> None:
+    """Run a pair, and put it and its derivatives by all names into a place of a result."""
+    outside, p = seeds.outside(*pair), len(seeds.names)
+    for first in range(0, p, run.varied.directions):
+        chosen = range(first, min(first + run.varied.directions, p))
+        _differentiate(run, seeds, pair, outside, chosen, stride, result, at)
 
 
 def _differentiate(

@@ -7,7 +7,7 @@ their numbers, so that the result is the same bits whoever computed what, in whi
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -112,7 +112,7 @@ def spread(
     tasks: Iterable[tuple[Any, ...]],
     *,
     at_once: int = 4096,
-) -> Iterator[tuple[int, Outcome]]:
+) -> Generator[tuple[int, Outcome], None, None]:
     """Have tasks computed by an executor's workers; numbers of tasks and their results, as they come.
 
     To schedule, to move data, and to repeat what a lost worker had begun, is the executor's. When the iteration ends

@@ -1,6 +1,9 @@
 """Run ensembles: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
-from dualwinch.simulation.batch.workers import Workers, threads_of
+from dualwinch.simulation.batch.workers import Workers, in_order, portion_of, spread, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.prepare import prepare
@@ -20,7 +23,7 @@ TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
 
 SAMPLED = 2000
-"""Scenarios whose traces are kept one by one (12 MB); of all others only their extremes."""
+"""The first so many scenarios' traces are kept one by one (12 MB); of all others only their extremes."""
 
 POINTS = 500
 """Instants of a trace."""
@@ -80,6 +83,55 @@ def run_side_by_side(
         workers: of this machine, or an executor; default: one thread a core.
         progress: receives the fraction that is done.
     """
+    portions = list[EnsemblePortion]()
+    traces: list[Traces | None] = [None] * len(ensembles)
+    try:
+        for portion in portions_of(ensembles, scenarios, seed, points, workers, progress):
+            portions.append(replace(portion, traces=()))
+            traces = [_merged(before, more) for before, more in zip(traces, portion.traces, strict=True)]
+    except KeyboardInterrupt:
+        if not portions:
+            raise
+    if not portions:
+        raise KeyboardInterrupt
+    draws = zip(*(values for portion in portions for values in portion.draws), strict=True)
+    columns = dict(zip(ensembles[0].drawn_keys, map(np.array, draws), strict=True))
+    runs = [concatenated(of_one) for of_one in zip(*(portion.runs for portion in portions), strict=True)]
+    return [
+        EnsembleResult(run.outcomes, run.end_times, run.metrics, ensemble, seed, scenarios, columns, traced)
+        for ensemble, run, traced in zip(ensembles, runs, traces, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class EnsemblePortion:
+    """Successive scenarios, run by every ensemble.
+
+    Attributes:
+        draws: drawn values of each scenario.
+        runs: of each ensemble.
+        traces: of each ensemble; None: none were kept, or no run was completed.
+    """
+
+    draws: list[tuple[Value, ...]]
+    runs: list[RunOutcomes]
+    traces: Sequence[Traces | None]
+
+
+def portions_of(
+    ensembles: Sequence[Ensemble],
+    scenarios: int,
+    seed: int,
+    points: int,
+    workers: Workers,
+    progress: Callable[[float], None],
+) -> Iterator[EnsemblePortion]:
+    """The scenarios of `run_side_by_side`, a portion after the other; fewer, if any, after an interrupt.
+
+    Raises:
+        ConfigurationError: a count or seed out of range, or values that do not fit together.
+        DualwinchError: no compiler, or no usable cache folder.
+    """
     if scenarios < 1:
         raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
     if seed < 0:
@@ -88,31 +140,39 @@ def run_side_by_side(
         prepare(ensemble.experiment)
     size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
     stride = -(-ensembles[0].experiment.samples // points) if points else 0
-    portions: list[tuple[list[RunOutcomes], list[tuple[Value, ...]]]] = []
-    traces: list[Traces | None] = [None] * len(ensembles)
-    try:
-        for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
-            report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
-            ran = _run_portion(portion, stride, threads, report)
-            finished = min(map(_finished, ran)) if len(ran) == len(portion) else 0
-            if finished:
-                values = [tuple(scenario.draws.values()) for scenario in portion[0][:finished]]
-                portions.append(([_taken(run, finished) for run in ran], values))
-                traces = [_traced(before, run, finished) for before, run in zip(traces, ran, strict=True)]
-            if ran[-1].interrupted:
-                break
-    except KeyboardInterrupt:
-        if not portions:
-            raise
-    if not portions:
-        raise KeyboardInterrupt
-    draws = zip(*(values for _, drawn in portions for values in drawn), strict=True)
-    columns = dict(zip(ensembles[0].drawn_keys, map(np.array, draws), strict=True))
-    runs = [concatenated(of_one) for of_one in zip(*(runs for runs, _ in portions), strict=True)]
-    return [
-        EnsembleResult(run.outcomes, run.end_times, run.metrics, ensemble, seed, scenarios, columns, traced)
-        for ensemble, run, traced in zip(ensembles, runs, traces, strict=True)
-    ]
+    if isinstance(workers, Executor):
+        size = portion_of(scenarios)
+        firsts = range(0, scenarios, size)
+        tasks = ((ensembles, range(first, min(first + size, scenarios)), seed, stride) for first in firsts)
+        with suppress(KeyboardInterrupt):
+            for number, portion in enumerate(in_order(spread(workers, ensemble_portion, tasks))):
+                yield portion
+                progress(min(1.0, (number + 1) * size / scenarios))
+        return
+    for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
+        report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
+        ran = _run_portion(portion, stride, threads, report)
+        finished = min(map(_finished, ran)) if len(ran) == len(portion) else 0
+        if finished:
+            yield _portion(portion[0][:finished], ran)
+        if ran[-1].interrupted:
+            return
+
+
+def ensemble_portion(ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int) -> EnsemblePortion:
+    """Scenarios of some numbers, drawn and run by every ensemble on one thread of a worker."""
+    drawn = [ensemble.chosen(indices, seed) for ensemble in ensembles]
+    return _portion(drawn[0], _run_portion(drawn, stride, 1, no_progress))
+
+
+def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> EnsemblePortion:
+    """The first of the scenarios that were run, without what is not kept."""
+    finished, sampled = len(scenarios), max(0, SAMPLED - scenarios[0].index)
+    return EnsemblePortion(
+        draws=[tuple(scenario.draws.values()) for scenario in scenarios],
+        runs=[_taken(run, finished) for run in ran],
+        traces=[_traces(run, finished, sampled) for run in ran],
+    )
 
 
 def _run_portion(
@@ -139,22 +199,29 @@ def _taken(run: BatchResult, finished: int) -> RunOutcomes:
     return RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished))
 
 
-def _traced(before: Traces | None, run: BatchResult, finished: int) -> Traces | None:
-    """The traces so far with those of a portion's finished scenarios that were completed."""
+def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
+    """The traces of a portion's finished scenarios that were completed, one by one of the first `sampled`."""
     completed = np.flatnonzero(run.completed[0, :finished])
     if not (run.columns and completed.size):
-        return before
+        return None
     signals: dict[str, NDArray[np.float32]] = {
         name: run.columns[name][0, completed].clip(-LARGEST, LARGEST).astype(np.float32) for name in TRACED
     }
-    if before is None:
-        ends = {name: values[0] for name, values in signals.items()}
-        none = {name: values[:0] for name, values in signals.items()}
-        before = Traces(run.columns["t"][0, completed[0]], none, ends, ends)
-    room = SAMPLED - len(before.sampled[TRACED[0]])
+    return Traces(
+        run.columns["t"][0, completed[0]],
+        {name: values[completed < sampled] for name, values in signals.items()},
+        {name: values.min(axis=0) for name, values in signals.items()},
+        {name: values.max(axis=0) for name, values in signals.items()},
+    )
+
+
+def _merged(before: Traces | None, more: Traces | None) -> Traces | None:
+    """The traces so far with those of the next portion."""
+    if before is None or more is None:
+        return before or more
     return Traces(
         before.t,
-        {name: np.concatenate([before.sampled[name], values[:room]]) for name, values in signals.items()},
-        {name: np.minimum(before.lowest[name], values.min(axis=0)) for name, values in signals.items()},
-        {name: np.maximum(before.highest[name], values.max(axis=0)) for name, values in signals.items()},
+        {name: np.concatenate([values, more.sampled[name]]) for name, values in before.sampled.items()},
+        {name: np.minimum(values, more.lowest[name]) for name, values in before.lowest.items()},
+        {name: np.maximum(values, more.highest[name]) for name, values in before.highest.items()},
     )
