@@ -15,6 +15,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.export.casadi import casadi_files, functions_of_blocks, generated_c, variables_of
 from dualwinch.codegen.export.mex import mex_files
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
+from dualwinch.codegen.export.structured_text import MOST_OPERATIONS, st_package
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.fmu import (
     PLATFORMS,
@@ -90,6 +91,37 @@ def export_c(
     """
     made = block(what, experiment)
     return write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
+
+
+def export_st(
+    experiment: Experiment,
+    out: str | PathLike[str],
+    *,
+    what: str = "controller",
+    precision: str = "double",
+    flavour: str = "iec",
+    most_operations: int = MOST_OPERATIONS,
+) -> list[Path]:
+    """Write a block in Structured Text (IEC 61131-3): function blocks, PLCopen XML, README and an example program.
+
+    Args:
+        experiment: structure and values.
+        out: folder, made where there is none.
+        what: ``controller``, ``plant`` or ``closed-loop``.
+        precision: ``double`` (LREAL) or ``float`` (REAL), of every number.
+        flavour: ``iec``, ``codesys``, ``twincat`` or ``siemens-scl``.
+        most_operations: how many operations a call may have.
+
+    Returns:
+        The files.
+
+    Raises:
+        ConfigurationError: an unknown block, or a folder that cannot be written to.
+        CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
+    """
+    made, about = block(what, experiment), provenance(experiment)
+    files = st_package(made, symbol(made), about, precision, flavour=flavour, most_operations=most_operations)
+    return write(files, out)
 
 
 def generate_c(

@@ -11,7 +11,7 @@ rounding takes from a state is kept beside it and added at the next sample.
 import math
 import re
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -24,6 +24,7 @@ from dualwinch.codegen.source.hoist import hoisted_together
 from dualwinch.codegen.source.loops import rolled_statements
 from dualwinch.codegen.source.operations import PRECISIONS, Precision, Style, literal
 from dualwinch.codegen.source.statements import Element, Strand, helpers, of_array, statements
+from dualwinch.codegen.source.written_out import written_out
 from dualwinch.codegen.text import c_comment, c_string, markdown
 
 
@@ -33,7 +34,9 @@ def member(variable: Variable) -> str:
 
 
 def of_structures(
-    vectors: Mapping[str, tuple[str, tuple[Variable, ...]]], arrays: Mapping[str, str] | None = None
+    vectors: Mapping[str, tuple[str, tuple[Variable, ...]]],
+    arrays: Mapping[str, str] | None = None,
+    named: Callable[[Variable], str] = member,
 ) -> Element:
     """Where elements stand that are members of structures.
 
@@ -41,12 +44,13 @@ def of_structures(
         vectors: name of an argument or result → what its members stand behind (e.g. ``state->``), and the variables;
             of others they are elements of arrays.
         arrays: name of an argument or result → the array, where it has another name.
+        named: a variable's name as a member.
     """
-    named = arrays or {}
-    members = {name: [before + member(variable) for variable in held] for name, (before, held) in vectors.items()}
+    other = arrays or {}
+    members = {name: [before + named(variable) for variable in held] for name, (before, held) in vectors.items()}
 
     def element(name: str, index: int) -> str:
-        return members[name][index] if name in members else of_array(named.get(name, name), index)
+        return members[name][index] if name in members else of_array(other.get(name, name), index)
 
     return element
 
@@ -147,16 +151,17 @@ class PreparedBlock:
 def prepared(block: Block, precision: Precision) -> PreparedBlock:
     """Split the functions of a block into what follows from the parameters alone, and the rest.
 
-    In double precision every number stays as it is, to the last bit. In single precision divisions by what is derived
-    become products with reciprocals, as a division takes a Cortex-M4 fourteen times as long, and sums over samples keep
-    what rounding takes from them.
+    Functions that Structured Text lacks are `written_out`. In double precision every other number stays as it is, to
+    the last bit. In single precision divisions by what is derived become products with reciprocals, as a division takes
+    a Cortex-M4 fourteen times as long, and sums over samples keep what rounding takes from them.
 
     Args:
         block: whose functions.
         precision: that they are to be written in.
     """
-    step = block.step if precision == "double" else compensated(block.step)
-    functions = (step, block.initial, *((block.output,) if block.output else ()))
+    functions = tuple(map(written_out, (block.step, block.initial, *((block.output,) if block.output else ()))))
+    if precision == "float":
+        functions = (compensated(functions[0]), *functions[1:])
     derive, (step, initial, *output) = hoisted_together(functions, exact=precision == "double")
     read = set[int]().union(*(elements_read(function, "parameters") for function in (step, initial, *output)))
     kept = tuple(block.parameters[index] for index in sorted(read))
@@ -239,7 +244,7 @@ def c_package(
         "bodies": bodies,
         "helpers": helpers(apart.functions, Style(precision)),
         "silent": 2 * NO_READING,
-        "comment": _comment,
+        "comment": described,
     }
     files = {
         f"{name}.h": "package.h.j2",
@@ -305,8 +310,8 @@ def _mark(apart: PreparedBlock, derive: str) -> str:
     return f"0x{zlib.crc32(text.encode()) | 1:08x}"
 
 
-def _comment(variable: Variable, *, value: bool = False) -> str:
-    """What a comment says of a variable."""
+def described(variable: Variable, *, value: bool = False) -> str:
+    """What a comment says of a variable: unit, meaning, bounds and maybe its value with the source."""
     lower, upper = variable.lower, variable.upper
     least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
     bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)

@@ -1,4 +1,4 @@
-"""Where the instructions of a function repeat themselves, and their C as a loop, which is as long as one round."""
+"""Where the instructions of a function repeat themselves, and a loop in their place, which is as long as one round."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.source.casadi_c import by_casadi
 from dualwinch.codegen.source.expressions import instructions, operands_of
-from dualwinch.codegen.source.operations import Style, patterns
+from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.statements import Strand, statements
 
 Ints = NDArray[np.int_]
@@ -146,30 +146,22 @@ def rolled_statements(
     written, upto = lines[:declarations], 0
     for loop in loops(function):
         written += lines[declarations + each * upto : declarations + each * loop.start]
-        written += _loop([_Rolling(function, loop, style, strand.register) for strand in strands], loop.rounds)
+        written += _loop([_Rolling(function, loop, style, strand.register) for strand in strands], loop.rounds, style)
         upto = loop.end
     return written + lines[declarations + each * upto :]
 
 
-def _loop(strands: "Sequence[_Rolling]", rounds: int) -> list[str]:
-    """A loop in C that carries on some strands."""
+def _loop(strands: "Sequence[_Rolling]", rounds: int, style: Style) -> list[str]:
+    """A loop that carries on some strands."""
     values = [line for made in zip(*(strand.body() for strand in strands), strict=True) for line in made]
     results = [line for strand in strands for line in strand.results()]
-    return [
-        "  {",
-        "    int turn;",
-        *(line for strand in strands for line in strand.histories()),  # all else has said by now what it needs
-        f"    for (turn=0;turn<{rounds};++turn) {{",
-        *values,
-        *(line for strand in strands for line in strand.ageing()),
-        "    }",
-        *results,
-        "  }",
-    ]
+    histories = [line for strand in strands for line in strand.histories()]  # all else has said by now what it needs
+    ageing = [line for strand in strands for line in strand.ageing()]
+    return style.loop(rounds, histories, [*values, *ageing], results)
 
 
 class _Rolling:
-    """A strand's part of a loop in C.
+    """A strand's part of a loop.
 
     ``a_7`` is the value at position 7 of a round, ``a_7_2`` that of two rounds ago. What comes from before the loop
     stands in the work variables of `statements`, and what is of use after it goes there.
@@ -183,8 +175,7 @@ class _Rolling:
 
     def body(self) -> list[str]:
         """A round."""
-        real, positions = self._style.precision, range(self._loop.length)
-        return [f"      const {real} {self._earlier(position, 0)}={self._value(position)};" for position in positions]
+        return [f"      {self._style.declared(self._value(k), constant=True)}" for k in range(self._loop.length)]
 
     def results(self) -> list[str]:
         """What is of use after the loop goes where it is looked for."""
@@ -192,21 +183,22 @@ class _Rolling:
         for operand in sorted(self._read_after):
             position, number = loop.place(operand)
             if 0 <= number < loop.rounds:
-                lines.append(f"    {self._register(operand)}={self._earlier(position, loop.rounds - number)};")
+                value = self._earlier(position, loop.rounds - number)
+                lines.append(f"    {self._style.copy(self._register(operand), value)}")
         return lines
 
     def histories(self) -> list[str]:
         """Values of earlier rounds, before the first; to be asked for when all else is written."""
-        real = self._style.precision
+        style = self._style
         return [
-            f"    {real} {self._earlier(position, ago)}={self._first(position, ago)};"
+            f"    {style.declared(style.copy(self._earlier(position, ago), self._first(position, ago)))}"
             for position, ago in self._backwards()
         ]
 
     def ageing(self) -> list[str]:
         """At the end of a round its values become those of the round before; likewise."""
         return [
-            f"      {self._earlier(position, ago)}={self._earlier(position, ago - 1)};"
+            f"      {self._style.copy(self._earlier(position, ago), self._earlier(position, ago - 1))}"
             for position, ago in self._backwards()
         ]
 
@@ -214,17 +206,17 @@ class _Rolling:
         return [(position, ago) for position in sorted(self._ago) for ago in range(self._ago[position], 0, -1)]
 
     def _value(self, position: int) -> str:
-        """What a position becomes in every round."""
+        """The statement of what a position becomes in every round."""
         index, names = self._loop.start + position, []
         for now, then in zip(self._operands[index], self._operands[index + self._loop.length], strict=True):
             other, number = self._loop.place(now)
             names.append(self._register(now) if now == then else self._earlier(other, -number))
-        return patterns(self._style)[self._made[index].operation].format(*names)
+        return self._style.operation(self._earlier(position, 0), self._made[index].operation, names)
 
     def _first(self, position: int, ago: int) -> str:
         """Value of a history before the first round."""
         before = self._loop.start + position - ago * self._loop.length
-        return self._register(before) if before in self._read_from_start else "0"
+        return self._register(before) if before in self._read_from_start else self._style.number(0)
 
     def _earlier(self, position: int, ago: int) -> str:
         if ago == 0:

@@ -1,6 +1,8 @@
 """How numbers and each operation of CasADi's SX expressions are written in C, in single and double precision."""
 
 import math
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from string import Template
@@ -124,7 +126,7 @@ static inline $real erf_inverse$f($real x) {
 
 @dataclass(frozen=True)
 class Style:
-    """How operations are written.
+    """How operations are written: in C, and in another language by a class that derives from this one.
 
     Attributes:
         precision: of every number and every operation.
@@ -138,6 +140,35 @@ class Style:
     compares: bool = False
     inlined: bool = False
     generator: Generator = "dualwinch"
+
+    def number(self, value: float) -> str:
+        """A constant."""
+        return literal(value, self.precision)
+
+    def copy(self, target: str, value: str) -> str:
+        """The statement that a variable gets a value."""
+        return f"{target}={value};"
+
+    def operation(self, target: str, operation: int, operands: Sequence[str]) -> str:
+        """The statement that a variable gets the result of an operation."""
+        return self.copy(target, patterns(self)[operation].format(*operands))
+
+    def declared(self, statement: str, *, constant: bool = False) -> str:
+        """The first statement about a variable that a loop has for itself."""
+        return f"{'const ' * constant}{self.precision} {statement}"
+
+    def declarations(self, names: Sequence[str]) -> list[str]:
+        """Declarations of work variables, before all statements."""
+        if not names:
+            return []
+        return textwrap.wrap(
+            f"{self.precision} {', '.join(names)};", 118, initial_indent="  ", subsequent_indent="      "
+        )
+
+    def loop(self, rounds: int, before: Sequence[str], body: Sequence[str], after: Sequence[str]) -> list[str]:
+        """A loop with variables of its own: what declares them, a round, and what is of use afterwards."""
+        head = ["  {", "    int turn;", *before, f"    for (turn=0;turn<{rounds};++turn) {{"]
+        return [*head, *body, "    }", *after, "  }"]
 
 
 @cache

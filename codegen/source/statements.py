@@ -1,6 +1,5 @@
-"""C statements of a function of SX expressions: one for each of its instructions, in their order."""
+"""Statements of a function of SX expressions: one for each of its instructions, in their order."""
 
-import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -10,7 +9,7 @@ import casadi as ca
 from dualwinch.codegen.errors import CodegenError
 from dualwinch.codegen.source.casadi_c import by_casadi, calling_statements, casadi_text
 from dualwinch.codegen.source.expressions import instructions
-from dualwinch.codegen.source.operations import ERF_INVERSE, Precision, Style, literal, patterns, suffix
+from dualwinch.codegen.source.operations import ERF_INVERSE, Style, suffix
 
 Element: TypeAlias = Callable[[str, int], str]
 """``(argument or result, element) -> C``: where an element stands."""
@@ -36,7 +35,13 @@ class Strand:
     optional: bool = False
 
 
-def statements(function: ca.Function, style: Style | None = None, strands: Sequence[Strand] = (Strand(),)) -> list[str]:
+def statements(
+    function: ca.Function,
+    style: Style | None = None,
+    strands: Sequence[Strand] = (Strand(),),
+    *,
+    in_place: bool = False,
+) -> list[str]:
     """Declarations and statements that evaluate a function: a line an instruction, with CasADi's work variables.
 
     Where the emitter has no C for one of its operations, they call CasADi's C of the function, which is of `helpers`.
@@ -45,6 +50,7 @@ def statements(function: ca.Function, style: Style | None = None, strands: Seque
         function: with dense arguments and results.
         style: how operations are written.
         strands: evaluations side by side; each statement stands there for one after the other.
+        in_place: read arguments and constants where they are used, instead of into work variables before.
 
     Raises:
         CodegenError: an argument or a result is sparse.
@@ -53,23 +59,29 @@ def statements(function: ca.Function, style: Style | None = None, strands: Seque
     _check_dense(function)
     if by_casadi(function, style):
         return calling_statements(function, [strand.element for strand in strands], optional=strands[0].optional)
-    pattern, names_in, names_out = patterns(style), function.name_in(), function.name_out()
-    lines = [line for strand in strands for line in _declarations(style.precision, strand.register, function.sz_w())]
+    names_in, names_out = function.name_in(), function.name_out()
+    count = range(function.sz_w())
+    lines = [line for strand in strands for line in style.declarations([f"{strand.register}{k}" for k in count])]
+    held: list[dict[int, str]] = [{} for _ in strands]  # of each strand, register → what stands for it, in place
     for operation, read, written, constant in instructions(function):
-        for strand in strands:
-            register = strand.register
+        for strand, given in zip(strands, held, strict=True):
+            target = f"{strand.register}{written[0]}"
+            operands = [given.get(number, f"{strand.register}{number}") for number in read]
             if operation == ca.OP_OUTPUT:
                 name = names_out[written[0]]
-                target, value = strand.element(name, written[1]), f"{register}{read[0]}"
-                target = f"if ({name}) {target}" if strand.optional else target
-            elif operation == ca.OP_INPUT:
-                target, value = f"{register}{written[0]}", strand.element(names_in[read[0]], read[1])
-            elif operation == ca.OP_CONST:
-                target, value = f"{register}{written[0]}", literal(constant, style.precision)
+                target = f"if ({name}) " * strand.optional + strand.element(name, written[1])
+                lines.append(f"  {style.copy(target, operands[0])}")
+                continue
+            given.pop(written[0], None)
+            if operation not in {ca.OP_INPUT, ca.OP_CONST}:
+                lines.append(f"  {style.operation(target, operation, operands)}")
+                continue
+            fixed = operation == ca.OP_CONST
+            value = style.number(constant) if fixed else strand.element(names_in[read[0]], read[1])
+            if in_place:
+                given[written[0]] = value
             else:
-                operands = [f"{register}{number}" for number in read]
-                target, value = f"{register}{written[0]}", pattern[operation].format(*operands)
-            lines.append(f"  {target}={value};")
+                lines.append(f"  {style.copy(target, value)}")
     return lines
 
 
@@ -84,13 +96,6 @@ def helpers(functions: Sequence[ca.Function], style: Style) -> str:
     real, f = style.precision, suffix(style.precision)
     inverse = ERF_INVERSE.substitute(real=real, f=f) if ca.OP_ERFINV in operations else ""
     return inverse + casadi_text(functions, style)
-
-
-def _declarations(precision: Precision, register: str, count: int) -> list[str]:
-    if not count:
-        return []
-    names = ", ".join(f"{register}{number}" for number in range(count))
-    return textwrap.wrap(f"{precision} {names};", 118, initial_indent="  ", subsequent_indent="      ")
 
 
 def _check_dense(function: ca.Function) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, ExperimentOptions
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions
 from dualwinch.cli.output import wrote
 
 app = App(
@@ -76,6 +76,48 @@ def export_c(
     if freeze or precision != "double":
         raise ConfigurationError("--generator casadi: writes double precision with parameters as an argument")
     wrote_to(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
+
+
+@app.command(
+    name="st",
+    help_epilogue="""Examples:
+
+    dualwinch export st --config tuned/best.toml --out plc
+    dualwinch export st --flavour twincat --precision float --out plc
+    dualwinch export st --set controller.kind=mpc --most-operations 2000 --out plc
+""",
+)
+def export_st(
+    *,
+    out: Out,
+    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    precision: Annotated[Literal["double", "float"], Parameter(help="Of every number; double: LREAL, float: REAL.")] = (
+        "double"
+    ),
+    flavour: Annotated[
+        Literal["iec", "codesys", "twincat", "siemens-scl"],
+        Parameter(
+            help="Whose text; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a "
+            "project; siemens-scl: external sources of TIA Portal."
+        ),
+    ] = "iec",
+    most_operations: Annotated[
+        int, WHOLE, Parameter(help="Refuse what has more operations a call; they are counted in the README.")
+    ] = 20_000,
+    given: ExperimentOptions = EXPERIMENT,
+) -> None:
+    """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
+
+    The operations of the C package in their order. The instance's parameters are those of the experiment.
+    """
+    from dualwinch.export import export_st as run
+    from dualwinch.model.errors import ConfigurationError
+
+    if most_operations < 1:
+        raise ConfigurationError(f"--most-operations {most_operations}: must be >= 1")
+    chosen = given.experiment()
+    files = run(chosen, out, what=what, precision=precision, flavour=flavour, most_operations=most_operations)
+    wrote_to(out, files)
 
 
 @app.command(

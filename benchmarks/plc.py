@@ -1,0 +1,178 @@
+"""The controller in Structured Text, compiled by matiec, beside the C package over whole runs: bit for bit.
+
+matiec (``iec2c``) turns IEC 61131-3 into C. It is free software under its own licence and no part of this product: it
+is built in a folder of its own, whose path the command takes.
+"""
+
+import argparse
+import ctypes
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.document import markdown, put
+from benchmarks.embedded.host import Host, build
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.export.package import Provenance, c_package, prepared
+from dualwinch.codegen.export.plc import identifier
+from dualwinch.codegen.export.structured_text import operation_count, st_package
+from dualwinch.codegen.source.operations import PRECISIONS, Precision
+from dualwinch.config.experiment_file import load
+from dualwinch.simulation.blocks import block
+from dualwinch.simulation.exogenous.signals import asked_motion
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
+
+NAME = "controller"
+ABOUT = Provenance("dualwinch", "benchmark", "2026-01-01")
+SITE = Path(__file__).parent / "independent" / "searched.toml"
+
+GLUE = """
+#include "iec_std_lib.h"
+#include "accessor.h"
+#include "POUS.h"
+#include "POUS.c"
+TIME __CURRENT_TIME;
+BOOL __DEBUG;
+static CONTROLLER instance;
+void st_begin(void) {{ CONTROLLER_init__(&instance, 0); }}
+int st_step(const {real} *input, {real} *output) {{
+  {inputs}
+  CONTROLLER_body__(&instance);
+  {outputs}
+  return __GET_VAR(instance.STATUS);
+}}
+"""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A run of the Structured Text beside the C package's.
+
+    Attributes:
+        run: which one, and its precision.
+        operations: of a sample.
+        samples, numbers: what was compared.
+        different: how many of the numbers differ in a bit.
+        largest: the largest difference, as a share of the largest value of its output.
+    """
+
+    run: str
+    operations: int
+    samples: int
+    numbers: int
+    different: int
+    largest: float
+
+
+def controller_inputs(experiment: Experiment, controller: Block) -> NDArray[np.float64]:
+    """What a controller reads (samples, inputs) in a run: the sensors' readings and the reference."""
+    result = simulate(override(experiment, {"simulation.readings": True}))
+    columns = asked_motion(result.experiment) | result.columns
+    names = [each.name for each in controller.inputs]
+    return np.column_stack([columns[f"{name}_read" if f"{name}_read" in columns else name] for name in names])
+
+
+def compiled_st(folder: Path, controller: Block, precision: Precision, iec2c: Path) -> ctypes.CDLL:
+    """The controller's Structured Text through matiec and the C compiler of this machine.
+
+    Raises:
+        RuntimeError: either of them refuses it.
+    """
+    files = st_package(controller, NAME, ABOUT, precision)
+    (folder / "all.st").write_text(files[f"{NAME}.st"] + files["main.st"])
+    library = iec2c.resolve().parent / "lib"
+    real = {"double": "double", "float": "float"}[precision]
+    names = [[identifier(each.name).upper() for each in part] for part in (controller.inputs, controller.outputs)]
+    inputs = "\n  ".join(f"__SET_VAR(instance.,{name},,input[{k}]);" for k, name in enumerate(names[0]))
+    outputs = "\n  ".join(f"output[{k}] = __GET_VAR(instance.{name});" for k, name in enumerate(names[1]))
+    (folder / "glue.c").write_text(GLUE.format(real=real, inputs=inputs, outputs=outputs))
+    compiler = [*find_compiler().command, "-O1", "-ffp-contract=off", "-w", "-shared", "-fPIC", "-I", library / "C"]
+    for command in (
+        [iec2c.resolve(), "-I", library, "-T", ".", "all.st"],
+        [*compiler, "-I", ".", "glue.c", "-o", "st.so", "-lm"],
+    ):
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError((done.stdout + done.stderr)[:2000])
+    return ctypes.CDLL(str(folder / "st.so"))
+
+
+def compare(name: str, experiment: Experiment, precision: Precision, iec2c: Path) -> Comparison:
+    """Run both over the same inputs."""
+    controller = block("controller", experiment)
+    kind = np.float32 if precision == "float" else np.float64
+    inputs = np.ascontiguousarray(controller_inputs(experiment, controller), kind)
+    outputs = np.empty((len(inputs), len(controller.outputs)), kind)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        st = compiled_st(folder, controller, precision, iec2c)
+        package = c_package(controller, NAME, ABOUT, precision)
+        host = Host(build(folder, package, NAME, find_compiler().command), NAME, controller, precision)
+        st.st_begin()
+        for given, output in zip(inputs, outputs, strict=True):
+            st.st_step(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(output.ctypes.data))
+        expected = host.run(inputs)
+        count = operation_count(prepared(controller, precision).step).total
+    apart = np.abs(outputs - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), np.finfo(kind).tiny)
+    different = int((outputs != expected).sum())
+    return Comparison(f"{name}, {precision}", count, len(inputs), outputs.size, different, float(apart.max()))
+
+
+HEADINGS = ("run of 50 s", "operations a sample", "samples", "numbers compared", "different", "largest difference")
+
+
+def report(iec2c: Path) -> str:
+    """The table in Markdown, with the compilers below it.
+
+    Raises:
+        RuntimeError: a compiler refuses its input.
+    """
+    experiments = {
+        "Case 4": case(4),
+        "Case 4, Kalman filter": override(case(4), {"controller.estimator": "kalman"}),
+        "Case 4, MPC": override(case(4), {"controller.kind": "mpc"}),
+        "`site`, tuned gains": override(load(SITE), {"simulation.duration": 50.0}),
+    }
+    rows = []
+    for name, experiment in experiments.items():
+        for precision in PRECISIONS:
+            got = compare(name, experiment, precision, iec2c)
+            cells = (got.run, got.operations, got.samples, got.numbers, got.different, f"{got.largest:.1g}")
+            rows.append([f"{cell:,}".replace(",", " ") if isinstance(cell, int) else cell for cell in cells])
+    compilers = [
+        subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout.partition("\n")[0]
+        for command in ([iec2c, "-v"], find_compiler().command)
+    ]
+    return f"{markdown(HEADINGS, rows)}\n\n*{' · '.join(filter(None, compilers))}*"
+
+
+def main() -> int:
+    """Run the command line; 0 done, 1 where a compiler is missing or refuses its input."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.plc", description=__doc__)
+    parser.add_argument("iec2c", type=Path, metavar="IEC2C", help="matiec's compiler, in its own folder beside lib/")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table between the two marks of a document")
+    chosen = parser.parse_args()
+    if not chosen.iec2c.is_file():
+        parser.error(f"{chosen.iec2c}: there is no such file")
+    try:
+        text = report(chosen.iec2c)
+        print(text)
+        if chosen.write:
+            put(chosen.write, "plc", text)
+    except (RuntimeError, OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
