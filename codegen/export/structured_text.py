@@ -98,7 +98,8 @@ def st_package(
     """
     if precision not in PRECISIONS:
         raise CodegenError(f"unknown precision '{precision}': must be {' or '.join(PRECISIONS)}")
-    chosen = {name: name for name in FLAVOURS}.get(flavour)
+    known: dict[str, Flavour] = {name: name for name in FLAVOURS}
+    chosen = known.get(flavour)
     if chosen is None:
         raise CodegenError(f"unknown flavour '{flavour}': must be {' or '.join(FLAVOURS)}")
     made = _Package(block, name, provenance, precision, chosen)

@@ -57,7 +57,7 @@ CHOICES = {
     ca.OP_IF_ELSE_ZERO: (("{0} <> {zero}", "{1}"), ("", "{zero}")),
     ca.OP_FMIN: (("{0} < {1}", "{0}"), ("", "{1}")),
     ca.OP_FMAX: (("{0} > {1}", "{0}"), ("", "{1}")),
-    ca.OP_SIGN: (("{0} < {zero}", "-{one}"), ("{0} > {zero}", "{one}"), ("", "{0}")),
+    ca.OP_SIGN: (("{0} < {zero}", "{minus}"), ("{0} > {zero}", "{one}"), ("", "{0}")),
     ca.OP_COPYSIGN: (("{1} < {zero}", "-ABS({0})"), ("", "ABS({0})")),
 }
 """Operations that are the first value whose condition holds.
@@ -103,7 +103,8 @@ class StructuredText(Style):
         Raises:
             CodegenError: Structured Text has no such operation.
         """
-        words = {"zero": self.number(0), "one": self.number(1), "two": self.number(2), "functions": self.functions}
+        words = {"zero": self.number(0), "one": self.number(1), "two": self.number(2)}
+        words |= {"minus": self.number(-1), "functions": self.functions}
 
         def written(pattern: str) -> str:
             return pattern.format(*operands, **words)
@@ -141,9 +142,9 @@ class StructuredText(Style):
 
 
 def work_variables(statements: Sequence[str]) -> list[str]:
-    """The work variables that some statements assign to, in their order."""
-    found = (name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line))
-    return list(dict.fromkeys(found))
+    """The work variables of some statements, by their numbers."""
+    found = {name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line)}
+    return sorted(found, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
 
 
 def floor_function(style: StructuredText) -> tuple[str, list[str]]:
