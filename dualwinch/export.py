@@ -37,6 +37,7 @@ from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.server.client import udp_client
 
 
 def provenance(experiment: Experiment) -> Provenance:
@@ -73,6 +74,7 @@ def export_c(
     what: str = "controller",
     precision: str = "double",
     freeze: bool = False,
+    udp: bool = False,
 ) -> list[Path]:
     """Write a block as a C99 package: source, header, CMake file, README and an example.
 
@@ -82,15 +84,22 @@ def export_c(
         what: ``controller``, ``plant`` or ``closed-loop``.
         precision: ``double`` or ``float``, of every number.
         freeze: write the parameters as constants instead of an argument.
+        udp: of a controller, write a program as well that connects it to ``dualwinch serve``: ``udp.c``.
 
     Returns:
         The files.
 
     Raises:
-        ConfigurationError: an unknown block, or a folder that cannot be written to.
+        ConfigurationError: an unknown block, one that is no controller, or a folder that cannot be written to.
+        CodegenError: a controller with inputs that a served plant does not send.
     """
-    made = block(what, experiment)
-    return write(c_package(made, symbol(made), provenance(experiment), precision, freeze=freeze), out)
+    made, origin = block(what, experiment), provenance(experiment)
+    files = c_package(made, symbol(made), origin, precision, freeze=freeze)
+    if udp:
+        if what != "controller":
+            raise ConfigurationError(f"udp: must be off for the {what}; a controller is what can be connected")
+        files["udp.c"] = udp_client(frozen(made) if freeze else made, symbol(made), origin)
+    return write(files, out)
 
 
 def export_st(

@@ -85,17 +85,18 @@ def own_run(label: str, result: Result) -> dict[str, Any]:
         "outcome": result.outcome,
         "until": result.end_time,
         "metrics": plain(dict(result.metrics)),
-        "columns": {name: _encoded(column[::stride]) for name, column in result.columns.items()},
+        "columns": {name: encoded(column[::stride]) for name, column in result.columns.items()},
         "units": result.units,
-        "settings": _differences(result.experiment),
+        "settings": differences(result.experiment),
     }
 
 
-def _encoded(column: NDArray[np.float64]) -> str:
+def encoded(column: NDArray[np.float64]) -> str:
+    """Numbers as the page takes them."""
     return base64.b64encode(np.ascontiguousarray(column, "<f8").tobytes()).decode()
 
 
-def _differences(experiment: Experiment) -> dict[str, Any]:
+def differences(experiment: Experiment) -> dict[str, Any]:
     """Single values that are not as in the paper's Case 2."""
     usual = leaves(Experiment())
     return {

@@ -139,6 +139,7 @@ class SteppedRuns:
         outcomes: (runs,) of `Outcome`.
         done: (runs,) samples stepped.
         columns: numbers in a row.
+        pointers: where all this is, until runs are started anew.
     """
 
     def __init__(self, code: Stepping, count: int, samples: int, *, shared: bool) -> None:
@@ -169,10 +170,10 @@ class SteppedRuns:
         """Tell the compiled code where everything is."""
         arrays = self._lines, self._state, self._outcome, self._done, self.commands, self.observation
         addresses = [_address(array) for array in arrays]
-        self._pointers = Pointers(
+        self.pointers = Pointers(
             _address(self._constants), int(not self._shared), *addresses, self._count, self._samples
         )
-        self._at = ctypes.addressof(self._pointers)
+        self._at = ctypes.addressof(self.pointers)
         self.outcomes, self.done = self._outcome[: self._count], self._done[: self._count]
 
     def start(self, runs: Indices, states: Floats, parameters: Floats) -> None:

@@ -27,6 +27,7 @@ from dualwinch.cli import (
     race,
     reproduce,
     sensitivities,
+    serve,
     show,
     simulate,
     stress,
@@ -76,6 +77,7 @@ COMMANDS = (
     config,
     certify,
     export,
+    serve,
     doctor,
 )
 """In the order of the help."""

@@ -36,6 +36,7 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
 
     dualwinch export c --out controller
     dualwinch export c --precision float --freeze --out firmware
+    dualwinch export c --udp --case 4 --out controller
     dualwinch export c --what plant --case 4 --out plant
     dualwinch export c --generator casadi --what plant --mex --out plant
 """,
@@ -49,6 +50,9 @@ def export_c(
     ] = "double",
     freeze: Annotated[
         bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
+    ] = False,
+    udp: Annotated[
+        bool, Parameter(help="Write a program as well that connects the controller to `dualwinch serve`.", negative="")
     ] = False,
     generator: Annotated[
         Literal["dualwinch", "casadi"],
@@ -71,10 +75,12 @@ def export_c(
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
-        wrote_to(out, run(asked, out, what=what, precision=precision, freeze=freeze))
+        wrote_to(out, run(asked, out, what=what, precision=precision, freeze=freeze, udp=udp))
         return
-    if freeze or precision != "double":
-        raise ConfigurationError("--generator casadi: writes double precision with parameters as an argument")
+    if freeze or udp or precision != "double":
+        raise ConfigurationError(
+            "--generator casadi: writes double precision with parameters as an argument, and no program"
+        )
     wrote_to(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,14 +86,21 @@ def write_page(page: str, out: Path) -> None:
     wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
 
 
-def server_of(page: str, port: int) -> ThreadingHTTPServer:
+def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | None = None) -> ThreadingHTTPServer:
     """A server of one page on this machine alone.
+
+    Args:
+        page: what is at its root.
+        port: where; 0: any that is free.
+        live: what answers requests for further rows (`lab.live.live_rows`), from the numbers in their queries.
 
     Raises:
         ConfigurationError: the port is taken.
     """
     from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+    from urllib.parse import parse_qsl, urlsplit
 
+    from dualwinch.lab.live import ADDRESS
     from dualwinch.model.errors import ConfigurationError
 
     text = page.encode()
@@ -102,13 +110,21 @@ def server_of(page: str, port: int) -> ThreadingHTTPServer:
 
         def do_GET(self) -> None:
             """Answer a request."""
-            found = self.path.partition("?")[0] in {"/", "/index.html"}
-            self.send_response(200 if found else 404)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(text) if found else 0))
+            asked = urlsplit(self.path)
+            if live and asked.path == f"/{ADDRESS}":
+                numbers = {name: int(text[:15]) for name, text in parse_qsl(asked.query) if text[:15].isdecimal()}
+                self._give("application/json", live(numbers).encode())
+            elif asked.path in {"/", "/index.html"}:
+                self._give("text/html; charset=utf-8", text)
+            else:
+                self._give("text/plain", b"", 404)
+
+        def _give(self, kind: str, content: bytes, status: int = 200) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Length", str(len(content)))
             self.end_headers()
-            if found:
-                self.wfile.write(text)
+            self.wfile.write(content)
 
         def log_message(self, format: str, *args: object) -> None:  # noqa: A002
             """Say nothing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -143,8 +143,8 @@ def simulate_one(
         wrote(animate)
 
 
-def print_result(result: Result, *, json: bool) -> None:
-    """Print outcome and figures of merit of a run."""
+def print_result(result: Result, *, json: bool, **further: Any) -> None:
+    """Print outcome and figures of merit of a run; in JSON, further facts by name, too."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
@@ -157,7 +157,7 @@ def print_result(result: Result, *, json: bool) -> None:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
         facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
         facts["remarks"] = list(remarks(result))
-        print_json({**facts, "idealisations": [asdict(one) for one in found]})
+        print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()

@@ -5,6 +5,7 @@ import {Ensemble} from "./ensemble.js";
 import {ABOUT_SEED, blank, caseOf, request, SEED, structureOf, valueOf, withCase, withoutValue, withSetting, withValue} from "./experiment.js";
 import {connectHeader, IN_HEADER} from "./header.js";
 import {Machine} from "./machine.js";
+import {follow} from "./live.js";
 import {connectMenu} from "./menu.js";
 import {idealised} from "./idealised.js";
 import {claims, showMerits} from "./merits.js";
@@ -216,10 +217,18 @@ new ResizeObserver(([{target}]) => document.documentElement.style.setProperty("-
 const transport = connectTransport(playback, () => (caseOf(catalogue, experiment).steady ?? [0.36 * playback.whole[1], 0.58 * playback.whole[1]]));
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
 if (ownRun) {
-  pin(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics));
+  if (ownRun.live) follow(ownRun, columnsOf, showLive, say);
+  else pin(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics));
   if (location.hash.length < 2 && ownRun.settings) experiment = fromFile(catalogue, ownRun.settings).experiment;
 }
 change(experiment);
+
+// A run that is under way is A; the moment that is shown goes with it, unless another is looked at.
+function showLive(live) {
+  const before = pinned?.t.at(-1) ?? playback.time, follows = Math.abs(playback.time - before) < 1e-9;
+  pin(live);
+  if (follows) playback.seek(live.t.at(-1));
+}
 
 function columnsOf({columns}) {
   return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, Array.isArray(values) ? Float64Array.from(values, (value) => value ?? NaN)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.stepping import Stepping, compile_stepping
+from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping, compile_stepping
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
@@ -97,15 +97,22 @@ def replay(
     for start, given in zip(range(0, samples, hold), commands, strict=False):
         again.runs.commands[:] = given
         again.step(hold, row=rows[start:].ctypes.data)
-    outcome, kept = Outcome(again.runs.outcomes[0]), rows[::stride] if stride else rows[:0]
-    final = dict(zip(loop.states, again.runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
+    return result_of(loop, again.runs, lane.experiment, rows[::stride] if stride else rows[:0], nominal)
+
+
+def result_of(
+    loop: ClosedLoop, runs: SteppedRuns, experiment: Experiment, rows: NDArray[np.float64], nominal: Plant | None = None
+) -> Result:
+    """The result of a single run as far as it is, with some of its rows (rows, columns)."""
+    outcome = Outcome(runs.outcomes[0])
+    final = dict(zip(loop.states, runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
     return Result(
-        columns={name: column.copy() for name, column in zip(loop.columns, kept.T, strict=True)},
-        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=lane.experiment.metrics),
+        columns={name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)},
+        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=experiment.metrics),
         outcome=WORDS[outcome],
-        end_time=samples * lane.experiment.simulation.sample_time,
+        end_time=int(runs.done[0]) * experiment.simulation.sample_time,
         final_state=final,
-        experiment=lane.experiment,
+        experiment=experiment,
         quantities=loop.quantities,
         nominal=nominal,
     )

@@ -1,0 +1,138 @@
+"""A run of a sampled system that keeps the time of the wall, and exchanges datagrams with a client (realtime.c)."""
+
+import ctypes
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.cache import loaded
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping
+from dualwinch.codegen.drivers.unit import recipe, unit
+from dualwinch.codegen.errors import DualwinchError
+
+Floats = NDArray[np.float64]
+
+POSIX = {"_POSIX_C_SOURCE": 200809}
+"""Makes C99 compilers show sockets and clocks."""
+
+Pair = ctypes.c_double * 2
+
+
+class Served(ctypes.Structure):
+    """`Served` of realtime.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("step", "look", "runs", "line", "lines", "table", "added", "commands")),
+        *((name, ctypes.c_void_p) for name in ("observation", "outcome", "done", "rows")),
+        *((name, ctypes.c_int64) for name in ("exogenous", "columns", "signals")),
+        *((name, ctypes.c_int64) for name in ("socket", "period", "lockstep", "may_write", "watchdog", "release")),
+        *((name, Pair) for name in ("safe", "largest", "share", "other")),
+        *((name, ctypes.c_int64) for name in ("other_count", "start", "quit")),
+        *((name, ctypes.c_int64) for name in ("running", "is_safe", "silences", "connected", "ticks", "missed")),
+        *((name, ctypes.c_int64) for name in ("latest", "accepted", "refused", "not_allowed", "bins", "oldest")),
+        *((name, ctypes.c_void_p) for name in ("edges", "lateness", "ages")),
+    )
+
+
+@dataclass(frozen=True)
+class Pacing:
+    """How a run is kept in step.
+
+    Attributes:
+        period: of a sample in ns of the clock on the wall.
+        lockstep: each sample waits for the client's answer instead.
+        may_write: whether commands of clients count.
+        watchdog: samples without a command after which the safe ones are in force.
+        release: time in ns without a datagram after which another client is admitted.
+        safe: commands while there are none.
+        largest: magnitude of each command beyond which it is refused.
+        edges: upper ends in ns of the bins of the histogram of lateness; the last bin has none.
+        oldest: age in samples of commands that is counted together with all greater ones.
+    """
+
+    period: int
+    lockstep: bool
+    may_write: bool
+    watchdog: int
+    release: int
+    safe: tuple[float, float]
+    largest: tuple[float, float]
+    edges: tuple[int, ...]
+    oldest: int = 200
+
+
+class PacedRun:
+    """One run, from its first sample to its end; commands and signals that are added may change meanwhile.
+
+    Attributes:
+        table: (samples + 1, exogenous) the run's signals from outside; rows that are still ahead may be written to.
+        added: (exogenous,) to these.
+        rows: (samples, columns), as far as the run is.
+        lateness: (bins,) samples by how late they began.
+        ages: samples by the age of the command that they ran under.
+        shared: what compiled code and other threads both see.
+    """
+
+    def __init__(self, code: Stepping, runs: SteppedRuns, table: Floats, pacing: Pacing, socket: int) -> None:
+        """Make room.
+
+        Args:
+            code: what moves the run on.
+            runs: a single one, started.
+            table: see there.
+            pacing: how it is kept in step.
+            socket: number of a datagram socket that is bound, and does not block.
+
+        Raises:
+            DualwinchError: no compiler, or no POSIX system.
+        """
+        if os.name != "posix":
+            raise DualwinchError("a run that keeps time needs a POSIX system, such as Linux or macOS")
+        self._library, self._kept = _library(), (code, runs)
+        self.table, (_, exogenous) = table, table.shape
+        self.added, self._lines = np.zeros(exogenous), np.zeros((2, exogenous))
+        self.rows = np.zeros((len(table) - 1, runs.columns))
+        self.rows.fill(0.0)  # its memory is there before the run
+        self._edges = np.array(pacing.edges, np.int64)
+        self.lateness, self.ages = (np.zeros(size + 1, np.int64) for size in (len(self._edges), pacing.oldest))
+        pointers = runs.pointers
+        step, look = (ctypes.cast(getattr(code.library, name), ctypes.c_void_p) for name in ("step", "look"))
+        arrays = {name: getattr(self, name) for name in ("table", "added", "rows", "lateness", "ages")}
+        arrays |= {"lines": self._lines, "edges": self._edges}
+        self.shared = Served(
+            step=step,
+            look=look,
+            runs=ctypes.addressof(pointers),
+            line=pointers.lines,
+            **{name: getattr(pointers, name) for name in ("commands", "observation", "outcome", "done")},
+            **{name: array.ctypes.data for name, array in arrays.items()},
+            exogenous=exogenous,
+            columns=runs.columns,
+            signals=len(runs.observation),
+            socket=socket,
+            **{name: int(getattr(pacing, name)) for name in ("period", "lockstep", "may_write", "watchdog", "release")},
+            **{name: Pair(*getattr(pacing, name)) for name in ("safe", "largest")},
+            share=Pair(1.0, 1.0),
+            bins=len(self.lateness),
+            oldest=pacing.oldest,
+        )
+
+    def serve(self) -> None:
+        """Run until the end, or until ``shared.quit`` is set; Python's lock is released meanwhile."""
+        self._library.serve(ctypes.addressof(self.shared))
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Name → number of what has been counted."""
+        names = "silences", "ticks", "missed", "accepted", "refused", "not_allowed"
+        return {name: getattr(self.shared, name) for name in names}
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return loaded(lambda: unit(POSIX, (), "realtime.c"), find_compiler(), (), recipe((), "realtime"), serve="n")

@@ -1,0 +1,253 @@
+"""The command ``serve``: the plant by the clock on the wall, for controllers in other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from dualwinch.cli.lab import HOST, page_of, server_of
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json, NominalMachine
+from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
+from dualwinch.cli.progress import ProgressLine
+from dualwinch.cli.simulate import print_result
+
+if TYPE_CHECKING:
+    from dualwinch.simulation.experiment import Experiment
+    from dualwinch.simulation.results.result import Result
+    from dualwinch.simulation.server.plant import ServedPlant
+    from dualwinch.simulation.server.protocols import Protocol
+
+INTERVAL = 0.2
+"""Time in s between two looks at a run."""
+
+app = App(
+    name="serve",
+    help_epilogue="""Examples:
+
+    dualwinch serve --case 4 --realtime --allow-write --out run.parquet
+    dualwinch serve --case 4 --allow-write --modbus 5020 --opcua 4840 --map registers.csv
+    dualwinch serve --ensemble site --case 4 --rate 0.5 --allow-write --lab
+    dualwinch serve --case 4 --lockstep --allow-write --runs 1 --out run.parquet
+""",
+)
+
+
+@app.default
+def serve(
+    *,
+    given: ExperimentOptions = EXPERIMENT,
+    ensemble: NominalMachine = None,
+    realtime: Annotated[
+        bool,
+        Parameter(
+            negative="--lockstep",
+            help="Keep the time of the clock on the wall; or let each sample wait for the controller's answer.",
+        ),
+    ] = True,
+    rate: Annotated[float, Parameter(help="How much faster than the clock on the wall the plant's own is.")] = 1.0,
+    host: Annotated[str, Parameter(help="Address to listen at; other machines reach none but a public one.")] = HOST,
+    udp: Annotated[
+        int | None, WHOLE, Parameter(help="Port of the datagrams (default 47800); 0: any that is free.")
+    ] = None,
+    modbus: Annotated[
+        int | None,
+        WHOLE,
+        Parameter(help="Port of Modbus TCP, such as 5020 (default: off; `pip install 'dualwinch[serve]'`)."),
+    ] = None,
+    opcua: Annotated[
+        int | None, WHOLE, Parameter(help="Port of OPC UA, such as 4840 (default: off; likewise).")
+    ] = None,
+    allow_write: Annotated[
+        bool, Parameter(help="Let clients command, start and disturb; else they only read.", negative="")
+    ] = False,
+    watchdog: Annotated[
+        float, Parameter(help="Time in s without a command after which the safe torques are in force.")
+    ] = 0.05,
+    safe: Annotated[
+        str | None,
+        Parameter(help="Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope)."),
+    ] = None,
+    runs: Annotated[int | None, WHOLE, Parameter(help="End after so many runs (default: at Ctrl-C).")] = None,
+    out: Annotated[
+        Path | None, Parameter(help="File for what happened: .csv, .parquet, .npz or .mat; of later runs, NAME-2, ….")
+    ] = None,
+    map_: Annotated[
+        Path | None, Parameter(name="--map", help="File for the registers and nodes: .csv, or .md for a page.")
+    ] = None,
+    lab: Annotated[bool, Parameter(help="Show the run in the lab's page while it is under way.", negative="")] = False,
+    json: Json = False,
+) -> None:
+    """Run the plant with ropes and sensors by the clock on the wall, for a controller in another process.
+
+    The controller comes by UDP (a sample a datagram), Modbus TCP or OPC UA. A run starts when a client says so, and
+    ends after its duration. Where no command comes for the time of the watchdog, safe torques are in force. Nobody but
+    this machine is listened to unless --host says otherwise, and nobody may write without --allow-write.
+    """
+    from dualwinch.config.folders import check_folder
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.simulation.results.file_formats import format_of
+    from dualwinch.simulation.server.plant import PORT, ServedPlant, ServerSettings
+    from dualwinch.simulation.server.registers import FORMATS, write_map
+
+    if runs is not None and runs < 1:
+        raise ConfigurationError(f"--runs = {runs}: must be a whole number >= 1")
+    if out:
+        format_of(out)
+        check_folder(out.parent)
+    check_file(map_, *FORMATS)
+    settings = ServerSettings(rate, not realtime, allow_write, watchdog, torques_from(safe))
+    protocols = protocols_at(host, modbus, opcua)
+    asked = given.nominal(ensemble)
+    with ProgressLine("compiling the plant"):
+        plant = ServedPlant(asked, settings, host=host, port=PORT if udp is None else udp)
+    if map_:
+        write_map(plant, map_)
+        wrote(map_)
+    try:
+        with shown(plant, asked, protocols, host, lab=lab):
+            for number in count(1) if runs is None else range(1, runs + 1):
+                result = watched(plant)
+                if result is None:
+                    return
+                say_run(plant, result, json=json)
+                keep(plant, result, out and (out if number == 1 else out.with_stem(f"{out.stem}-{number}")))
+                if plant.closed:
+                    return
+    finally:
+        plant.release()
+
+
+def torques_from(text: str | None) -> tuple[float, float] | None:
+    """Two torques such as ``22,22``; ``None`` where none are given.
+
+    Raises:
+        ConfigurationError: they are none.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    if text is None:
+        return None
+    try:
+        tau_1, tau_2 = map(float, text.split(","))
+    except ValueError:
+        raise ConfigurationError(f"--safe {text}: must be two torques in N m, such as 22,22") from None
+    return tau_1, tau_2
+
+
+def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Protocol]:
+    """Servers of the protocols that have ports.
+
+    Raises:
+        ConfigurationError: a port that there is not.
+        MissingExtraError: their libraries are not installed.
+    """
+    from dualwinch.simulation.server.modbus import Modbus
+    from dualwinch.simulation.server.opcua import OpcUa
+
+    return [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
+
+
+@contextmanager
+def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host: str, *, lab: bool) -> Iterator[None]:
+    """Serve a plant by its protocols and in the lab, and say where."""
+    from threading import Thread
+
+    from dualwinch.lab.live import live_rows, live_run
+    from dualwinch.simulation.server.protocols import served
+
+    console, addresses = terminal(stderr=True, soft_wrap=True), [f"{host}:{plant.port} (UDP)"]
+    with ExitStack() as stack:
+        if protocols:
+            with ProgressLine("opening the ports"):
+                stack.enter_context(served(plant, protocols))
+            addresses += [protocol.address for protocol in protocols]
+        if lab:
+            server = stack.enter_context(server_of(page_of(live_run(asked)), 0, live_rows(plant)))
+            Thread(target=server.serve_forever, daemon=True).start()
+            stack.callback(server.shutdown)
+            addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
+        writing = "clients may write" if plant.settings.may_write else "clients may only read"
+        console.print(f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)", highlight=False)
+        yield
+
+
+def watched(plant: ServedPlant) -> Result | None:
+    """A run of a plant, with a line of where it is, and of every time that its controller falls silent.
+
+    Ctrl-C ends it; what happened until then is kept.
+    """
+    silences, was_safe, duration = 0, False, plant.experiment.duration
+    with ThreadPoolExecutor(1, thread_name_prefix="plant") as pool, ProgressLine(command="serve") as progress:
+        run = pool.submit(plant.serve)
+        progress(0.0, "waiting for a start")
+        try:
+            while not run.done():
+                state, counts = plant.read(), plant.counts
+                if counts["silences"] > silences:
+                    progress.say(silent_words(plant))
+                elif was_safe and not state["safe"] and state["running"]:
+                    progress.say(f"t = {plant.time:.3f} s: commands come again")
+                silences, was_safe = counts["silences"], bool(state["safe"])
+                if state["running"]:
+                    words = f"{plant.time:.1f} of {duration:g} s, {counts['missed']} samples more than a period late"
+                    progress(plant.time / duration, "running", words)
+                wait(run)
+        except KeyboardInterrupt:
+            plant.close()
+        return run.result()
+
+
+def silent_words(plant: ServedPlant) -> str:
+    """That safe torques have come into force, and which."""
+    tau_1, tau_2 = plant.safe
+    return (
+        f"t = {plant.time:.3f} s: no command for {plant.settings.watchdog:g} s; "
+        f"the safe torques {tau_1:.4g} and {tau_2:.4g} N m are in force"
+    )
+
+
+def wait(run: Any) -> None:
+    """A moment, or until a run has ended."""
+    from concurrent.futures import wait as wait_for
+
+    wait_for([run], timeout=INTERVAL)
+
+
+def say_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
+    """Print how a run went, and how it kept time."""
+    timing = plant.timing
+    if not json:
+        terminal().print("torques from outside, in place of the experiment's controller:")
+    print_result(result, json=json, timing=timing)
+    if json:
+        return
+    console = terminal(soft_wrap=True)
+    console.print(
+        styled("bold", "commands", f": {timing['accepted']} taken over, {timing['refused']} refused"), highlight=False
+    )
+    if timing["delay_s"] is not None:
+        console.print(
+            f"  mean delay {1e3 * timing['delay_s']:.3g} ms; safe torques {timing['silences']} times", highlight=False
+        )
+    if plant.settings.lockstep:
+        return
+    late = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
+    counted = f"{timing['missed']} of {timing['ticks']} samples more than a period late"
+    words = f": {counted}, the latest {timing['latest_us']:.0f} us"
+    console.print(styled("bold", "time", words), highlight=False)
+    console.print(f"  samples by lateness: {late}", highlight=False)
+
+
+def keep(plant: ServedPlant, result: Result, file: Path | None) -> None:
+    """Write a run to a file, where one is asked for."""
+    from dualwinch.simulation.results.storage import save
+
+    if file:
+        save(result, file, {**plant.notes, **version_notes()})
+        wrote(file)

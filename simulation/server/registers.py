@@ -1,0 +1,108 @@
+"""Where clients find the values of a served plant: one map for datagrams, Modbus and OPC UA, as CSV or a page."""
+
+import csv
+import io
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from dualwinch.codegen.files import write_whole
+from dualwinch.codegen.text import markdown
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.simulation.server.plant import ServedPlant
+
+FIRST_INPUT = 1000
+"""Modbus register of the first input; outputs begin at 0. Each is a 32-bit float, high word first: two registers."""
+
+NAMESPACE = "urn:dualwinch:serve"
+"""Of the nodes of OPC UA."""
+
+HEADER = 16
+"""Bytes of a datagram before its numbers."""
+
+
+@dataclass(frozen=True)
+class Register:
+    """One value that clients read or write.
+
+    Attributes:
+        leaf: name, quantity and range.
+        writable: whether it is an input.
+        modbus: its first register.
+        offset: bytes into a datagram from the server; None: it is not in there.
+    """
+
+    leaf: Leaf
+    writable: bool
+    modbus: int
+    offset: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the value, and of its node."""
+        return self.leaf.key
+
+
+def registers(plant: ServedPlant) -> list[Register]:
+    """All registers of a plant, outputs first."""
+    outputs = [
+        Register(leaf, False, 2 * place, HEADER + 8 * place if place < plant.signals else None)  # noqa: FBT003
+        for place, leaf in enumerate(plant.outputs.values())
+    ]
+    inputs = [
+        Register(leaf, True, FIRST_INPUT + 2 * place)  # noqa: FBT003
+        for place, leaf in enumerate(plant.inputs.values())
+    ]
+    return outputs + inputs
+
+
+COLUMNS = ("name", "access", "unit", "meaning", "range", "modbus", "opc_ua", "datagram_offset")
+
+
+def register_rows(plant: ServedPlant) -> list[tuple[str, ...]]:
+    """A row of `COLUMNS` for each register."""
+    return [
+        (
+            register.name,
+            "read, write" if register.writable else "read",
+            register.leaf.quantity.unit,
+            register.leaf.quantity.meaning,
+            register.leaf.allowed,
+            str(register.modbus),
+            f"s={register.name}",
+            "" if register.offset is None else str(register.offset),
+        )
+        for register in registers(plant)
+    ]
+
+
+def map_as_csv(plant: ServedPlant) -> str:
+    """The map as a CSV file."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([COLUMNS, *register_rows(plant)])
+    return text.getvalue()
+
+
+def map_as_page(plant: ServedPlant) -> str:
+    """The map as a table in Markdown."""
+    lines = [COLUMNS, ["---"] * len(COLUMNS), *([markdown(cell) for cell in row] for row in register_rows(plant))]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+FORMATS = {".csv": map_as_csv, ".md": map_as_page}
+"""Suffix of a file → what writes it."""
+
+
+def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
+    """Write the map to a file, whose suffix chooses the format: ``.csv``, or ``.md`` for a page.
+
+    Raises:
+        ConfigurationError: another suffix.
+        OSError: the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in FORMATS:
+        raise ConfigurationError(f"{path.name}: the name of a register map must end with {' or '.join(FORMATS)}")
+    write_whole(path, FORMATS[path.suffix](plant))
