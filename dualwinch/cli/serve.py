@@ -161,7 +161,7 @@ def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host
     from dualwinch.lab.live import live_rows, live_run
     from dualwinch.simulation.server.protocols import served
 
-    console, addresses = terminal(stderr=True, soft_wrap=True), [f"{host}:{plant.port} (UDP)"]
+    addresses = [f"{host}:{plant.port} (UDP)"]
     with ExitStack() as stack:
         if protocols:
             with ProgressLine("opening the ports"):
@@ -172,9 +172,15 @@ def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host
             Thread(target=server.serve_forever, daemon=True).start()
             stack.callback(server.shutdown)
             addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
-        writing = "clients may write" if plant.settings.may_write else "clients may only read"
-        console.print(f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)", highlight=False)
+        say_addresses(addresses, plant)
         yield
+
+
+def say_addresses(addresses: list[str], plant: ServedPlant) -> None:
+    """Print where a plant is served, and whether clients may write."""
+    writing = "clients may write" if plant.settings.may_write else "clients may only read"
+    words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
+    terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
 
 
 def watched(plant: ServedPlant) -> Result | None:

@@ -84,7 +84,7 @@ function showRun(result) {
   const firstRun = run === null;
   run = withLargest(result);
   playback.setWhole(run.t.length ? run.t.at(-1) : 1);
-  if (firstRun) playback.seek(0.46 * playback.whole[1]);
+  if (firstRun && !ownRun?.live) playback.seek(0.46 * playback.whole[1]);
   refresh();
   questions.check(run, run.experiment);
   element("timing").textContent = `${digits(run.t.length, 3)} samples in ${digits(run.seconds * 1e3, 2)} ms.`;
@@ -223,9 +223,9 @@ if (ownRun) {
 }
 change(experiment);
 
-// A run that is under way is A; the moment that is shown goes with it, unless another is looked at.
+// A run that is under way is A; the moment that is shown goes with it, unless an earlier one is looked at.
 function showLive(live) {
-  const before = pinned?.t.at(-1) ?? playback.time, follows = Math.abs(playback.time - before) < 1e-9;
+  const follows = playback.time >= Math.min(pinned?.t.at(-1) ?? 0, playback.whole[1]) - 1e-9;
   pin(live);
   if (follows) playback.seek(live.t.at(-1));
 }

@@ -426,7 +426,8 @@ def _bound(host: str, port: int) -> socket.socket:
         except OSError:
             made.close()
             raise
-    except OSError as error:
-        raise ConfigurationError(f"cannot listen at {host}, port {port} (UDP): {error.strerror or error}") from error
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"cannot listen at {host}, port {port} (UDP): {reason}") from error
     made.settimeout(0.0)
     return made

@@ -75,7 +75,7 @@ def served(plant: ServedPlant, protocols: Sequence[Protocol]) -> Iterator[None]:
         for protocol in protocols:
             try:
                 asyncio.run_coroutine_threadsafe(protocol.open(plant), loop).result()
-            except (OSError, RuntimeError) as error:
+            except (OSError, RuntimeError, UnicodeError) as error:
                 raise ConfigurationError(f"cannot listen at {protocol.address}: {error}") from error
             stack.callback(lambda protocol=protocol: asyncio.run_coroutine_threadsafe(protocol.close(), loop).result())
         yield

@@ -9,6 +9,7 @@ import pytest
 
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.lab.content import Content
 from tests.lab.in_node import of_id
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -19,17 +20,23 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="session")
-def lab_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page with three structures of the paper's machine, and one of a heavy machine."""
-    from dualwinch.lab.assemble import assemble
+def made() -> Content:
+    """Three structures of the paper's machine, and one of a heavy machine."""
     from dualwinch.lab.content import content
     from dualwinch.lab.wasm.structures import structures
 
-    file = tmp_path_factory.mktemp("lab") / "lab.html"
     try:
-        made = content(load_ensemble("rig"), "test", offered=[*structures()[:3], of_id(HEAVY)])
+        return content(load_ensemble("rig"), "test", offered=[*structures()[:3], of_id(HEAVY)])
     except CompilerNotFoundError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def lab_file(tmp_path_factory: pytest.TempPathFactory, made: Content) -> Path:
+    """The page of these."""
+    from dualwinch.lab.assemble import assemble
+
+    file = tmp_path_factory.mktemp("lab") / "lab.html"
     file.write_text(assemble(made.catalogue, made.modules), encoding="utf-8")
     return file
 

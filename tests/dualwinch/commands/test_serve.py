@@ -1,0 +1,164 @@
+"""``dualwinch serve``: runs of a client, what is said of them, and what is left of them."""
+
+import base64
+import http.client
+import json
+import re
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.cli import main, serve
+from dualwinch.lab.live import live_run
+from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
+from tests.simulation.server.clients import ENDED, HELLO, HOLDING, STARTS, TORQUES, Client, short
+
+SHORT = ("--case", "4", "--set", "simulation.duration=0.1", "--allow-write")
+
+
+def free_port() -> int:
+    """A port for datagrams that is free now."""
+    plant = ServedPlant(short(0.1))
+    plant.release()
+    return plant.port
+
+
+def connected(port: int) -> Client:
+    """A client of a command, once that listens."""
+    client = Client(port)
+    client.socket.settimeout(0.05)
+    while True:
+        try:
+            client.say(HELLO)
+            client.read()
+        except (TimeoutError, ConnectionRefusedError):
+            continue
+        client.socket.settimeout(20.0)
+        return client
+
+
+def runs(port: int, count: int) -> None:
+    """Whole runs of a client each."""
+    for _ in range(count):
+        client = connected(port)
+        client.say(TORQUES | STARTS, 0, HOLDING)
+        assert client.run(1000).flags & ENDED
+        client.socket.close()
+
+
+def served(client: Callable[[int], None], *words: str) -> None:
+    """The command, and a client of it at the same time."""
+    port = free_port()
+    with ThreadPoolExecutor(1) as pool:
+        used = pool.submit(client, port)
+        main(["serve", *SHORT, "--udp", str(port), *words])
+        used.result(20)
+
+
+def test_each_run_is_printed_and_becomes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, registers = tmp_path / "run.npz", tmp_path / "map.csv"
+    served(
+        lambda port: runs(port, 2), "--lockstep", "--runs", "2", "--out", str(file), "--map", str(registers), "--json"
+    )
+    said = capsys.readouterr()
+    decoder = json.JSONDecoder()
+    first, end = decoder.raw_decode(said.out)
+    second, _ = decoder.raw_decode(said.out[end:].strip())
+    assert first["outcome"] == second["outcome"] == "completed"
+    assert first["metrics"] == second["metrics"]
+    assert first["timing"]["delay_s"] == 0
+    assert first["timing"]["commanded"] == 100
+    result = dw.load_result(file)
+    assert result.metrics["mse"] == first["metrics"]["mse"]
+    assert np.all(result["tau_2"] == HOLDING[1])
+    assert dw.load_result(tmp_path / "run-2.npz")["x"].tolist() == result["x"].tolist()
+    assert registers.read_text().startswith("name,access,unit,meaning,range,modbus")
+    assert re.search(r"serving at 127\.0\.0\.1:\d+ \(UDP\); clients may write", said.err)
+
+
+def test_it_says_how_time_was_kept_and_when_a_controller_fell_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    def silent(port: int) -> None:
+        client = connected(port)
+        client.say(STARTS, 0)
+        client.socket.close()
+
+    served(silent, "--set", "simulation.duration=0.5", "--runs", "1", "--safe", "20,21")
+    said = capsys.readouterr()
+    assert "no command for 0.05 s; the safe torques 20 and 21 N m are in force" in said.err
+    assert "of 500 samples more than a period late" in said.out
+    assert "safe torques 1 times" in said.out or "commands: 0 taken over" in said.out
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--rate", "0"], "rate = 0: must be > 0 and <= 1000"),
+        (["--safe", "1"], "--safe 1: must be two torques in N m, such as 22,22"),
+        (["--safe", "nan,1"], "safe = nan, 1: must be within"),
+        (["--runs", "0"], "--runs = 0: must be a whole number >= 1"),
+        (["--udp", "70000"], "port = 70000: must be 0 to 65535"),
+        (["--modbus", "0"], "port = 0: must be 1 to 65535"),
+        (["--out", "run.txt"], "run.txt"),
+        (["--map", "map.txt"], "map.txt: unknown suffix '.txt'; must be one of .csv, .md"),
+        (["--host", "192.0.2.1"], "cannot listen at 192.0.2.1"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["serve", *SHORT, *words])
+    assert expected in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_run_and_keeps_what_happened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: object) -> None:
+        raise KeyboardInterrupt
+
+    def starts(port: int) -> None:
+        client = connected(port)
+        client.say(TORQUES | STARTS, 0, HOLDING)
+        client.run(20)
+        monkeypatch.setattr(serve, "wait", interrupted)
+        client.socket.close()
+
+    served(starts, "--lockstep", "--out", str(tmp_path / "run.npz"))
+    result = dw.load_result(tmp_path / "run.npz")
+    assert result.outcome == "running"
+    assert len(result["t"]) == 20
+
+
+def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serve, "page_of", lambda own: f"<p>{own['live']}</p>")
+    said: list[str] = []
+    monkeypatch.setattr(serve, "say_addresses", lambda addresses, _: said.extend(addresses))
+    plant = ServedPlant(short(0.1), ServerSettings(lockstep=True, may_write=True))
+    with serve.shown(plant, plant.experiment, [], "127.0.0.1", lab=True), ThreadPoolExecutor(1) as pool:
+        run = pool.submit(plant.serve)
+        client = Client(plant.port)
+        client.begin()
+        client.run(50)
+        client.sample()
+        address = http.client.HTTPConnection(said[-1].split("/")[2])
+
+        def asked(path: str) -> str:
+            address.request("GET", path)
+            return address.getresponse().read().decode()
+
+        assert asked("/") == "<p>live</p>"
+        first = json.loads(asked("/live?run=0&rows=0"))
+        x = np.frombuffer(base64.b64decode(first["columns"]["x"]))
+        assert (first["run"], len(x)) == (1, 50)
+        client.say(TORQUES, 50, HOLDING)
+        client.run(100)
+        result = run.result(20)
+        further = json.loads(asked("/live?run=1&rows=50"))
+        x = np.append(x, np.frombuffer(base64.b64decode(further["columns"]["x"])))
+        assert x.tolist() == result["x"].tolist() if result else False
+        assert len(json.loads(asked("/live?run=7&rows=50"))["columns"]["t"]) > len(further["columns"]["t"])
+        address.close()
+        client.socket.close()
+    plant.release()
+    assert live_run(dw.case(4))["settings"]["disturbance.vortex"]
