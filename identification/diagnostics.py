@@ -1,6 +1,7 @@
 """Diagnostics: plausible logs and fits, white innovations, unidentifiable directions, profile likelihoods."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from dualwinch.identification.unknowns import UnknownParameter, covariance_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import holding_torques
 from dualwinch.model.units import UNITS
+from dualwinch.simulation.batch.workers import Workers, in_order, spread
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -380,6 +382,28 @@ class LikelihoodProfile:
             two = slice(beyond[0] - 1, beyond[0] + 1)  # the root of a parabola is a straight line
             ends.append(float(np.interp(bound, root[two], values[two])))
         return ends[0], ends[1]
+
+
+def likelihood_profiles(
+    method: PredictionErrorMethod, estimate: ParameterEstimate, keys: Sequence[str], workers: Workers = None
+) -> tuple[LikelihoodProfile, ...]:
+    """The profile likelihood of each of some parameters ; an executor's workers compute them side by side."""
+    if isinstance(workers, Executor):
+        tasks = ((*method.made_of, estimate, key) for key in keys)
+        return tuple(in_order(spread(workers, profile_of, tasks)))
+    return tuple(likelihood_profile(method, estimate, key) for key in keys)
+
+
+def profile_of(
+    sections: Sequence[LogSection],
+    experiment: Experiment,
+    unknowns: Sequence[UnknownParameter],
+    options: EstimationOptions,
+    estimate: ParameterEstimate,
+    key: str,
+) -> LikelihoodProfile:
+    """A profile likelihood on one thread of a worker."""
+    return likelihood_profile(PredictionErrorMethod(sections, experiment, unknowns, options, 1), estimate, key)
 
 
 def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimate, key: str) -> LikelihoodProfile:

@@ -4,7 +4,8 @@ L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen
 (2004) 225, for filters with unrecorded disturbances.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -28,6 +29,7 @@ from dualwinch.identification.resample import LogSection
 from dualwinch.identification.unknowns import SearchCoordinates, UnknownParameter, covariance_of, unwrapped
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.workers import Workers, in_order, spread
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from dualwinch.simulation.progress import no_progress, part
@@ -82,6 +84,7 @@ class PredictionErrorMethod:
     ) -> None:
         """A method for some sections and unknowns; compiles the filter."""
         self.unknowns, self.options = tuple(unknowns), options
+        self.made_of = sections, experiment, self.unknowns, options
         self._experiment, self._search, self._threads = experiment, options.search, threads
         keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
         zeros = zeros_of(self.structure, parameters_of(replace(experiment, controller=Controller())), varying=keys)
@@ -259,21 +262,60 @@ class LocalOptimum:
 
 
 def multistart(
-    method: PredictionErrorMethod, starts: int, seed: int, progress: Callable[[float], None]
+    method: PredictionErrorMethod,
+    starts: int,
+    seed: int,
+    progress: Callable[[float], None],
+    workers: Workers = None,
 ) -> list[ParameterEstimate]:
-    """Estimates from several starts (`starts_of`), the likeliest first.
+    """Estimates from several starts (`starts_of`), the likeliest first; an executor's workers search side by side.
 
     Raises:
         ConfigurationError: the filter diverges at the first start.
     """
-    found: list[ParameterEstimate] = []
-    for number, start in enumerate(starts_of(method.unknowns, starts, seed)):
-        try:
-            found.append(method.run(start, part(progress, number / starts, (number + 1) / starts)))
-        except ConfigurationError:
-            if number == 0:
-                raise
+    found = list[ParameterEstimate]()
+    for number, estimate in enumerate(_searches(method, starts_of(method.unknowns, starts, seed), progress, workers)):
+        if isinstance(estimate, ParameterEstimate):
+            found.append(estimate)
+        elif number == 0:
+            raise estimate
     return sorted(found, key=lambda estimate: estimate.deviance)
+
+
+def _searches(
+    method: PredictionErrorMethod, starts: Sequence[Floats], progress: Callable[[float], None], workers: Workers
+) -> Iterator[ParameterEstimate | ConfigurationError]:
+    """What comes of a search from each start; an error where the filter diverges there."""
+    if isinstance(workers, Executor):
+        tasks = ((*method.made_of, start) for start in starts)
+        for number, found in enumerate(in_order(spread(workers, estimate_from, tasks))):
+            progress((number + 1) / len(starts))
+            if isinstance(found, ParameterEstimate):
+                method.filters.passes += found.passes
+            yield found
+        return
+    for number, start in enumerate(starts):
+        yield _search(method, start, part(progress, number / len(starts), (number + 1) / len(starts)))
+
+
+def _search(
+    method: PredictionErrorMethod, start: Floats, progress: Callable[[float], None] = no_progress
+) -> ParameterEstimate | ConfigurationError:
+    try:
+        return method.run(start, progress)
+    except ConfigurationError as error:
+        return error
+
+
+def estimate_from(
+    sections: Sequence[LogSection],
+    experiment: Experiment,
+    unknowns: Sequence[UnknownParameter],
+    options: EstimationOptions,
+    start: Floats,
+) -> ParameterEstimate | ConfigurationError:
+    """A search from a start on one thread of a worker; an error where the filter diverges there."""
+    return _search(PredictionErrorMethod(sections, experiment, unknowns, options, 1), start)
 
 
 def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> list[Floats]:

@@ -9,7 +9,7 @@ import numpy as np
 from dualwinch.identification.diagnostics import (
     check_fit,
     check_log,
-    likelihood_profile,
+    likelihood_profiles,
     rms_innovations,
     unidentifiable_directions,
     whiteness_tests,
@@ -123,7 +123,7 @@ def identify(
     kept = sections_of([log for _, log in split if log], experiment, options.resampling)
 
     method = PredictionErrorMethod(fitted, experiment, unknowns, options, threads_of(workers))
-    estimates = multistart(method, starts, seed, progress)
+    estimates = multistart(method, starts, seed, progress, workers)
     best = estimates[0]
     excess = check_fit(best, fitted, experiment, options, unrecorded)
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
@@ -147,7 +147,7 @@ def identify(
         optima=distinct_optima(estimates, covariance, diagnostics.optima_distance),
         seconds=perf_counter() - began,
         options=options,
-        profiles=tuple(likelihood_profile(method, best, key) for key in profiled),
+        profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=(*(note for log in given for note in log.notes), *excess),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Figure, Json, Priors
+from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, Figure, Json, Priors, workers_of
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
@@ -92,6 +92,7 @@ def identify(
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
     ] = None,
     plot: Figure = None,
+    cluster: Cluster = None,
     json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.
@@ -114,7 +115,7 @@ def identify(
     if disturbance:
         format_of(disturbance)
         check_folder(disturbance.parent)
-    with ProgressLine("fitting") as progress:
+    with ProgressLine("fitting") as progress, workers_of(cluster, progress) as workers:
         found = identify(
             list(logs),
             fit,
@@ -128,6 +129,7 @@ def identify(
             seed=seed,
             profiles=profile or [],
             forces=disturbance is not None,
+            workers=workers,
             unrecorded=most,
             progress=progress,
         )

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
+from dualwinch.cli.progress import ProgressLine
+
 if TYPE_CHECKING:
+    from dualwinch.simulation.batch.workers import Workers
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
 
@@ -48,6 +52,15 @@ Plugins = Annotated[
 
 NominalMachine = Annotated[
     str | None, Parameter(name="--ensemble", help="The nominal machine of an ensemble, such as `site`, or a TOML file.")
+]
+
+Cluster = Annotated[
+    str | None,
+    Parameter(
+        help="Dask cluster that computes it: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
+        "(default: this machine).",
+        env_var="DUALWINCH_CLUSTER",
+    ),
 ]
 
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
@@ -215,6 +228,28 @@ def share_from(text: str | None, option: str) -> float | None:
     if not 0 < share < 1:
         raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as 0.5%")
     return share
+
+
+@contextmanager
+def workers_of(cluster: str | None, line: ProgressLine) -> Iterator[Workers]:
+    """The workers of a cluster, of which a line says where they are; None without one: threads of this machine.
+
+    Raises:
+        ConfigurationError: `cluster` is neither an address nor a function.
+        DualwinchError: Dask is not installed, or no scheduler answers.
+    """
+    if cluster is None:
+        yield None
+        return
+    from dualwinch.simulation.batch.cluster import cluster_client
+
+    with cluster_client(cluster) as client:
+        info = client.scheduler_info(n_workers=-1)
+        known = info["workers"]
+        threads = sum(worker["nthreads"] for worker in known.values())
+        there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
+        line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
+        yield client.get_executor(pure=False)
 
 
 def use_parts(plugins: list[str] | None) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, Assignments, Plugins, choice, use_parts
+from dualwinch.cli.options import WHOLE, Assignments, Cluster, Plugins, choice, use_parts, workers_of
 from dualwinch.cli.output import json_text, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 
@@ -92,6 +92,7 @@ def race(
         Parameter(help="Also find which imperfection breaks the best of each first (`dualwinch stress`).", negative=""),
     ] = False,
     out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
+    cluster: Cluster = None,
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same held-out scenarios.
 
@@ -107,7 +108,11 @@ def race(
 
     use_parts(plugin)
     drawn = load_ensemble(ensemble, load(config)) if config else ensemble
-    with made_folder(out), ProgressLine("reading the problem", command="race") as progress:
+    with (
+        made_folder(out),
+        ProgressLine("reading the problem", command="race") as progress,
+        workers_of(cluster, progress) as workers,
+    ):
         found = race(
             ensemble=drawn,
             laws=entries.law,
@@ -124,6 +129,7 @@ def race(
             method=method,
             stress=stress,
             out=out,
+            workers=workers,
             progress=progress,
         )
         progress(1.0, "writing the report")

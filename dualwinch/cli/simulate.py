@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, WHOLE, ControllerOptions, Figure, Json
+from dualwinch.cli.options import CONTROLLER, WHOLE, Cluster, ControllerOptions, Figure, Json, workers_of
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -74,6 +74,7 @@ def simulate(
             "interpreter (slow; by itself only where there is no compiler)."
         ),
     ] = None,
+    cluster: Cluster = None,
     json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
@@ -88,7 +89,7 @@ def simulate(
 
     check_file(plot, *FIGURE_SUFFIXES)
     if ensemble is None:
-        for name, value in (("scenarios", scenarios), ("seed", seed)):
+        for name, value in (("scenarios", scenarios), ("seed", seed), ("cluster", cluster)):
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
@@ -99,7 +100,7 @@ def simulate(
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
-    simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, json=json)
+    simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, cluster, json=json)
 
 
 def simulate_one(
@@ -196,7 +197,14 @@ def engine_here(asked: EngineName) -> EngineName:
 
 
 def simulate_ensemble(
-    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, plot: Path | None, *, json: bool
+    asked: Ensemble,
+    scenarios: int | None,
+    seed: int | None,
+    out: Path | None,
+    plot: Path | None,
+    cluster: str | None = None,
+    *,
+    json: bool,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
@@ -208,8 +216,8 @@ def simulate_ensemble(
     if out:
         ensemble_writer(out)
         check_folder(out.parent)
-    with ProgressLine(f"simulating {count} scenarios") as progress:
-        result = run_ensemble(asked, count, seed, traces=plot is not None, progress=progress)
+    with ProgressLine(f"simulating {count} scenarios") as progress, workers_of(cluster, progress) as workers:
+        result = run_ensemble(asked, count, seed, traces=plot is not None, workers=workers, progress=progress)
     print_ensemble(result, json=json)
     if out:
         save_ensemble(result, out, {"configuration": ensemble_to_toml(asked), **version_notes()})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json
+from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, Json, workers_of
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
@@ -63,6 +63,7 @@ def stress(
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
     ] = None,
+    cluster: Cluster = None,
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
@@ -79,7 +80,11 @@ def stress(
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    with made_folder(out) if out else nullcontext(), ProgressLine("simulating") as progress:
+    with (
+        made_folder(out) if out else nullcontext(),
+        ProgressLine("simulating") as progress,
+        workers_of(cluster, progress) as workers,
+    ):
         found = stress(
             experiment,
             ensemble=ensemble,
@@ -90,6 +95,7 @@ def stress(
             scenarios=scenarios,
             seed=seed,
             name=file.name if file else f"case {given.case}",
+            workers=workers,
             progress=progress,
         )
     if json:

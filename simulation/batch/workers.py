@@ -176,12 +176,3 @@ def in_order(numbered: Iterator[tuple[int, Outcome]]) -> Iterator[Outcome]:
         while following in early:
             yield early.pop(following)
             following += 1
-
-
-def each_of(workers: Workers, work: Callable[..., Outcome], tasks: Iterable[tuple[Any, ...]]) -> Iterator[Outcome]:
-    """Results of tasks in their order: by an executor's workers, else one after the other in this thread."""
-    if isinstance(workers, Executor):
-        yield from in_order(spread(workers, work, tasks))
-    else:
-        for arguments in tasks:
-            yield work(*arguments)

@@ -1,9 +1,14 @@
 """The function `dualwinch.race`: every law tuned with one budget, and all scored in the same test scenarios."""
 
+import fcntl
 import json
+import time
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -22,7 +27,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.analysis.authority import least_mse
 from dualwinch.simulation.batch.scenarios import experiment_of
-from dualwinch.simulation.batch.workers import Workers
+from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
@@ -73,8 +78,8 @@ from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import configuration, definition_of, tuning_problem
 
-Breaking = Callable[[Experiment], tuple[dict[str, Any], ...]]
-"""Tells what breaks the gains of an experiment first, the first first."""
+Breaking = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
+"""Tells what breaks the gains of an experiment first, the first first; by some workers."""
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
 """Key of a part → option that chooses it."""
@@ -178,7 +183,7 @@ def race(
         list(entrants.values()),
         terms,
         folder=None if out is None else Path(out),
-        breaking=_breaking(first, workers) if stress else None,
+        breaking=_breaking(first) if stress else None,
         workers=workers,
         told=progress,
     )
@@ -205,29 +210,30 @@ def _problem(
         raise ConfigurationError(f"{entry.key}: {error}") from error
 
 
-def _breaking(problem: TuningProblem, workers: Workers) -> Breaking:
+def _breaking(problem: TuningProblem) -> Breaking:
     """Tells what breaks the gains of an experiment first.
 
     Raises:
         ConfigurationError: there is no imperfection that the gains are not tuned for.
     """
     check_stress(problem)
+    return partial(breaking_first, problem)
+
+
+def breaking_first(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
+    """What breaks the gains of an experiment first, on top of what a problem is tuned in."""
     name = "given"
-
-    def breaking(experiment: Experiment) -> tuple[dict[str, Any], ...]:
-        found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
-        if name not in found.names:  # lost without any imperfection, or the paper's own gains
-            return tuple({"label": "none", "size": "", "broken": broken.words} for broken in found.lost.get(name, ()))
-        return tuple(
-            {
-                "label": row.imperfection.label,
-                "size": found.where(row, name),
-                "broken": row.by_what(name),
-            }
-            for row in found.ranking[:SHOWN]
-        )
-
-    return breaking
+    found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
+    if name not in found.names:  # lost without any imperfection, or the paper's own gains
+        return tuple({"label": "none", "size": "", "broken": broken.words} for broken in found.lost.get(name, ()))
+    return tuple(
+        {
+            "label": row.imperfection.label,
+            "size": found.where(row, name),
+            "broken": row.by_what(name),
+        }
+        for row in found.ranking[:SHOWN]
+    )
 
 
 FREE = frozenset({ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN})
@@ -301,6 +307,34 @@ class ResultFolder:
                 "folder"
             )
         return record["result"]
+
+    @contextmanager
+    def claimed(self, stem: str) -> Iterator[bool]:
+        """Claim an entry for as long as it is computed; false where another process computes it, or has finished it.
+
+        The claim is a lock on a file, which the system releases when a process ends, however it ends.
+        """
+        if self._path is None:
+            yield True
+            return
+        self._path.mkdir(parents=True, exist_ok=True)
+        with (self._path / f"{stem}.lock").open("ab") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                yield False
+                return
+            self.look(stem)
+            try:
+                yield True
+            finally:
+                Path(lock.name).unlink(missing_ok=True)
+
+    def look(self, stem: str) -> dict[str, Any] | None:
+        """What is finished under a name, by another process, too; ``None`` where it is not."""
+        if self._path is not None and (file := self._path / f"{stem}.json").is_file():
+            self._records[stem] = self._read(file)
+        return self.find(stem)
 
     def keep(self, stem: str, definition: Mapping[str, Any], result: Mapping[str, Any]) -> None:
         """Keep what is finished.
@@ -385,7 +419,7 @@ def scored(
     broken = None
     if breaking:
         watch.phase(STRESS_PHASE)
-        broken = breaking(tuned.best)
+        broken = breaking(tuned.best, workers)
     return EntryResult(
         entry=entrant.entry,
         runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
@@ -509,28 +543,18 @@ def run_race(
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
     kept = ResultFolder(folder, terms.to_record())
-    known = {each.entry.key: kept.find(each.entry.stem, each.definition) for each in entrants}
-    waiting = [each for each in entrants if _lacks(known[each.entry.key], breaking)]
-    left, called = len(waiting), names([each.entry for each in entrants])
+    for each in entrants:
+        kept.find(each.entry.stem, each.definition)
+    called = names([each.entry for each in entrants])
+    jobs = [RaceJob(PAPER, PAPER, entrants[0].problem, terms)]
+    jobs += [RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, breaking) for each in entrants]
     try:
-        if kept.find(PAPER) is None:
-            first = EntryProgress(PAPER, 0, 1, lambda _, words: told(0.0, words) if told else None)
-            kept.keep(PAPER, {}, paper(entrants[0].problem, terms, workers=workers, watch=first).to_record())
-        for number, entrant in enumerate(waiting):
-            entry, lap = entrant.entry, EntryProgress(called[entrant.entry.key], number, len(waiting), told)
-            record = known[entry.key]
-            if record and breaking:
-                lap.phase(STRESS_PHASE)
-                found = breaking(with_leaves(entrant.problem.experiment, record["gains"]))
-                kept.keep(entry.stem, entrant.definition, record | {"stress": list(found)})
-            else:
-                done = scored(entrant, terms, breaking=breaking, workers=workers, watch=lap)
-                kept.keep(entry.stem, entrant.definition, done.to_record())
-            left -= 1
+        _run_jobs(jobs, kept, workers, told)
     except KeyboardInterrupt:
         if not set(kept.stems) - {PAPER}:
             raise
     records = {stem: kept.find(stem) for stem in kept.stems}
+    left = sum(job.lacks(records.get(job.stem)) for job in jobs)
     return BenchmarkResult(
         terms=terms,
         paper=BaselineScore.from_record(records.pop(PAPER) or {}),
@@ -539,6 +563,91 @@ def run_race(
     )
 
 
-def _lacks(record: Mapping[str, Any] | None, breaking: Breaking | None) -> bool:
-    """Whether something is still to be found out about an entry."""
-    return record is None or (breaking is not None and record["stress"] is None)
+@dataclass(frozen=True)
+class RaceJob:
+    """What is done at a time in a race: score the paper's gains, or tune and score an entry.
+
+    Attributes:
+        stem: under which the result is kept.
+        name: shown to people.
+        problem: that is tuned, or any of the race.
+        terms: of the race.
+        entrant: that is tuned; None: the paper's gains.
+        breaking: finds out what breaks the best gains first.
+    """
+
+    stem: str
+    name: str
+    problem: TuningProblem
+    terms: BenchmarkTerms
+    entrant: EntryProblem | None = None
+    breaking: Breaking | None = None
+
+    @property
+    def definition(self) -> Mapping[str, Any]:
+        """What it has to be the result of."""
+        return self.entrant.definition if self.entrant else {}
+
+    def lacks(self, record: Mapping[str, Any] | None) -> bool:
+        """Whether something is still to be found out."""
+        return record is None or (self.breaking is not None and record["stress"] is None)
+
+    def watch(self, number: int, count: int, told: Told | None) -> TuningProgress:
+        """What tells how far it is, as the entry of a number of those that have to be run."""
+        if self.entrant is None:
+            return EntryProgress(self.name, 0, 1, lambda _, words: told(0.0, words) if told else None)
+        return EntryProgress(self.name, number, count, told)
+
+    def run(
+        self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = SILENT
+    ) -> dict[str, Any]:
+        """The result, JSON-ready; `record`: what is known of it."""
+        if self.entrant is None:
+            return paper(self.problem, self.terms, workers=workers, watch=watch).to_record()
+        if record and self.breaking:
+            watch.phase(STRESS_PHASE)
+            gains = with_leaves(self.problem.experiment, record["gains"])
+            return {**record, "stress": list(self.breaking(gains, workers))}
+        return scored(self.entrant, self.terms, breaking=self.breaking, workers=workers, watch=watch).to_record()
+
+
+PAUSE = 1.0
+"""Time in s between two looks at what other processes have finished."""
+
+
+def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, told: Told | None) -> None:
+    """Do what a folder lacks: one after the other here, or side by side on an executor's workers.
+
+    Jobs that another process has claimed are left to it, and done here if it ends without a result.
+    """
+    waiting = [job for job in jobs if job.lacks(kept.find(job.stem))]
+    count = sum(job.entrant is not None for job in waiting)
+    while waiting:
+        with ExitStack() as claims:
+            ours = list[RaceJob]()
+            for job in waiting:
+                if claims.enter_context(kept.claimed(job.stem)) and job.lacks(kept.find(job.stem)):
+                    ours.append(job)
+                    if not isinstance(workers, Executor):
+                        break
+            finished = count - sum(job.entrant is not None for job in waiting)
+            if isinstance(workers, Executor):
+                _spread_jobs(ours, kept, workers, told)
+            else:
+                for job in ours:
+                    watch = job.watch(finished, count, told)
+                    kept.keep(job.stem, job.definition, job.run(kept.find(job.stem), workers, watch))
+        before, waiting = len(waiting), [job for job in waiting if job.lacks(kept.look(job.stem))]
+        if len(waiting) == before:
+            time.sleep(PAUSE)
+
+
+def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, told: Told | None) -> None:
+    """Do jobs side by side on an executor's workers; what is finished is kept at once."""
+    if told:
+        told(0.0, f"{len(jobs)} searches and scores on the cluster")
+    tasks = ((job, kept.find(job.stem)) for job in jobs)
+    for done, (number, result) in enumerate(spread(executor, RaceJob.run, tasks), 1):
+        kept.keep(jobs[number].stem, jobs[number].definition, result)
+        if told:
+            told(done / len(jobs), f"{done} of {len(jobs)} done on the cluster, {jobs[number].name} last")

@@ -35,7 +35,7 @@ def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | S
     scenarios, space = [*prepared.scenarios, *prepared.hard], prepared.problem.space
     if len(scenarios) <= HARDEST:
         return scenarios
-    result = run_pairs(space.keys, [space.parameters(point)], scenarios)
+    result = run_pairs(space.keys, [space.parameters(point)], scenarios, prepared.workers)
     completed = result.outcomes[0] == "completed"
     chosen = set[int]()
     bounded = [(constraint.statistic, constraint.at_least) for constraint in prepared.constraints]
@@ -133,7 +133,7 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
         for key in dimension.keys:
             scales[keys.index(key), column] = _scale(dimension, values[key])
     moved = [_with(scenario, problem, point) for scenario in scenarios]
-    run = sensitivities(keys, [numbers], moved, stride=STRIDE)
+    run = sensitivities(keys, [numbers], moved, stride=STRIDE, workers=prepared.workers)
     if run.interrupted:
         raise KeyboardInterrupt
 

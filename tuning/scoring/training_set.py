@@ -251,6 +251,7 @@ class TrainingSet:
         paper: the baseline controller in `scenarios`, one row.
         start: the start in `scenarios`, one row.
         margins: machines on which stability margins of every candidate are computed; ``None``: none is bounded.
+        workers: that run what else is looked at in the scenarios.
     """
 
     problem: TuningProblem
@@ -260,6 +261,7 @@ class TrainingSet:
     paper: BatchResult
     start: BatchResult
     margins: MarginSurvey | None = None
+    workers: Workers = None
 
 
 def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = SILENT) -> TrainingSet:
@@ -307,6 +309,7 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
         paper=paper,
         start=start,
         margins=survey(problem, [[*scenarios, *hard][index] for index in hardest], workers),
+        workers=workers,
     )
 
 
