@@ -89,8 +89,8 @@ def default_reserve(ensemble: Ensemble) -> float:
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
-    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance of
-    the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance in
+    Where ropes have mass, gears give or winches are heavy: damping of the drums that nearly matches the wave impedance
+    of the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance in
     place of the law's observer. Its gain stands in the loop gain at the drums' resonance
     (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. Beside
     these, deviations for what the self-calibrating filter learns.
@@ -106,7 +106,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
         impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
         beliefs[f"controller.winch_{side.number}.damping"] = (
-            impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
+            MATCHED * impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
         )
         if side.winch.gear_stiffness:
             beliefs["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
@@ -120,7 +120,10 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
 STEEL_ROPE = 2.36
 """Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""
 
-MORE_PRELOAD = 1.3
+MATCHED = 0.85
+"""Share of the damping that matches the ropes' impedance: with all of it, slow drives make stiff gearboxes swing."""
+
+MORE_PRELOAD = 1.75
 """Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
 
 SLOW_OBSERVER = 0.2

@@ -116,8 +116,13 @@ def tuning_problem(
     for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
         if value < least:
             raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
-    resonance = swings(base.plant) and isinstance(base.controller.law, SLIDING_MODE)
-    defaults = default_constraints(drawn is not None, lag=not is_ideal(base.actuator), resonance=resonance)
+    swinging = swings(base.plant)
+    defaults = default_constraints(
+        drawn is not None,
+        lag=not is_ideal(base.actuator),
+        swinging=swinging,
+        resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
+    )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
     problem = TuningProblem(

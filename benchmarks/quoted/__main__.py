@@ -58,6 +58,7 @@ BLOCKS = (
     Quoted("docs/rig.md", "stability margins", tuned.margins, 6),
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
     Quoted("docs/site.md", "resonance", heavy.resonance),
+    Quoted("docs/site.md", "preloads", heavy.preloads, 1),
     Quoted("docs/observability.md", "learnt", tuned.learnt, 5),
 )
 """Every block, in the order of the pages."""

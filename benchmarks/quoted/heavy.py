@@ -1,4 +1,4 @@
-"""What linear loops on heavy winches and ropes say of the rule for the drums' resonance."""
+"""Heavy winches and ropes: the rule for the drums' resonance against linear loops, and what preload buys."""
 
 import math
 from dataclasses import replace
@@ -9,7 +9,10 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import markdown
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.model.heavy_ropes import ernst_factor
 from dualwinch.simulation.analysis.resonance import UNDECIDED
+from dualwinch.tuning.baseline import baseline_controller
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 SMOOTH = dw.override(dw.case(4), {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
 """Where the slope of the law is that at zero for all speed errors of less than some cm/s."""
@@ -105,3 +108,35 @@ def resonance() -> str:
         rows.append([name, *(f"{value:.2f}" for value in bounds), f"{alone:.2g}"])
     heading = [f"bound at x = {x:g} m" for x in PLACES]
     return markdown(["machine", *heading, "the same at 25 m without the winch's gains"], rows)
+
+
+PRELOADS = (2000.0, 2600.0, 3000.0, 3500.0, 4000.0)
+"""In N."""
+
+DRAWS, DRAWN_WITH = 400, 6
+"""Draws of `site` and their seed."""
+
+SHARP = {"controller.nftsm.phi": 0.05}
+"""What makes the gains that a search in `site` begins with precise."""
+
+
+def preloads() -> str:
+    """How stiff sagging ropes are under a preload, and how often one goes all but slack with precise gains."""
+    problem = tuning_problem(ensemble="site")
+    if problem.ensemble is None:
+        raise ValueError("a tuning in site has an ensemble")
+    own, rope = problem.experiment, problem.experiment.plant.rope_1
+    allowed = 0.4 * own.controller.limits.tension_min
+    paper = replace(own, controller=baseline_controller(own.controller))
+    reference = dw.run_ensemble(replace(problem.ensemble, experiment=paper), DRAWS, seed=DRAWN_WITH)
+    load, rows = np.nanmean(reference.metrics["continuous_load"]), []
+    for preload in PRELOADS:
+        gains = dw.override(own, SHARP | {"controller.coordination.preload": preload})
+        result = dw.run_ensemble(replace(problem.ensemble, experiment=gains), DRAWS, seed=DRAWN_WITH)
+        stiff = [ernst_factor(rope.submerged_weight, span, preload / 2, rope.modulus * rope.area) for span in (1, 2)]
+        slack = int((np.asarray(result.metrics["min_tension"]) < allowed).sum())
+        error = 1e3 * math.sqrt(np.nanmedian(result.metrics["mse"]))
+        more = np.nanmean(result.metrics["continuous_load"]) / load
+        rows.append([f"{preload:g}", *(f"{share:.2f}" for share in stiff), str(slack), f"{error:.2f}", f"{more:.2f}"])
+    heading = ["stiffness left, rollers of 1 m", "of 2 m", f"of {DRAWS} draws below {allowed:g} N"]
+    return markdown(["preload (N)", *heading, "median RMS (mm)", "continuous load over the paper's"], rows)
