@@ -36,6 +36,7 @@ ABOUT = Provenance("dualwinch", "benchmark", "2026-01-01")
 SITE = Path(__file__).parent / "independent" / "searched.toml"
 
 GLUE = """
+#include <tgmath.h> /* functions of a REAL in single precision */
 #include "iec_std_lib.h"
 #include "accessor.h"
 #include "POUS.h"

@@ -133,7 +133,8 @@ class _Package:
     """What becomes of a block, part by part."""
 
     def __init__(self, block: Block, name: str, provenance: Provenance, precision: Precision, flavour: Flavour) -> None:
-        self.block, self.name, self.provenance, self.flavour = block, name, provenance, flavour
+        self.block, self.name, self.provenance = block, name, provenance
+        self.flavour: Flavour = flavour
         self.style = StructuredText(precision, compares=True, functions=name)
         self.apart: PreparedBlock = prepared(block, precision)
         for function in self.apart.functions:
