@@ -21,7 +21,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package, prepared
 from dualwinch.codegen.export.plc import identifier
-from dualwinch.codegen.export.structured_text import operation_count, st_package
+from dualwinch.codegen.export.structured_text import OperationCount, operation_count, st_package
 from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.config.experiment_file import load
 from dualwinch.simulation.blocks import block
@@ -54,20 +54,31 @@ int st_step(const {real} *input, {real} *output) {{
 """
 
 
+CPUS = {"1511": 384, "1513": 256, "1515": 192, "1516": 64, "1518": 6}
+"""Typical time in ns of an operation on REAL, by CPU of the S7-1500 (Siemens, Cycle and response times, 2014)."""
+
+CALL = 10
+"""Operations that a call of EXP, LN, SIN and so on is taken for, and a square root."""
+
+CALLS = ("square roots", "EXP, LN, SIN, …")
+"""Kinds of operations that are calls."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """A run of the Structured Text beside the C package's.
 
     Attributes:
         run: which one, and its precision.
-        operations: of a sample.
+        step, prepare: operations of a sample, and of preparing.
         samples, numbers: what was compared.
         different: how many of the numbers differ in a bit.
         largest: the largest difference, as a share of the largest value of its output.
     """
 
     run: str
-    operations: int
+    step: OperationCount
+    prepare: OperationCount
     samples: int
     numbers: int
     different: int
@@ -122,17 +133,31 @@ def compare(name: str, experiment: Experiment, precision: Precision, iec2c: Path
         for given, output in zip(inputs, outputs, strict=True):
             st.st_step(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(output.ctypes.data))
         expected = host.run(inputs)
-        count = operation_count(prepared(controller, precision).step).total
-    apart = np.abs(outputs - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), np.finfo(kind).tiny)
-    different = int((outputs != expected).sum())
-    return Comparison(f"{name}, {precision}", count, len(inputs), outputs.size, different, float(apart.max()))
+        apart = prepared(controller, precision)
+    apart_by = np.abs(outputs - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), np.finfo(kind).tiny)
+    return Comparison(
+        run=f"{name}, {precision}",
+        step=operation_count(apart.step),
+        prepare=operation_count(apart.derive),
+        samples=len(inputs),
+        numbers=outputs.size,
+        different=int((outputs != expected).sum()),
+        largest=float(apart_by.max()),
+    )
 
 
-HEADINGS = ("run of 50 s", "operations a sample", "samples", "numbers compared", "different", "largest difference")
+COMPARED = ("run of 50 s", "samples", "numbers compared", "different", "largest difference")
+LOAD = (
+    "controller",
+    "operations a sample",
+    "of these calls",
+    "preparing",
+    *(f"{cpu} ({ns} ns)" for cpu, ns in CPUS.items()),
+)
 
 
-def report(iec2c: Path) -> str:
-    """The table in Markdown, with the compilers below it.
+def report(iec2c: Path) -> dict[str, str]:
+    """The tables in Markdown, by the marks between which they stand in a document.
 
     Raises:
         RuntimeError: a compiler refuses its input.
@@ -143,32 +168,46 @@ def report(iec2c: Path) -> str:
         "Case 4, MPC": override(case(4), {"controller.kind": "mpc"}),
         "`site`, tuned gains": override(load(SITE), {"simulation.duration": 50.0}),
     }
-    rows = []
-    for name, experiment in experiments.items():
-        for precision in PRECISIONS:
-            got = compare(name, experiment, precision, iec2c)
-            cells = (got.run, got.operations, got.samples, got.numbers, got.different, f"{got.largest:.1g}")
-            rows.append([f"{cell:,}".replace(",", " ") if isinstance(cell, int) else cell for cell in cells])
+    made = [compare(name, each, precision, iec2c) for name, each in experiments.items() for precision in PRECISIONS]
+    rows = [
+        [
+            got.run,
+            *(f"{count:,}".replace(",", " ") for count in (got.samples, got.numbers, got.different)),
+            f"{got.largest:.1g}",
+        ]
+        for got in made
+    ]
     compilers = [
         subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout.partition("\n")[0]
         for command in ([iec2c, "-v"], find_compiler().command)
     ]
-    return f"{markdown(HEADINGS, rows)}\n\n*{' · '.join(filter(None, compilers))}*"
+    load_rows = [_load(got) for got in made if got.run.endswith("double")]
+    compared = f"{markdown(COMPARED, rows)}\n\n*{' · '.join(filter(None, compilers))}*"
+    return {"plc": compared, "plc load": markdown(LOAD, load_rows)}
+
+
+def _load(got: Comparison) -> list[str]:
+    """A controller's operations, and what they take on each CPU."""
+    calls = sum(count for kind, count in got.step.kinds.items() if kind in CALLS)
+    worth = got.step.total + (CALL - 1) * calls
+    times = [f"{worth * ns * 1e-6:.2g} ms" for ns in CPUS.values()]
+    counts = (f"{count:,}".replace(",", " ") for count in (got.step.total, calls, got.prepare.total))
+    return [got.run.removesuffix(", double"), *counts, *times]
 
 
 def main() -> int:
     """Run the command line; 0 done, 1 where a compiler is missing or refuses its input."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.plc", description=__doc__)
     parser.add_argument("iec2c", type=Path, metavar="IEC2C", help="matiec's compiler, in its own folder beside lib/")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table between the two marks of a document")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="put the tables between the marks of a document")
     chosen = parser.parse_args()
     if not chosen.iec2c.is_file():
         parser.error(f"{chosen.iec2c}: there is no such file")
     try:
-        text = report(chosen.iec2c)
-        print(text)
-        if chosen.write:
-            put(chosen.write, "plc", text)
+        for mark, text in report(chosen.iec2c).items():
+            print(f"{text}\n")
+            if chosen.write:
+                put(chosen.write, mark, text)
     except (RuntimeError, OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
