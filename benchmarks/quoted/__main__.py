@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.document import put
-from benchmarks.quoted import heavy, paper_gains, sea, tuned
+from benchmarks.quoted import heavy, paper_gains, sea, served, tuned
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,9 @@ BLOCKS = (
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
     Quoted("docs/site.md", "resonance", heavy.resonance),
     Quoted("docs/site.md", "preloads", heavy.preloads, 1),
+    Quoted("docs/commissioning.md", "outage", served.outage),
+    Quoted("docs/commissioning.md", "registers", served.registers),
+    Quoted("docs/commissioning.md", "clock", served.clock, 3),
     Quoted("docs/observability.md", "learnt", tuned.learnt, 5),
 )
 """Every block, in the order of the pages."""

@@ -252,7 +252,7 @@ static void on_time(Link *link, int64_t deadline, int64_t *before) {
 
 /* Serves a run from its first sample until it has ended, or `quit` is set. */
 EXPORT void serve(Served *s) {
-  Link link = {s, 0, 0, NEVER, 0, s->other_count, now_ns()};
+  Link link = {s, 0, 0, NEVER, 0, 0, now_ns()};
 #if defined(__linux__)
   prctl(PR_SET_TIMERSLACK, 1000ul); /* ns, of this thread: else it is woken 50 us late */
 #endif

@@ -73,6 +73,11 @@ def serve(
         str | None,
         Parameter(help="Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope)."),
     ] = None,
+    priority: Annotated[
+        int,
+        WHOLE,
+        Parameter(help="Real-time priority of the thread that keeps time, 1 to 99 (default: the usual one)."),
+    ] = 0,
     runs: Annotated[int | None, WHOLE, Parameter(help="End after so many runs (default: at Ctrl-C).")] = None,
     out: Annotated[
         Path | None, Parameter(help="File for what happened: .csv, .parquet, .npz or .mat; of later runs, NAME-2, ….")
@@ -101,7 +106,7 @@ def serve(
         format_of(out)
         check_folder(out.parent)
     check_file(map_, *FORMATS)
-    settings = ServerSettings(rate, not realtime, allow_write, watchdog, torques_from(safe))
+    settings = ServerSettings(rate, not realtime, allow_write, watchdog, torques_from(safe), priority=priority)
     protocols = protocols_at(host, modbus, opcua)
     asked = given.nominal(ensemble)
     with ProgressLine("compiling the plant"):

@@ -2,9 +2,11 @@
 
 import json
 import math
+import os
 import socket
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeAlias
 
@@ -95,6 +97,7 @@ class ServerSettings:
         safe: these torques in N m; default: those that hold both ropes at half the preload.
         largest: magnitude in N m beyond which a torque command is refused; default: twice what holds ``tension_max``.
         release: time in s of the wall without a datagram after which another client is admitted.
+        priority: real-time priority of the thread that keeps time (SCHED_FIFO); 0: the usual scheduling.
     """
 
     rate: Annotated[Positive, at.Le(1000)] = 1.0
@@ -104,6 +107,7 @@ class ServerSettings:
     safe: tuple[float, float] | None = None
     largest: float | None = None
     release: Annotated[Positive, at.Le(3600)] = 1.0
+    priority: Annotated[int, at.Ge(0), at.Le(99)] = 0
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a value is out of its range."""
@@ -111,6 +115,8 @@ class ServerSettings:
             value = getattr(self, name)
             if not 0 < value <= most:
                 raise ConfigurationError(f"{name} = {value:g}: must be > 0 and <= {most}")
+        if not 0 <= self.priority <= 99:
+            raise ConfigurationError(f"priority = {self.priority}: must be a whole number from 0 to 99")
         if self.largest is not None and not 0 < self.largest < math.inf:
             raise ConfigurationError(f"largest = {self.largest:g}: must be a finite number > 0 N m")
 
@@ -159,7 +165,12 @@ class ServedPlant:
         self.experiment = replace(experiment, simulation=replace(experiment.simulation, readings=True))
         self._scenarios = Scenarios(_served(self.experiment), "torques")
         self._loop, self._samples = self._scenarios.loop, experiment.samples
-        check_memory(self._samples, 1, len(self._loop.columns) + 2 * len(self._loop.exogenous))
+        try:
+            check_memory(self._samples, 1, len(self._loop.columns) + 2 * len(self._loop.exogenous))
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"simulation.duration = {experiment.duration:g} s: its rows would take more than half of the memory"
+            ) from error
         self._code = compile_stepping(self._scenarios.commanded(SIGNALS), exact=True)
         self._signals = next(exogenous_pieces(self._scenarios.experiment, self._samples + 1, self._samples + 1))
         if not silence_of(experiment.sensors):
@@ -222,8 +233,12 @@ class ServedPlant:
         Returns:
             What happened, as `simulate` gives runs; one that was stopped has the outcome ``running``. None: it was
             closed before a run began.
+
+        Raises:
+            ConfigurationError: the system grants no real-time priority.
         """
-        self._run.serve()
+        with _prioritised(self.settings.priority):
+            self._run.serve()
         with self._lock:
             samples = int(self._runs.done[0])
             result = result_of(self._loop, self._runs, self.experiment, self._run.rows[:samples])
@@ -404,6 +419,29 @@ def _timing(run: PacedRun, experiment: Experiment) -> dict[str, Any]:
         "delay_s": delay * sample_time if commanded else None,
         "commanded": commanded,
     }
+
+
+@contextmanager
+def _prioritised(priority: int) -> Iterator[None]:
+    """Real-time scheduling of the calling thread.
+
+    Raises:
+        ConfigurationError: the system grants none.
+    """
+    if not priority:
+        yield
+        return
+    try:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError) as error:
+        raise ConfigurationError(
+            f"priority = {priority}: the system grants no real-time scheduling (Linux: root, or ulimit -r {priority})"
+        ) from error
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 def _bound(host: str, port: int) -> socket.socket:

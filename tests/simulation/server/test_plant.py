@@ -230,6 +230,7 @@ def test_a_value_out_of_range_is_refused_and_nothing_is_set(values: dict[str, fl
         ({"watchdog": -1.0}, "watchdog = -1: must be > 0 and <= 10"),
         ({"release": np.nan}, "release = nan"),
         ({"largest": np.inf}, "largest = inf"),
+        ({"priority": 100}, "priority = 100: must be a whole number from 0 to 99"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings: dict[str, Any], words: str) -> None:

@@ -1,0 +1,70 @@
+"""The lesson of docs/commissioning.md, with a plant in lockstep in place of one by the clock; and its map."""
+
+import re
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.export import export_c
+from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
+from dualwinch.simulation.server.protocols import served
+from dualwinch.simulation.server.registers import map_as_page
+from tests.simulation.server.clients import HELLO, Client, finished
+
+PAGE = (Path(__file__).parents[2] / "docs" / "commissioning.md").read_text(encoding="utf-8")
+
+
+def test_the_map_is_that_of_a_plant() -> None:
+    plant = ServedPlant(dw.case(4))
+    plant.release()
+    written = re.search(r"<!-- registers: begin -->\n(.*?)<!-- registers: end -->", PAGE, re.DOTALL)
+    assert written
+    assert written[1] == map_as_page(plant)
+
+
+def test_a_datagram_has_the_signals_of_the_map() -> None:
+    plant = ServedPlant(dw.case(4))
+    client = Client(plant.port)
+    with ThreadPoolExecutor(1) as pool:
+        run = pool.submit(plant.serve)
+        client.say(HELLO)
+        content = client.socket.recv(1000)
+        plant.close()
+        run.result(20)
+    client.socket.close()
+    plant.release()
+    offsets = [int(offset) for offset in re.findall(r"\| (\d+) \|$", map_as_page(plant), re.MULTILINE)]
+    assert [*offsets, len(content)] == list(range(16, len(content) + 1, 8))
+
+
+@pytest.mark.slow
+def test_the_lesson_drops_a_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dualwinch.simulation.server.modbus import Modbus
+
+    monkeypatch.chdir(tmp_path)
+    assert "export c --udp --case 4 --out controller" in PAGE
+    export_c(dw.case(4), "controller", udp=True)
+    build = re.search(r"^cc (-std=c99 .*)$", PAGE, re.MULTILINE)
+    supervisor = re.search(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    assert build
+    assert supervisor
+    subprocess.run([*find_compiler().command, *build[1].split()], check=True)
+    plant = ServedPlant(dw.case(4), ServerSettings(lockstep=True, may_write=True))
+    code = supervisor[1].replace("5020", "15521")
+    with served(plant, [Modbus("127.0.0.1", 15521)]), ThreadPoolExecutor(2) as pool:
+        run = pool.submit(plant.serve)
+        watching = pool.submit(exec, compile(code, "supervisor.py", "exec"), {})
+        program = [tmp_path / "controller" / "udp", "127.0.0.1", str(plant.port)]
+        done = subprocess.run(program, check=True, capture_output=True, text=True)
+        result = finished(run)
+        watching.result(20)
+    plant.release()
+    assert done.stdout == "50000 samples, 0 with a status other than OK\n"
+    silent = np.flatnonzero(result["x_read"] != result["x"])
+    assert len(silent) > 0
+    assert result["t"][silent[0]] >= 20
