@@ -288,13 +288,13 @@ class _Package:
             f"{name}_sample",
             "One sample: everything of `next` from the state before it, and whether it is finite.",
             {
+                "VAR_OUTPUT": (PlcVariable("finite", "BOOL"),),
                 "VAR_IN_OUT": (
                     PlcVariable("state", f"{name}_state"),
                     PlcVariable("now", f"{name}_input"),
                     PlcVariable("prepared", f"{name}_prepared"),
                     PlcVariable("next", f"{name}_state"),
                 ),
-                "VAR_OUTPUT": (PlcVariable("finite", "BOOL"),),
                 "VAR": self._work(lines),
             },
             (*(line.strip() for line in lines), *self._finite(results)),

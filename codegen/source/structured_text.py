@@ -37,8 +37,8 @@ EXPRESSIONS = {
     ca.OP_ASIN: "ASIN({0})",
     ca.OP_ACOS: "ACOS({0})",
     ca.OP_ATAN: "ATAN({0})",
-    ca.OP_FLOOR: "{functions}_floor({0})",
-    ca.OP_CEIL: "-{functions}_floor(-{0})",
+    ca.OP_FLOOR: "{functions}_floor(value := {0})",
+    ca.OP_CEIL: "-{functions}_floor(value := -{0})",
 }
 """Operations that are an expression."""
 

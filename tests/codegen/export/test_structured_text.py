@@ -160,10 +160,19 @@ def test_nothing_prepared_is_said_and_the_output_is_that_at_rest(pair) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("estimator", ["lowpass", "kalman"])
-def test_2_s_of_case_4_are_the_same_to_the_last_bit(tmp_path: Path, estimator: str, precision: Precision) -> None:
-    _compare_2_s(tmp_path, override(case(4), {"controller.estimator": estimator}), precision)
+@pytest.mark.parametrize(
+    ("changed", "precision"),
+    [
+        ({}, "double"),
+        ({}, "float"),
+        ({"controller.estimator": "kalman"}, "double"),
+        ({"controller.kind": "mpc"}, "double"),
+    ],
+)
+def test_2_s_of_case_4_are_the_same_to_the_last_bit(
+    tmp_path: Path, changed: dict[str, str], precision: Precision
+) -> None:
+    _compare_2_s(tmp_path, override(case(4), changed), precision)
 
 
 @pytest.mark.slow
@@ -236,9 +245,11 @@ def test_each_flavour_has_its_files(flavour: Flavour, tmp_path: Path) -> None:
             for item in load_file_by_name(tmp_path / name):
                 assert all(result.exception is None for result in parse_item(item))
     elif flavour == "siemens-scl":
-        assert 'FUNCTION "st_floor" : LREAL\nVERSION : 0.1\n' in files["st.scl"]
+        head = "{ S7_Optimized_Access := 'TRUE' }\nVERSION : 0.1\n"
+        assert f'FUNCTION "st_floor" : LREAL\n{head}VAR_INPUT\n  value : LREAL;\nEND_VAR\nVAR_TEMP\n' in files["st.scl"]
+        assert f'DATA_BLOCK "st_program_data"\n{head}"st_program"\nBEGIN\nEND_DATA_BLOCK\n' in files["main.scl"]
         assert "#st_floor := whole;" in files["st.scl"]
-        assert '"st_floor"(work' in files["st.scl"]
+        assert '"st_floor"(value := work' in files["st.scl"]
         assert 'prepared : "st_prepared";' in files["st.scl"]
         assert files["st.scl"].count("BEGIN") == 4
     else:

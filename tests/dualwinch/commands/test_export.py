@@ -130,3 +130,21 @@ def test_wrong_input_gives_one_line(arguments, message: str, capsys: pytest.Capt
     assert ended.value.code == 2
     assert message in said
     assert said.count("\n") == 1
+
+
+def test_structured_text_is_written_with_the_values_of_the_experiment(tmp_path: Path) -> None:
+    run("st", "--case", 4, "--set", "controller.nftsm.k=0.7", "--flavour", "codesys", "--out", tmp_path)
+    names = {"dualwinch_controller.st", "main.st", "dualwinch_controller.xml", "README.md"}
+    assert {file.name for file in tmp_path.iterdir()} == names
+    text = (tmp_path / "dualwinch_controller.st").read_text()
+    assert "LREAL#0.7; (* [m/s^2] gain of the switching term; min 0; 0.7 (configuration) *)" in text
+    inputs = text[text.index("FUNCTION_BLOCK dualwinch_controller\n") :].partition("END_VAR")[0]
+    assert re.findall(r"^  (\w+) +: LREAL", inputs, re.MULTILINE) == ["x", "v", "F1", "F2", "x_ref", "v_ref", "a_ref"]
+
+
+def test_structured_text_beyond_the_allowed_operations_is_refused(tmp_path: Path, capsys) -> None:
+    for limit, said in ((100, "must be <= 100 (--most-operations)"), (0, "--most-operations 0: must be >= 1")):
+        with pytest.raises(SystemExit):
+            run("st", "--most-operations", limit, "--out", tmp_path / "none")
+        assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "none").exists()
