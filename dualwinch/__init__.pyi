@@ -120,6 +120,8 @@ from .simulation.results.storage import save as save
 from .simulation.rows import Sample as Sample
 from .simulation.scenario import Scenario as Scenario
 from .simulation.sensors import Sensors as Sensors
+from .simulation.server.plant import ServedPlant as ServedPlant
+from .simulation.server.plant import ServerSettings as ServerSettings
 from .simulation.settings import override as override
 from .simulation.simulate import simulate as simulate
 from .simulation.stepper.stepper import Observation as Observation

@@ -128,8 +128,8 @@ def serve(
         plant.release()
 
 
-def torques_from(text: str | None) -> tuple[float, float] | None:
-    """Two torques such as ``22,22``; ``None`` where none are given.
+def torques_from(text: str | None) -> tuple[float, ...]:
+    """Two torques such as ``22,22``; none where none are given.
 
     Raises:
         ConfigurationError: they are none.
@@ -137,12 +137,14 @@ def torques_from(text: str | None) -> tuple[float, float] | None:
     from dualwinch.model.errors import ConfigurationError
 
     if text is None:
-        return None
+        return ()
     try:
-        tau_1, tau_2 = map(float, text.split(","))
+        torques = tuple(map(float, text.split(",")))
     except ValueError:
-        raise ConfigurationError(f"--safe {text}: must be two torques in N m, such as 22,22") from None
-    return tau_1, tau_2
+        torques = ()
+    if len(torques) != 2:
+        raise ConfigurationError(f"--safe {text}: must be two torques in N m, such as 22,22")
+    return torques
 
 
 def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Protocol]:

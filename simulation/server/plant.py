@@ -21,8 +21,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, moves, way_point_motion
 from dualwinch.model.plant import holding_torques
 from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Leaf, Positive, Quantity
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.quantity import NONE, Leaf, Positive, Quantity, numbers_of
+from dualwinch.model.quantities.tree import check_values, leaves, shown
 from dualwinch.model.reference import Reference, cruise_speed
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
@@ -87,45 +87,57 @@ class Status:
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """How a plant is served.
+    """How a plant is served."""
 
-    Attributes:
-        rate: how much faster than the clock on the wall the plant's own is.
-        lockstep: each sample waits for the client's answer, whatever that takes: runs can be repeated bit for bit.
-        may_write: whether clients may command, start and disturb; else they only read.
-        watchdog: time in s without a command after which the safe torques are in force.
-        safe: these torques in N m; default: those that hold both ropes at half the preload.
-        largest: magnitude in N m beyond which a torque command is refused; default: twice what holds ``tension_max``.
-        release: time in s of the wall without a datagram after which another client is admitted.
-        priority: real-time priority of the thread that keeps time (SCHED_FIFO); 0: the usual scheduling.
-    """
-
-    rate: Annotated[Positive, at.Le(1000)] = 1.0
-    lockstep: bool = False
-    may_write: bool = False
-    watchdog: Annotated[Positive, at.Le(10)] = 0.05
-    safe: tuple[float, float] | None = None
-    largest: float | None = None
-    release: Annotated[Positive, at.Le(3600)] = 1.0
-    priority: Annotated[int, at.Ge(0), at.Le(99)] = 0
+    rate: Annotated[
+        Positive, at.Le(1000), Quantity("1", "how much faster than the clock on the wall the plant's own is")
+    ] = 1.0
+    lockstep: Annotated[
+        bool, Quantity("", "each sample waits for the client's answer, so that runs can be repeated bit for bit")
+    ] = False
+    may_write: Annotated[bool, Quantity("", "whether clients may command, start and disturb; else they only read")] = (
+        False
+    )
+    watchdog: Annotated[
+        Positive, at.Le(10), Quantity("s", "time without a command after which the safe torques are in force")
+    ] = 0.05
+    safe: Annotated[
+        tuple[float, ...],
+        at.Ge(-1e6),
+        at.Le(1e6),
+        Quantity("N m", "safe torques (default: those that hold both ropes at half the preload)"),
+    ] = NONE
+    largest: Annotated[
+        float | None,
+        at.Gt(0),
+        at.Le(1e6),
+        Quantity("N m", "magnitude beyond which a torque is refused (default: twice what holds tension_max)"),
+    ] = None
+    release: Annotated[
+        Positive,
+        at.Le(3600),
+        Quantity("s", "time of the wall without a datagram after which another client is admitted"),
+    ] = 1.0
+    priority: Annotated[
+        int,
+        at.Ge(0),
+        at.Le(99),
+        Quantity("1", "real-time priority of the thread that keeps time (SCHED_FIFO); 0: the usual scheduling"),
+    ] = 0
+    ahead: Annotated[
+        Positive, at.Le(1), Quantity("s", "time of the wall from a new target to the motion towards it, to work it out")
+    ] = 0.05
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where a value is out of its range."""
-        for name, most in (("rate", 1000), ("watchdog", 10), ("release", 3600)):
-            value = getattr(self, name)
-            if not 0 < value <= most:
-                raise ConfigurationError(f"{name} = {value:g}: must be > 0 and <= {most}")
-        if not 0 <= self.priority <= 99:
-            raise ConfigurationError(f"priority = {self.priority}: must be a whole number from 0 to 99")
-        if self.largest is not None and not 0 < self.largest < math.inf:
-            raise ConfigurationError(f"largest = {self.largest:g}: must be a finite number > 0 N m")
+        """Raise `ConfigurationError` where a value is of the wrong type or out of its range."""
+        object.__setattr__(self, "safe", numbers_of(self.safe))
+        check_values(self)
+        if len(self.safe) not in {0, 2}:
+            raise ConfigurationError(f"safe = {shown(self.safe)}: must be two torques in N m")
 
 
 LATENESS_US = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000, 50000)
 """Upper ends in µs of the bins of the histogram of lateness."""
-
-AHEAD = 0.05
-"""Time in s of the wall from a new target to the motion towards it, which takes a while to work out."""
 
 
 class ServedPlant:
@@ -178,7 +190,8 @@ class ServedPlant:
         limits, own = experiment.controller.limits, self.settings.largest
         full, half = (holding_torques(pull, experiment.plant) for pull in (2 * limits.tension_max, limits.preload))
         self._largest = (own, own) if own else (float(2 * full.tau_1), float(2 * full.tau_2))
-        self.safe = self.settings.safe or (float(half.tau_1), float(half.tau_2))
+        tau_1, tau_2 = self.settings.safe or (half.tau_1, half.tau_2)
+        self.safe = float(tau_1), float(tau_2)
         if not all(abs(torque) <= most for torque, most in zip(self.safe, self._largest, strict=True)):
             allowed = " and ".join(f"±{most:g}" for most in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
@@ -324,8 +337,8 @@ class ServedPlant:
             leaf = self.inputs.get(name)
             if leaf is None:
                 raise ConfigurationError(f"{name}: must be one of {', '.join(self.inputs)}")
-            if not (math.isfinite(value) and leaf.admits(float(value))):
-                raise ConfigurationError(f"{name} = {value:g}: must be {leaf.allowed} {leaf.quantity.unit}")
+            if not leaf.admits(float(value)):
+                raise ConfigurationError(f"{name} = {value:g}: must be {leaf.wanted}")
         with self._lock:
             self._set({name: float(value) for name, value in values.items()})
 
@@ -354,7 +367,11 @@ class ServedPlant:
     def _go_to(self, target: float) -> None:
         """Let the reference brake to rest and go to a place from there."""
         simulation, reference = self.experiment.simulation, self.experiment.reference
-        ahead = 2 if self.settings.lockstep else max(2, round(AHEAD * self.settings.rate / simulation.sample_time))
+        ahead = (
+            2
+            if self.settings.lockstep
+            else max(2, round(self.settings.ahead * self.settings.rate / simulation.sample_time))
+        )
         table, columns = self._run.table, [self._column(name) for name in REFERENCE]
         start = min(int(self._runs.done[0]) + ahead, len(table) - 1)
         x, v, _ = table[start, columns]

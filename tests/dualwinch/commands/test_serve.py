@@ -96,9 +96,9 @@ def test_it_says_how_time_was_kept_and_when_a_controller_fell_silent(capsys: pyt
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--rate", "0"], "rate = 0: must be > 0 and <= 1000"),
+        (["--rate", "0"], "rate = 0.0: must be a finite number > 0 and <= 1000"),
         (["--safe", "1"], "--safe 1: must be two torques in N m, such as 22,22"),
-        (["--safe", "nan,1"], "safe = nan, 1: must be within"),
+        (["--safe", "nan,1"], "safe = (nan, 1.0): must be a list of finite numbers"),
         (["--runs", "0"], "--runs = 0: must be a whole number >= 1"),
         (["--udp", "70000"], "port = 70000: must be 0 to 65535"),
         (["--modbus", "0"], "port = 0: must be 1 to 65535"),

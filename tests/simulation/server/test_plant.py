@@ -209,10 +209,10 @@ def test_a_run_that_is_stopped_is_kept_and_another_begins_from_rest() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"force": 1e9}, r"force = 1e\+09: must be >= -100000 and <= 100000 N"),
+        ({"force": 1e9}, r"force = 1e\+09: must be a finite number >= -100000 and <= 100000 N"),
         ({"force": np.nan}, "force = nan"),
-        ({"target": -1.0}, "target = -1: must be >= 0 and <= 50 m"),
-        ({"tau_1_cmd": 1e6}, r"tau_1_cmd = 1e\+06: must be >= -266.667"),
+        ({"target": -1.0}, "target = -1: must be a finite number >= 0 and <= 50 m"),
+        ({"tau_1_cmd": 1e6}, r"tau_1_cmd = 1e\+06: must be a finite number >= -266.667"),
         ({"forces": 1.0}, "forces: must be one of tau_1_cmd"),
     ],
 )
@@ -226,11 +226,11 @@ def test_a_value_out_of_range_is_refused_and_nothing_is_set(values: dict[str, fl
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"rate": 0.0}, "rate = 0: must be > 0 and <= 1000"),
-        ({"watchdog": -1.0}, "watchdog = -1: must be > 0 and <= 10"),
+        ({"rate": 0.0}, r"rate = 0\.0: must be a finite number > 0 and <= 1000"),
+        ({"watchdog": -1.0}, r"watchdog = -1\.0: must be a finite number > 0 and <= 10 s"),
         ({"release": np.nan}, "release = nan"),
         ({"largest": np.inf}, "largest = inf"),
-        ({"priority": 100}, "priority = 100: must be a whole number from 0 to 99"),
+        ({"priority": 100}, "priority = 100: must be a whole number >= 0 and <= 99"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings: dict[str, Any], words: str) -> None:
