@@ -1,0 +1,214 @@
+"""Many runs on a Dask cluster: a real scheduler and worker processes on loopback, and what happens when one dies."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualwinch.cli import main
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.cluster import cluster_client
+from dualwinch.simulation.batch.task import WorkerError
+from dualwinch.simulation.batch.workers import spread
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.run import run_ensemble
+from tests.dask_cluster import DaskProcesses, dask_processes
+
+SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
+RACE = ("race", "--ensemble", "sea", "--estimator", "kalman", "--seed", "3", *SHORT)
+LASTING = 20.0
+"""Time in s of runs that take long enough for a worker to be killed meanwhile."""
+
+
+@pytest.fixture
+def dask(tmp_path: Path) -> Iterator[DaskProcesses]:
+    """A cluster of two workers."""
+    with dask_processes(tmp_path) as processes:
+        yield processes
+
+
+def lasting(seconds: float) -> Ensemble:
+    return reset(load_ensemble("sea"), {"simulation.duration": seconds})
+
+
+def command(*words: str) -> "subprocess.Popen[str]":
+    """The command line in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "dualwinch", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def without_time(record: Any) -> Any:
+    """A record of a race without how long searches took."""
+    if isinstance(record, dict):
+        return {key: without_time(value) for key, value in record.items() if key != "seconds"}
+    return [without_time(each) for each in record] if isinstance(record, list) else record
+
+
+def table_of(text: str) -> str:
+    """The table of a race, from where it begins."""
+    return text[text.index("Race:") :]
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ("somewhere", "must be the address of a Dask scheduler, tcp://HOST:8786, or FILE.py:FUNCTION"),
+        ("nowhere.py:make", r"there is no file nowhere\.py"),
+        ("{file}:absent", r"cluster\.py has no function absent"),
+        ("{file}:make", r"returned int; must return a distributed\.Client"),
+        ("{file}:fail", r"cluster\.py:fail: ZeroDivisionError: division by zero$"),
+    ],
+)
+def test_what_is_no_cluster_is_refused_in_one_line(where: str, message: str, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    file = tmp_path / "cluster.py"
+    file.write_text("def make():\n    return 1\n\ndef fail():\n    return 1 / 0\n")
+    with pytest.raises((ConfigurationError, WorkerError), match=message), cluster_client(where.format(file=file)):
+        pass
+
+
+def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["simulate", "--cluster", "tcp://127.0.0.1:1"])
+    assert "--cluster: needs --ensemble" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_in_mid_batch_costs_time_and_nothing_else(dask: DaskProcesses) -> None:
+    here = run_ensemble(lasting(LASTING), 640, 5)
+    killed = list[float]()
+
+    def kill(done: float) -> None:
+        if not killed:
+            dask.workers[0].kill()
+            killed.append(done)
+
+    with cluster_client(dask.address) as client:
+        client.wait_for_workers(2, timeout=60)
+        there = run_ensemble(lasting(LASTING), 640, 5, workers=client.get_executor(pure=False), progress=kill)
+    assert killed[0] < 1
+    assert dask.workers[0].wait(10) == -signal.SIGKILL
+    assert len(there) == 640
+    assert there.outcomes.tolist() == here.outcomes.tolist()
+    for name, values in here.metrics.items():
+        assert np.array_equal(values, there.metrics[name], equal_nan=True)
+    for key, values in here.draws.items():
+        assert np.array_equal(values, there.draws[key])
+
+
+@pytest.mark.slow
+def test_a_worker_that_cannot_compile_is_named_in_one_line(tmp_path: Path) -> None:
+    with dask_processes(tmp_path, workers=0) as dask:
+        dask.start_worker(
+            environment={"DUALWINCH_CC": "/nowhere/cc", "DUALWINCH_CACHE_DIR": str(tmp_path / "empty-cache")}
+        )
+        ran = command("simulate", "--ensemble", "sea", "--scenarios", "8", "--cluster", dask.address)
+        said = ran.communicate(timeout=120)[1]
+    assert ran.returncode == 1
+    assert "1 workers with 1 threads; dashboard http://" in said
+    assert said.splitlines()[-1].startswith("dualwinch: error: worker on ")
+    assert "'/nowhere/cc' is no working C compiler" in said.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_a_worker_out_of_memory_is_one_line(tmp_path: Path) -> None:
+    """Its nanny ends it; after a few workers Dask gives the task up."""
+    with dask_processes(tmp_path, workers=0) as dask:
+        dask.start_worker("--memory-limit", "600MB", nanny=True)
+        with cluster_client(dask.address) as client, pytest.raises(WorkerError, match="killed, or out of memory"):
+            list(spread(client.get_executor(pure=False, retries=0), greedy, [(1,)]))
+
+
+def greedy(gigabytes: int) -> int:
+    """Take memory until somebody objects."""
+    taken = []
+    for _ in range(200 * gigabytes):
+        taken.append(np.ones(1_000_000))
+        time.sleep(0.02)
+    return len(taken)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_is_one_line(dask: DaskProcesses) -> None:
+    ran = command("simulate", "--ensemble", "sea", "--scenarios", "200000", "--cluster", dask.address)
+    time.sleep(12)
+    assert dask.scheduler is not None
+    dask.scheduler.kill()
+    said = ran.communicate(timeout=120)[1]
+    assert ran.returncode == 1
+    assert said.splitlines()[-1].startswith("dualwinch: error: workers: the scheduler has dropped a task")
+
+
+@pytest.mark.slow
+def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: DaskProcesses) -> None:
+    def interrupt(done: float) -> None:  # noqa: ARG001
+        signal.raise_signal(signal.SIGINT)
+
+    with cluster_client(dask.address) as client:
+        found = run_ensemble(lasting(LASTING), 20_000, 5, workers=client.get_executor(pure=False), progress=interrupt)
+        assert len(found) == 320
+        assert found.partial
+        processing: Any = client.processing()
+        for _ in range(100):
+            if not any(processing.values()):
+                break
+            time.sleep(0.1)
+            processing = client.processing()
+        assert not any(processing.values())
+    ran = command("simulate", "--ensemble", "sea", "--scenarios", "200000", "--cluster", dask.address)
+    time.sleep(8)
+    ran.send_signal(signal.SIGINT)
+    assert "interrupted" in ran.communicate(timeout=60)[1].splitlines()[-1]
+    assert ran.returncode == 1
+
+
+@pytest.mark.slow
+def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: DaskProcesses, tmp_path: Path) -> None:
+    laws = [word for law in ("nftsm", "adrc", "lqi", "super-twisting") for word in ("--law", law)]
+    there = [*RACE, *laws, "--out", str(tmp_path / "there"), "--cluster", dask.address]
+    ran = command(*there)
+    entries = tmp_path / "there" / "entries"
+    for _ in range(1200):
+        if list(entries.glob("*.json")):
+            break
+        time.sleep(0.05)
+    ran.kill()
+    ran.communicate()
+    kept = len(list(entries.glob("*.json")))
+    assert 0 < kept < 5
+    main(there)
+    main([*RACE, *laws, "--out", str(tmp_path / "here")])
+    ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
+    assert without_time(ours) == without_time(theirs)
+
+
+@pytest.mark.slow
+def test_a_race_with_a_worker_killed_equals_that_of_one_process_in_every_digit(
+    dask: DaskProcesses, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nine laws, three searches each."""
+    words = [*RACE, "--searches", "3"]
+    main([*words, "--out", str(tmp_path / "here")])
+    here = table_of(capsys.readouterr().out)
+    ran = command(*words, "--out", str(tmp_path / "there"), "--cluster", dask.address)
+    entries = tmp_path / "there" / "entries"
+    for _ in range(6000):
+        if len(list(entries.glob("*.json"))) >= 5:
+            break
+        time.sleep(0.05)
+    dask.workers[1].kill()
+    out, said = ran.communicate(timeout=1200)
+    assert ran.returncode == 0, said
+    assert "Race: 27 entries" in out or "Race: 9 entries" in out
+    assert table_of(out) == here
+    ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
+    assert without_time(ours) == without_time(theirs)
