@@ -8,6 +8,7 @@ a library. Files of any other name or owner are neither used nor touched.
 
 To write a source can take longer than all that follows. An empty file ``<recipe>-<key>.recipe`` says which library
 comes of a recipe, the fingerprint of all that a source is made of: it is found without writing the source again.
+Threads and processes of one machine that want the same recipe at once wait for the first of them, which builds it.
 
 A library is code that is run: write access to its folder, or to one above it, decides what is run. So a folder is
 trusted as ssh trusts the folder of its keys: it and its files belong to the user, and no other user may write to it or
@@ -27,7 +28,7 @@ import stat
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -177,6 +178,7 @@ LIBRARY = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.so")
 RECIPE = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.recipe")
 UNFINISHED = re.compile(r"unfinished-\d+-[0-9a-f]{8}\.so")
 BUILD = re.compile(r"build-\w{8}")
+LOCK = re.compile(r"[0-9a-f]{32}\.lock")
 """Names of what is put into the cache folder; builds are folders."""
 
 
@@ -236,19 +238,57 @@ def library(source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (
     build = compiler.identity, *extra_flags
     recipe = recipe and fingerprint(recipe, *build)
     found = _look_up_recipe(folder, recipe) if recipe else None
-    if found is None:
-        text = source if isinstance(source, str) else source()
-        key = fingerprint(text, *build)
-        found = _look_up(folder, key)
-        if found is None:
-            found = _build(folder, key, text, compiler, extra_flags)
-            _used.add(found)
-            _sweep(folder, limits)
-        if recipe:
-            with contextlib.suppress(OSError):
-                (folder / f"{recipe}-{key}.recipe").touch(mode=0o600)
+    if found is None and recipe:
+        with _alone(folder, recipe):
+            found = _look_up_recipe(folder, recipe) or _made(folder, source, compiler, extra_flags, limits, recipe)
+    found = found or _made(folder, source, compiler, extra_flags, limits)
     _used.add(found)
     return found
+
+
+def _made(
+    folder: Path,
+    source: Source,
+    compiler: Compiler,
+    extra_flags: tuple[str, ...],
+    limits: CacheLimits,
+    recipe: str = "",
+) -> Path:
+    """The library of a source, from the cache or newly built, and noted as what comes of the recipe."""
+    text = source if isinstance(source, str) else source()
+    key = fingerprint(text, compiler.identity, *extra_flags)
+    found = _look_up(folder, key)
+    if found is None:
+        found = _build(folder, key, text, compiler, extra_flags)
+        _used.add(found)
+        _sweep(folder, limits)
+    if recipe:
+        with contextlib.suppress(OSError):
+            (folder / f"{recipe}-{key}.recipe").touch(mode=0o600)
+    return found
+
+
+@contextlib.contextmanager
+def _alone(folder: Path, recipe: str) -> Iterator[None]:
+    """Wait while another thread or process of this machine writes and builds what comes of a recipe.
+
+    Where files cannot be locked, each builds for itself.
+    """
+    lock = folder / f"{recipe}.lock"
+    try:
+        import fcntl
+
+        file = lock.open("ab")
+    except (ImportError, OSError):
+        yield
+        return
+    with file:
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
 
 
 class Array:
@@ -346,7 +386,7 @@ def _sweep(folder: Path, limits: CacheLimits) -> None:
         for left in folder.iterdir():
             if now - left.lstat().st_mtime <= ABANDONED_AFTER:
                 continue
-            if UNFINISHED.fullmatch(left.name) and own(left):
+            if (UNFINISHED.fullmatch(left.name) or LOCK.fullmatch(left.name)) and own(left):
                 left.unlink()
             elif BUILD.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left)

@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -177,6 +178,20 @@ def test_a_source_is_not_written_again_for_a_recipe(builds: list[str]) -> None:
     assert library(lambda: writing(11), gcc, ("-DOTHER",), "eleven") != first
     assert written == [11, 12, 11, 11]
     assert len(builds) == 3
+
+
+def test_threads_that_want_a_recipe_at_once_wait_for_the_first(builds: list[str]) -> None:
+    written = list[int]()
+
+    def writing() -> str:
+        written.append(21)
+        time.sleep(0.1)
+        return answering(21)
+
+    with ThreadPoolExecutor(4) as pool:
+        found = set(pool.map(lambda _: library(writing, find_compiler(), (), "twenty-one"), range(4)))
+    assert len(found) == len(written) == len(builds) == 1
+    assert not [file for file in cache_folder().iterdir() if file.suffix == ".lock"]
 
 
 def test_a_recipe_leads_to_no_library_that_is_gone_or_damaged() -> None:
