@@ -109,6 +109,8 @@ from .simulation.ensembles.ensemble import Ensemble as Ensemble
 from .simulation.ensembles.result import EnsembleResult as EnsembleResult
 from .simulation.ensembles.result import save_ensemble as save_ensemble
 from .simulation.ensembles.run import run_ensemble as run_ensemble
+from .simulation.ensembles.streamed import EnsembleStatistics as EnsembleStatistics
+from .simulation.ensembles.streamed import ensemble_statistics as ensemble_statistics
 from .simulation.experiment import Experiment as Experiment
 from .simulation.experiment import Simulation as Simulation
 from .simulation.metrics.metric import Metric as Metric

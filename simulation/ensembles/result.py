@@ -244,20 +244,24 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
         "end_time": (result.end_times, Quantity("s", "time at which the run ended")),
         **{name: (values, merits[name]) for name, values in result.metrics.items()},
     }
-    facts = {
+    return FileContent.of(columns, facts_of(result, notes))
+
+
+def facts_of(result: Any, notes: Mapping[str, str]) -> dict[str, Any]:
+    """What is noted of an ensemble's scenarios or of their statistics: where they are from, outcomes, statistics."""
+    return {
         **notes,
         "ensemble": result.ensemble.name,
         "ensemble_seed": result.seed,
         "scenarios_asked": result.asked,
         "outcomes": result.outcome_counts,
         "statistics": result.statistics,
-        "experiment": leaves(experiment),
+        "experiment": leaves(result.ensemble.experiment),
         "distributions": {
             key: {"kind": drawn.distribution.kind, **asdict(drawn)}
             for key, drawn in result.ensemble.distributions.items()
         },
     }
-    return FileContent.of(columns, facts)
 
 
 def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:

@@ -132,22 +132,16 @@ def portions_of(
         ConfigurationError: a count or seed out of range, or values that do not fit together.
         DualwinchError: no compiler, or no usable cache folder.
     """
-    if scenarios < 1:
-        raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
-    if seed < 0:
-        raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
-    for ensemble in ensembles:
-        prepare(ensemble.experiment)
+    check_counts(ensembles, scenarios, seed)
     size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
     stride = -(-ensembles[0].experiment.samples // points) if points else 0
     if isinstance(workers, Executor):
-        size = portion_of(scenarios)
-        firsts = range(0, scenarios, size)
-        tasks = ((ensembles, range(first, min(first + size, scenarios)), seed, stride) for first in firsts)
+        tasks, done = portion_tasks(ensembles, scenarios, seed, stride), 0
         with suppress(KeyboardInterrupt):
-            for number, portion in enumerate(in_order(spread(workers, ensemble_portion, tasks))):
+            for portion in in_order(spread(workers, ensemble_portion, tasks)):
                 yield portion
-                progress(min(1.0, (number + 1) * size / scenarios))
+                done += len(portion.draws)
+                progress(done / scenarios)
         return
     for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
         report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
@@ -157,6 +151,25 @@ def portions_of(
             yield _portion(portion[0][:finished], ran)
         if ran[-1].interrupted:
             return
+
+
+def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> None:
+    """Raise `ConfigurationError` where a count or seed is out of range, or values do not fit together."""
+    if scenarios < 1:
+        raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
+    if seed < 0:
+        raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
+    for ensemble in ensembles:
+        prepare(ensemble.experiment)
+
+
+def portion_tasks(
+    ensembles: Sequence[Ensemble], scenarios: int, seed: int, stride: int
+) -> Iterator[tuple[Sequence[Ensemble], range, int, int]]:
+    """The arguments of `ensemble_portion`, for all scenarios."""
+    size = portion_of(scenarios)
+    for first in range(0, scenarios, size):
+        yield ensembles, range(first, min(first + size, scenarios)), seed, stride
 
 
 def ensemble_portion(ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int) -> EnsemblePortion:

@@ -1,0 +1,278 @@
+"""Statistics of an ensemble without its scenarios: memory does not grow with their number.
+
+Sums are exact and quantiles come from counts (DDSketch: C. Masson, J. E. Rim and H. K. Lee, Proc. VLDB Endowment 12
+(2019) 2195), so that the statistics are the same bits whatever portions the scenarios were run in.
+"""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.files import write_whole
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.workers import Workers, in_order, spread
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.ensembles.result import KINDS, facts_of, statistic_from
+from dualwinch.simulation.ensembles.run import (
+    EnsemblePortion,
+    check_counts,
+    ensemble_portion,
+    portion_tasks,
+    portions_of,
+)
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.results.file_formats import plain
+
+Floats = NDArray[np.float64]
+
+BITS = 53
+"""Of a double's significand."""
+
+ZERO_BIN = 2**21
+"""Beyond the number of every bin: those of positive values are above it, those of negative ones below its opposite."""
+
+
+@dataclass
+class ValueStream:
+    """Finite values of which counts are kept: their exact sum, extremes, and quantiles.
+
+    Attributes:
+        accuracy: relative error of a quantile, at most.
+        count: of the values.
+        sums: exponent → sum of the significands of values with it, whole numbers.
+        bins: number of a logarithmic bin → values in it.
+        lowest, highest: of the values.
+    """
+
+    accuracy: float
+    count: int = 0
+    sums: Counter[int] = field(default_factory=Counter)
+    bins: Counter[int] = field(default_factory=Counter)
+    lowest: float = math.inf
+    highest: float = -math.inf
+
+    @property
+    def _base(self) -> float:
+        """Ratio of the bounds of a bin."""
+        return (1 + self.accuracy) / (1 - self.accuracy)
+
+    def add(self, values: Floats) -> None:
+        """Add values; what is not finite is left out."""
+        values = values[np.isfinite(values)]
+        if not values.size:
+            return
+        self.count += len(values)
+        self.lowest, self.highest = min(self.lowest, float(values.min())), max(self.highest, float(values.max()))
+        significands, exponents = np.frexp(values)
+        whole = np.ldexp(significands, BITS).astype(np.int64)
+        for exponent in np.unique(exponents).tolist():
+            self.sums[exponent] += sum(whole[exponents == exponent].tolist())
+        with np.errstate(divide="ignore"):
+            numbers = np.ceil(np.log(np.abs(values)) / math.log(self._base))
+        numbers = np.where(values == 0, 0, np.sign(values) * (ZERO_BIN + np.where(values == 0, 0, numbers)))
+        for number, count in zip(*np.unique(numbers.astype(np.int64), return_counts=True), strict=True):
+            self.bins[int(number)] += int(count)
+
+    def merge(self, other: "ValueStream") -> None:
+        """Add the values of another stream."""
+        self.count += other.count
+        self.sums.update(other.sums)
+        self.bins.update(other.bins)
+        self.lowest, self.highest = min(self.lowest, other.lowest), max(self.highest, other.highest)
+
+    @property
+    def mean(self) -> float:
+        """The mean, rounded once."""
+        parts = (Fraction(total) * Fraction(2) ** (exponent - BITS) for exponent, total in self.sums.items())
+        return float(sum(parts, Fraction()) / self.count)
+
+    def quantile(self, share: float) -> float:
+        """The value that a share of the values do not exceed; each of the two it lies between within `accuracy`."""
+        rank, numbers = share * (self.count - 1), sorted(self.bins)
+        upto = np.cumsum([self.bins[number] for number in numbers])
+        below, above = (
+            self._centre(numbers[np.searchsorted(upto, whole, side="right")])
+            for whole in (math.floor(rank), math.ceil(rank))
+        )
+        return below + (above - below) * (rank % 1)
+
+    def _centre(self, number: int) -> float:
+        """The value that stands for those of a bin."""
+        if number == 0:
+            return 0.0
+        value = 2 * self._base ** (abs(number) - ZERO_BIN) / (self._base + 1)
+        return min(max(math.copysign(value, number), self.lowest), self.highest)
+
+    def statistic(self, kind: str, *, small_is_bad: bool) -> float:
+        """One of `ensembles.result.KINDS`; NaN without values."""
+        if not self.count:
+            return math.nan
+        match kind:
+            case "mean":
+                return self.mean
+            case "median":
+                return self.quantile(0.5)
+            case "p95":
+                return self.quantile(0.05 if small_is_bad else 0.95)
+            case _:
+                return self.lowest if small_is_bad else self.highest
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleStatistics:
+    """Statistics of an ensemble's scenarios; read like an `EnsembleResult`, but for what it would take to keep them.
+
+    Attributes:
+        ensemble: of the scenarios.
+        seed: of the draws.
+        asked: number of scenarios asked for; more than there are where the run was interrupted.
+        outcomes: outcome → number of runs.
+        metrics: figure of merit → its values in the completed runs.
+    """
+
+    ensemble: Ensemble
+    seed: int
+    asked: int
+    outcomes: Counter[str]
+    metrics: dict[str, ValueStream]
+
+    def __len__(self) -> int:
+        """Number of scenarios that were run."""
+        return self.outcomes.total()
+
+    def __repr__(self) -> str:
+        ends = ", ".join(f"{count} {word}" for word, count in self.outcome_counts.items())
+        return f"{type(self).__name__}({self.ensemble.name}: {len(self)} scenarios of seed {self.seed}; {ends})"
+
+    @property
+    def partial(self) -> bool:
+        """Whether the run was interrupted."""
+        return len(self) < self.asked
+
+    @property
+    def outcome_counts(self) -> dict[str, int]:
+        """Outcome → number of runs, the most frequent first."""
+        return dict(self.outcomes.most_common())
+
+    def statistic(self, name: str) -> float:
+        """A statistic by its name, such as ``worst.mse``, over the scenarios that ran to their end; NaN without any.
+
+        Raises:
+            ConfigurationError: unknown statistic or figure of merit.
+        """
+        statistic = statistic_from(name, self.ensemble.experiment.metrics)
+        small_is_bad = statistic.quantity.small_is_bad
+        return self.metrics[statistic.metric].statistic(statistic.kind, small_is_bad=small_is_bad)
+
+    @property
+    def statistics(self) -> dict[str, dict[str, float]]:
+        """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
+        return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
+
+    def merge(self, other: "EnsembleStatistics") -> None:
+        """Add other scenarios."""
+        self.outcomes.update(other.outcomes)
+        for name, stream in other.metrics.items():
+            self.metrics[name].merge(stream)
+
+    def save(self, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
+        """Write the statistics with all that they are of, as JSON; the file appears whole or not at all.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        units = {name: quantity.unit for name, quantity in metric_quantities(self.ensemble.experiment.metrics).items()}
+        facts = plain({**facts_of(self, notes or {}), "units": units, "scenarios": len(self)})
+        write_whole(Path(path), json.dumps(facts, indent=1, allow_nan=False) + "\n")
+
+
+def ensemble_statistics(
+    ensemble: Ensemble,
+    scenarios: int,
+    seed: int,
+    *,
+    accuracy: float = 1e-3,
+    workers: Workers = None,
+    progress: Callable[[float], None] = no_progress,
+) -> EnsembleStatistics:
+    """Run scenarios of an ensemble as `run_ensemble` does, and keep their statistics alone.
+
+    Mean and worst are those of all values, the mean rounded once; quantiles are within `accuracy` of a value. Memory
+    is the same for a thousand scenarios and for a million.
+
+    Args:
+        ensemble: of the scenarios.
+        scenarios: how many.
+        seed: of the draws.
+        accuracy: relative error of a quantile, at most.
+        workers: threads of this machine (default: one a core), or an executor.
+        progress: receives the fraction of the scenarios that are done.
+
+    Raises:
+        ConfigurationError: a count or seed out of range, or values that do not fit together.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: before the first scenario was finished.
+    """
+    if not 0 < accuracy < 1:
+        raise ConfigurationError(f"accuracy = {accuracy:g}: must be > 0 and < 1")
+    found = _none(ensemble, seed, scenarios, accuracy)
+    with suppress(KeyboardInterrupt):
+        for part in _parts(ensemble, scenarios, seed, accuracy, workers, progress):
+            found.merge(part)
+    if not len(found):
+        raise KeyboardInterrupt
+    return found
+
+
+def _none(ensemble: Ensemble, seed: int, asked: int, accuracy: float) -> EnsembleStatistics:
+    streams = {name: ValueStream(accuracy) for name in metric_quantities(ensemble.experiment.metrics)}
+    return EnsembleStatistics(ensemble, seed, asked, Counter(), streams)
+
+
+def _parts(
+    ensemble: Ensemble,
+    scenarios: int,
+    seed: int,
+    accuracy: float,
+    workers: Workers,
+    progress: Callable[[float], None],
+) -> Iterator[EnsembleStatistics]:
+    """The statistics of successive portions."""
+    if not isinstance(workers, Executor):
+        for portion in portions_of([ensemble], scenarios, seed, 0, workers, progress):
+            yield _statistics(ensemble, seed, accuracy, portion)
+        return
+    check_counts([ensemble], scenarios, seed)
+    tasks = ((*task, accuracy) for task in portion_tasks([ensemble], scenarios, seed, 0))
+    done = 0
+    for part in in_order(spread(workers, statistics_portion, tasks)):
+        yield part
+        done += len(part)
+        progress(done / scenarios)
+
+
+def statistics_portion(
+    ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int, accuracy: float
+) -> EnsembleStatistics:
+    """The statistics of scenarios of some numbers, on one thread of a worker."""
+    return _statistics(ensembles[0], seed, accuracy, ensemble_portion(ensembles, indices, seed, stride))
+
+
+def _statistics(ensemble: Ensemble, seed: int, accuracy: float, portion: EnsemblePortion) -> EnsembleStatistics:
+    (runs,) = portion.runs
+    found = _none(ensemble, seed, len(runs.outcomes), accuracy)
+    found.outcomes.update(runs.outcomes.tolist())
+    for name, stream in found.metrics.items():
+        stream.add(runs.of_completed(name))
+    return found
