@@ -31,10 +31,8 @@ def test_a_stream_has_the_exact_mean_and_quantiles_within_its_accuracy() -> None
     assert stream.count == len(VALUES)
     assert stream.mean == pytest.approx(np.mean([*VALUES[:-3], 7.0]) * (len(VALUES) - 2) / len(VALUES))
     assert (stream.lowest, stream.highest) == (-1e200, 1e200)
-    ordered = np.sort(VALUES)
     for share in (0.0, 1e-3, 0.05, 0.5, 0.95, 1.0):
-        nearest = ordered[int(share * (len(VALUES) - 1))]
-        assert stream.quantile(share) == pytest.approx(nearest, rel=1.01e-3)
+        assert stream.quantile(share) == pytest.approx(np.quantile(VALUES, share), rel=1.01e-3)
 
 
 def test_a_stream_is_the_same_in_any_order_and_portions() -> None:
@@ -58,7 +56,7 @@ def test_statistics_are_those_of_the_result_by_threads_and_by_an_executor() -> N
         assert vars(here.metrics[name]) == vars(there.metrics[name])
         for kind in ("mean", "median", "p95", "worst"):
             ours, theirs = here.statistic(f"{kind}.{name}"), result.statistic(f"{kind}.{name}")
-            assert ours == pytest.approx(theirs, rel=1e-12 if kind in {"mean", "worst"} else 2e-2, nan_ok=True)
+            assert ours == pytest.approx(theirs, rel=1e-12 if kind in {"mean", "worst"} else 1.1e-3, nan_ok=True)
     with pytest.raises(ConfigurationError, match=r"accuracy = 2: must be > 0 and < 1"):
         ensemble_statistics(lasting(0.2), 1, 0, accuracy=2)
 
