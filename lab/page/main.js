@@ -223,11 +223,13 @@ if (ownRun) {
 }
 change(experiment);
 
-// A run that is under way is A; the moment that is shown goes with it, unless an earlier one is looked at.
+// A run that is under way is A; the moment that is shown goes with it, until another one is looked at.
+let followed = null;
 function showLive(live) {
-  const follows = playback.time >= Math.min(pinned?.t.at(-1) ?? 0, playback.whole[1]) - 1e-9;
   pin(live);
-  if (follows) playback.seek(live.t.at(-1));
+  if (followed !== null && playback.time !== followed) return;
+  playback.seek(live.t.at(-1));
+  followed = playback.time;
 }
 
 function columnsOf({columns}) {

@@ -20,7 +20,7 @@ def test_the_page_follows_a_run_that_is_under_way(browser: Any, made: Any) -> No
         with server_of(page, 0, live_rows(plant)) as server:
             Thread(target=server.serve_forever, daemon=True).start()
             client.begin()
-            client.run(1000)
+            client.run(1500)
             lab = Lab(browser.new_page())
             lab.page.goto(f"http://127.0.0.1:{server.server_port}/")
             lab.page.wait_for_function("document.querySelector('#pin').title === 'A: the served plant'")
