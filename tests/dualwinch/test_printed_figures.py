@@ -101,6 +101,9 @@ AS_JSON = [
 WITHOUT = {"lab", "show", "worker", "config", "export"}
 """Commands that print no figures: they write pages, code and configurations, and a worker's are those of its study."""
 
+ELSEWHERE = {"serve"}
+"""Commands that need a client, or another process, for this: tests/dualwinch/commands has it."""
+
 
 def words_of(case: Any) -> list[str]:
     """The words of a case, with marks or without."""
@@ -151,7 +154,7 @@ def test_every_figure_of_a_table_is_in_the_json(
 
 def test_every_command_that_prints_figures_is_here() -> None:
     here = {words_of(case)[0] for case in TO_FILES + AS_JSON}
-    assert here | WITHOUT == {module.app.name[0] for module in COMMANDS}
+    assert here | WITHOUT | ELSEWHERE == {module.app.name[0] for module in COMMANDS}
 
 
 def test_a_number_that_is_left_out_is_found() -> None:

@@ -15,7 +15,8 @@ import dualwinch as dw
 from dualwinch.cli import main, serve
 from dualwinch.lab.live import live_run
 from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
-from tests.simulation.server.clients import ENDED, HELLO, HOLDING, STARTS, TORQUES, Client, short
+from tests.dualwinch.test_printed_figures import left_out
+from tests.simulation.server.clients import ENDED, HELLO, HOLDING, STARTS, TORQUES, Client, finished, serving, short
 
 SHORT = ("--case", "4", "--set", "simulation.duration=0.1", "--allow-write")
 
@@ -91,6 +92,18 @@ def test_it_says_how_time_was_kept_and_when_a_controller_fell_silent(capsys: pyt
     assert "no command for 0.05 s; the safe torques 20 and 21 N m are in force" in said.err
     assert "of 500 samples more than a period late" in said.out
     assert "safe torques 1 times" in said.out or "commands: 0 taken over" in said.out
+
+
+def test_every_figure_printed_is_in_the_json(capsys: pytest.CaptureFixture[str]) -> None:
+    with serving(short(0.1), ServerSettings(may_write=True)) as (plant, client, run):
+        client.begin()
+        client.run(300)
+        result = finished(run)
+    serve.say_run(plant, result, json=False)
+    printed = capsys.readouterr().out
+    serve.say_run(plant, result, json=True)
+    assert "more than a period late" in printed
+    assert not left_out(printed, json.loads(capsys.readouterr().out))
 
 
 @pytest.mark.parametrize(
