@@ -9,13 +9,20 @@ import shlex
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import cache, wraps
 from importlib.metadata import PackageNotFoundError, version
+from inspect import signature
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
+
+Arguments = ParamSpec("Arguments")
+
+Built = TypeVar("Built")
 
 OPTIMISE = (
     "-std=c99",
@@ -27,6 +34,19 @@ OPTIMISE = (
     "-ffp-contract=off",  # the same bits from every compiler; the drivers of rollouts take it back
 )
 """Flags of every build; nothing here lets a compiler reorder sums or contract products."""
+
+INEXACT = ("-ffp-contract=fast", "-freciprocal-math")
+"""Flags of drivers that change last bits, and not alike with every compiler and processor."""
+
+EXACT: ContextVar[bool | None] = ContextVar("exact", default=None)
+"""Whether compilers are to be `Compiler.exact` in what is under way; None: where ``DUALWINCH_EXACT`` is 1."""
+
+
+def exactly() -> bool:
+    """Whether compilers are to be `Compiler.exact` now."""
+    wanted = EXACT.get()
+    return os.environ.get("DUALWINCH_EXACT") == "1" if wanted is None else wanted
+
 
 SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
 """Flags of long straight code that only gcc knows: it orders instructions first, with an eye to the registers."""
@@ -47,11 +67,14 @@ class Compiler:
         name: ``gcc``, ``clang``, ``zig`` or the name it was given by.
         command: how it is called.
         version: the first line it says of itself.
+        exact: whether products are never contracted and quotients never made of reciprocals, so that all compilers
+            and processors give the same bits.
     """
 
     name: str
     command: tuple[str, ...]
     version: str
+    exact: bool = False
 
     @property
     def is_clang(self) -> bool:
@@ -69,7 +92,8 @@ class Compiler:
     @property
     def identity(self) -> str:
         """Everything that makes two builds of one source differ: compiler, version, flags, processor."""
-        return "\n".join((*self.command, self.version, *self.flags, processor()))
+        words = ("exact",) if self.exact else ()
+        return "\n".join((*self.command, self.version, *self.flags, *words, processor()))
 
     def build(self, source: str, target: Path, extra_flags: tuple[str, ...] = ()) -> None:
         """Compile C source to a shared library.
@@ -82,7 +106,8 @@ class Compiler:
         Raises:
             CompileError: the compiler cannot be started or fails; the message carries its first complaint.
         """
-        self.run(source, target, (*self.flags, *extra_flags))
+        allowed = [flag for flag in extra_flags if not self.exact or flag not in INEXACT]
+        self.run(source, target, (*self.flags, *allowed))
 
     def run(self, source: str, target: Path, flags: Sequence[str]) -> None:
         """Compile C source with these flags alone; otherwise as `build`."""
@@ -157,7 +182,21 @@ def find_compiler(wanted: str | None = None) -> Compiler:
         CompilerNotFoundError: there is none, or the one asked for is none.
     """
     wanted = wanted or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
-    return _find(wanted, os.environ.get("PATH", ""))
+    found = _find(wanted, os.environ.get("PATH", ""))
+    return replace(found, exact=True) if exactly() else found
+
+
+def with_compiler(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
+    """Decorator: `compiler` is what `find_compiler` finds at each call where none is given, and a key of what is kept."""
+    place = list(signature(build).parameters).index("compiler")
+
+    @wraps(build)
+    def built(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
+        if len(args) <= place and kwargs.get("compiler") is None:
+            kwargs["compiler"] = find_compiler()
+        return build(*args, **kwargs)
+
+    return built
 
 
 @cache

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
@@ -96,6 +96,7 @@ class Batch:
         return outcome, done, rows
 
 
+@with_compiler
 @GRAPHS.cached
 def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
     """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, recipe, unit
 from dualwinch.codegen.sampled import PredictedSystem
@@ -266,6 +266,7 @@ def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
     return ca.Function(f"linear_{function.name()}", [*inputs.values()], every, [*inputs], names, {"cse": True})
 
 
+@with_compiler
 @GRAPHS.cached
 def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None) -> Predictor:
     """Compile (or find in the cache) and load a filter.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
+from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
@@ -68,6 +68,7 @@ class Rollout:
         return Outcome(outcome), done.value, rows[: kept_rows(done.value, stride)]
 
 
+@with_compiler
 @GRAPHS.cached
 def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator: Generator = "dualwinch") -> Rollout:
     """Compile (or find in the cache) and load the rollout of a sampled system.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
@@ -186,6 +186,7 @@ class Sensitivity:
         return Kept(Outcome(outcome), done.value, *(array[: kept_rows(done.value, stride)] for array in arrays))
 
 
+@with_compiler
 @GRAPHS.cached
 def compile_sensitivity(
     system: Sampled, smooth: Sampled, varied: Varied, compiler: Compiler | None = None

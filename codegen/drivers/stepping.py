@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler
+from dualwinch.codegen.compiler import SCHEDULED, Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
@@ -92,6 +92,7 @@ class Stepping:
         return ctypes.c_int64.in_dll(self.library, "constants_size").value
 
 
+@with_compiler
 @GRAPHS.cached
 def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | None = None) -> Stepping:
     """Compile (or find in the cache) and load what moves runs on; see `compile_rollout`.

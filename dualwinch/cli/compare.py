@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, Figure, workers_of
+from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Figure, WorkerOptions
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -48,7 +48,7 @@ def compare(
     given: ExperimentOptions = EXPERIMENT,
     out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
     plot: Figure = None,
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
 ) -> None:
     """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
 
@@ -69,7 +69,7 @@ def compare(
             terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
-    with ProgressLine("simulating") as progress, workers_of(cluster, progress) as workers:
+    with ProgressLine("simulating") as progress, where.workers(progress) as workers:
         result = run(wanted, drawn, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")
         facts = to_record(result)

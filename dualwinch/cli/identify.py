@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, Figure, Json, Priors, workers_of
+from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Figure, Json, Priors, WorkerOptions
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
@@ -92,7 +92,7 @@ def identify(
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
     ] = None,
     plot: Figure = None,
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
     json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.
@@ -115,7 +115,7 @@ def identify(
     if disturbance:
         format_of(disturbance)
         check_folder(disturbance.parent)
-    with ProgressLine("fitting") as progress, workers_of(cluster, progress) as workers:
+    with ProgressLine("fitting") as progress, where.workers(progress) as workers:
         found = identify(
             list(logs),
             fit,

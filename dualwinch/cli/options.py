@@ -54,15 +54,6 @@ NominalMachine = Annotated[
     str | None, Parameter(name="--ensemble", help="The nominal machine of an ensemble, such as `site`, or a TOML file.")
 ]
 
-Cluster = Annotated[
-    str | None,
-    Parameter(
-        help="Dask cluster that computes it: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
-        "(default: this machine).",
-        env_var="DUALWINCH_CLUSTER",
-    ),
-]
-
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")]
@@ -230,26 +221,58 @@ def share_from(text: str | None, option: str) -> float | None:
     return share
 
 
-@contextmanager
-def workers_of(cluster: str | None, line: ProgressLine) -> Iterator[Workers]:
-    """The workers of a cluster, of which a line says where they are; None without one: threads of this machine.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions:
+    """Where many runs are computed."""
 
-    Raises:
-        ConfigurationError: `cluster` is neither an address nor a function.
-        DualwinchError: Dask is not installed, or no scheduler answers.
-    """
-    if cluster is None:
-        yield None
-        return
-    from dualwinch.simulation.batch.cluster import cluster_client
+    cluster: Annotated[
+        str | None,
+        Parameter(
+            help="Dask cluster that computes it: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
+            "(default: this machine).",
+            env_var="DUALWINCH_CLUSTER",
+        ),
+    ] = None
+    exact: Annotated[
+        bool,
+        Parameter(
+            help="The same bits from every compiler and processor; takes somewhat longer.",
+            env_var="DUALWINCH_EXACT",
+            negative="",
+        ),
+    ] = False
 
-    with cluster_client(cluster) as client:
-        info = client.scheduler_info(n_workers=-1)
-        known = info["workers"]
-        threads = sum(worker["nthreads"] for worker in known.values())
-        there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
-        line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
-        yield client.get_executor(pure=False)
+    @contextmanager
+    def workers(self, line: ProgressLine) -> Iterator[Workers]:
+        """The workers of the cluster, of which a line says where they are; None without one: threads of this machine.
+
+        Raises:
+            ConfigurationError: `cluster` is neither an address nor a function.
+            DualwinchError: Dask is not installed, or no scheduler answers.
+        """
+        from dualwinch.codegen.compiler import EXACT
+
+        before = EXACT.set(self.exact or None)
+        try:
+            if self.cluster is None:
+                yield None
+                return
+            from dualwinch.simulation.batch.cluster import cluster_client
+
+            with cluster_client(self.cluster) as client:
+                info = client.scheduler_info(n_workers=-1)
+                known = info["workers"]
+                threads = sum(worker["nthreads"] for worker in known.values())
+                there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
+                line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
+                yield client.get_executor(pure=False)
+        finally:
+            EXACT.reset(before)
+
+
+WORKERS = WorkerOptions()
+"""Where no option is given."""
 
 
 def use_parts(plugins: list[str] | None) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, Assignments, Cluster, Plugins, choice, use_parts, workers_of
+from dualwinch.cli.options import WHOLE, WORKERS, Assignments, Plugins, WorkerOptions, choice, use_parts
 from dualwinch.cli.output import json_text, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 
@@ -92,7 +92,7 @@ def race(
         Parameter(help="Also find which imperfection breaks the best of each first (`dualwinch stress`).", negative=""),
     ] = False,
     out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same held-out scenarios.
 
@@ -111,7 +111,7 @@ def race(
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
-        workers_of(cluster, progress) as workers,
+        where.workers(progress) as workers,
     ):
         found = race(
             ensemble=drawn,

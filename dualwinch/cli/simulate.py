@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, WHOLE, Cluster, ControllerOptions, Figure, Json, workers_of
+from dualwinch.cli.options import CONTROLLER, WHOLE, WORKERS, ControllerOptions, Figure, Json, WorkerOptions
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -84,7 +84,7 @@ def simulate(
             negative="",
         ),
     ] = False,
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
     json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
@@ -99,7 +99,12 @@ def simulate(
 
     check_file(plot, *FIGURE_SUFFIXES)
     if ensemble is None:
-        alone = {"scenarios": scenarios, "seed": seed, "cluster": cluster, "statistics-only": statistics_only or None}
+        alone = {
+            "scenarios": scenarios,
+            "seed": seed,
+            "cluster": where.cluster,
+            "statistics-only": statistics_only or None,
+        }
         for name, value in alone.items():
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
@@ -115,9 +120,9 @@ def simulate(
         check_file(out, ".json")
         if plot:
             raise ConfigurationError("--plot and --statistics-only: give one of them")
-        stream_ensemble(given.ensemble(ensemble), scenarios, seed, out, cluster, json=json)
+        stream_ensemble(given.ensemble(ensemble), scenarios, seed, out, where, json=json)
     else:
-        simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, cluster, json=json)
+        simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, where, json=json)
 
 
 def simulate_one(
@@ -219,7 +224,7 @@ def simulate_ensemble(
     seed: int | None,
     out: Path | None,
     plot: Path | None,
-    cluster: str | None = None,
+    where: WorkerOptions = WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -233,7 +238,7 @@ def simulate_ensemble(
     if out:
         ensemble_writer(out)
         check_folder(out.parent)
-    with ProgressLine(f"simulating {count} scenarios") as progress, workers_of(cluster, progress) as workers:
+    with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
         result = run_ensemble(asked, count, seed, traces=plot is not None, workers=workers, progress=progress)
     print_ensemble(result, json=json)
     if out:
@@ -245,14 +250,14 @@ def simulate_ensemble(
 
 
 def stream_ensemble(
-    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, cluster: str | None, *, json: bool
+    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, where: WorkerOptions, *, json: bool
 ) -> None:
     """Run, print, write statistics alone."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.simulation.ensembles.streamed import ensemble_statistics
 
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
-    with ProgressLine(f"simulating {count} scenarios") as progress, workers_of(cluster, progress) as workers:
+    with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
         result = ensemble_statistics(asked, count, seed, workers=workers, progress=progress)
     print_ensemble(result, json=json)
     if out:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, Json, workers_of
+from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Json, WorkerOptions
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
@@ -63,7 +63,7 @@ def stress(
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
     ] = None,
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
@@ -83,7 +83,7 @@ def stress(
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,
-        workers_of(cluster, progress) as workers,
+        where.workers(progress) as workers,
     ):
         found = stress(
             experiment,

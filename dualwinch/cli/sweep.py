@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, Cluster, ControllerOptions, Figure, Json, workers_of
+from dualwinch.cli.options import CONTROLLER, WORKERS, ControllerOptions, Figure, Json, WorkerOptions
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -64,7 +64,7 @@ def sweep(
         Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
-    cluster: Cluster = None,
+    where: WorkerOptions = WORKERS,
     json: Json = False,
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.
@@ -79,7 +79,7 @@ def sweep(
     metrics = checked_metrics(metric or ["mse"], base)
     check_file(out, *MIXED)
     check_file(plot, *FIGURE_SUFFIXES)
-    with ProgressLine("simulating") as progress, workers_of(cluster, progress) as workers:
+    with ProgressLine("simulating") as progress, where.workers(progress) as workers:
         found = sweep(base, axes, workers=workers, progress=progress)
     if json:
         print_json(to_record(found))

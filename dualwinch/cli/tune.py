@@ -19,7 +19,7 @@ from cyclopts import App, Parameter
 from rich.text import Text
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, Cluster, ExperimentOptions, seconds_from, share_from, workers_of
+from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, WorkerOptions, seconds_from, share_from
 from dualwinch.cli.output import FigureColumn, FigureTable, say_idealised, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
@@ -69,7 +69,7 @@ class StudyOptions:
     workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1
     resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results")
-    cluster: Cluster = None
+    where: WorkerOptions = WORKERS
     stress: Annotated[
         bool, Parameter(help="Afterwards find what breaks the best first (`dualwinch stress`), for the report.")
     ] = False
@@ -228,7 +228,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
     budget = SearchBudget(trials, until, options.rollouts)
     with made_folder(out):
         store = open_store(options.kept_in, options.study, problem, definition, budget, resume=options.resume)
-        with closing(store), workers_of(options.cluster, line) as workers, _workers(options, options.kept_in):
+        with closing(store), options.where.workers(line) as workers, _workers(options, options.kept_in):
             _announce(line, problem, method, options.kept_in, store.count())
             tuned = run(
                 problem,

@@ -21,6 +21,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Self
 
+from dualwinch.codegen.compiler import EXACT, exactly
 from dualwinch.codegen.errors import CacheError, CompileError, CompilerNotFoundError, DualwinchError
 from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.part import (
@@ -63,12 +64,14 @@ class WorkerTask:
         versions: library → version, the same where it is run.
         sources: modules that define parts of one's own, from files.
         digests: (module, class, digest) of parts of one's own that are imported by the module's name.
+        exact: whether compiled code is to be `Compiler.exact`.
         payload: function and arguments, pickled.
     """
 
     versions: dict[str, str]
     sources: tuple[ModuleSource, ...]
     digests: tuple[tuple[str, str, str], ...]
+    exact: bool
     payload: bytes
 
     @classmethod
@@ -96,6 +99,7 @@ class WorkerTask:
                 ModuleSource(name, str(modules[name].__file__), text_of(modules[name])) for name in sorted(modules)
             ),
             digests=tuple((part.__module__, part.__qualname__, digest(part)) for part in imported),
+            exact=exactly(),
             payload=stream.getvalue(),
         )
 
@@ -150,12 +154,15 @@ def run_task(task: WorkerTask) -> Any:
         raise WorkerError(
             f"{where}: {one_line(error)}; a part of your own must be defined in a file, --plugin FILE, or be installed"
         ) from error
+    before = EXACT.set(task.exact)
     try:
         return work(*arguments)
     except (CompilerNotFoundError, CompileError, CacheError) as error:
         raise WorkerError(f"{where}: {error}") from error
     except MemoryError as error:
         raise WorkerError(f"{where}: out of memory") from error
+    finally:
+        EXACT.reset(before)
 
 
 def _provide(where: str, sources: Sequence[ModuleSource]) -> None:

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import pickle
+import platform
 import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -171,6 +172,24 @@ def test_what_a_worker_cannot_do_is_one_line(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(WorkerError, match=r"has no tests\.nowhere\.Law"):
         run_task(replace(task, digests=(("tests.nowhere", "Law", ""),)))
     assert tasks.versions() == task.versions
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="instruction sets of x86-64")
+def test_processors_differ_in_no_bit_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without fused products where they are asked for; AVX2 and AVX-512 give the same bits in any case."""
+    found = {}
+    for processor in ("native", "haswell", "x86-64-v2"):
+        monkeypatch.setenv("DUALWINCH_CC", f"gcc -march={processor}")
+        for exact in ("0", "1"):
+            monkeypatch.setenv("DUALWINCH_EXACT", exact)
+            found[processor, exact] = run_ensemble(lasting(2.0, "rig"), 32, 3, traces=False).metrics
+    assert equal(found["native", "0"], found["haswell", "0"])
+    assert equal(found["native", "1"], found["haswell", "1"])
+    assert equal(found["native", "1"], found["x86-64-v2", "1"])
+    assert not equal(found["native", "0"], found["x86-64-v2", "0"])
+    for name, values in found["native", "0"].items():
+        np.testing.assert_allclose(found["x86-64-v2", "0"][name], values, rtol=1e-7)
 
 
 @pytest.mark.slow
