@@ -187,7 +187,7 @@ def find_compiler(wanted: str | None = None) -> Compiler:
 
 
 def with_compiler(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-    """Decorator: `compiler` is what `find_compiler` finds at each call where none is given, and a key of what is kept."""
+    """Decorator: `compiler` is that of `find_compiler` at each call where none is given, and a key of what is kept."""
     place = list(signature(build).parameters).index("compiler")
 
     @wraps(build)
