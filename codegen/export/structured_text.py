@@ -156,18 +156,18 @@ class _Package:
             f"{self.style.real} throughout; {operation_count(self.apart.step).total} operations a call.",
         )
         structures = self._structures()
-        pous = (self._prepare(), self._sample(), self._block())
+        pous, program = (self._prepare(), self._sample(), self._block()), self._program()
         floors = any(f"{self.name}_floor(" in line for pou in pous for line in pou.body)
         for part in structures:
             _check_names(part.name, (part.members,))
-        for pou in pous:
+        for pou in (*pous, program):
             _check_names(pou.name, pou.sections.values())
         return PlcProject(
             self.name,
             about,
             structures,
             (self._floor(), *pous) if floors else pous,
-            self._program(),
+            program,
             block.sample_time,
             (origin.product, origin.date),
         )
