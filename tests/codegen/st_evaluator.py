@@ -6,6 +6,7 @@ are lists.
 
 import ctypes
 import ctypes.util
+import gc
 import operator
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -58,7 +59,11 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
 
 def parsed(source: str) -> st.SourceCode:
     """The tree of a source; an error where it is no Structured Text."""
-    result = parse_source_code(source)
+    gc.disable()  # an Earley parser keeps all that it makes
+    try:
+        result = parse_source_code(source)
+    finally:
+        gc.enable()
     if result.exception:
         raise result.exception
     return result.transform()

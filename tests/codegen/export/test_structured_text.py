@@ -165,7 +165,6 @@ def test_nothing_prepared_is_said_and_the_output_is_that_at_rest(pair) -> None:
     [
         ({}, "double"),
         ({}, "float"),
-        ({"controller.estimator": "kalman"}, "double"),
         ({"controller.kind": "mpc"}, "double"),
     ],
 )
@@ -176,7 +175,7 @@ def test_2_s_of_case_4_are_the_same_to_the_last_bit(
 
 
 @pytest.mark.slow
-def test_2_s_of_the_tuned_site_are_the_same_to_the_last_bit(tmp_path: Path) -> None:
+def test_2_s_of_the_tuned_site_with_its_filter_are_the_same_to_the_last_bit(tmp_path: Path) -> None:
     _compare_2_s(tmp_path, load(SITE), "double")
 
 
