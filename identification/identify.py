@@ -1,10 +1,12 @@
 """From logs to a machine's parameters in one call."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.identification.diagnostics import (
     check_fit,
@@ -18,16 +20,19 @@ from dualwinch.identification.estimate import ParameterEstimate, PredictionError
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.log_files import column_map, read_log
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
-from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.predictor import READINGS, NoiseCovariances
 from dualwinch.identification.resample import LogSection, sections_of
 from dualwinch.identification.result import IdentificationResult
 from dualwinch.identification.smoother import smoothed_force
 from dualwinch.identification.unknowns import (
     Prior,
+    UnknownParameter,
     covariance_of,
     estimable_keys,
+    nuisance_parameters,
     problem_of,
     unknown_parameters,
+    with_sea,
 )
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers, threads_of
@@ -35,6 +40,8 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.result import Result
+
+Floats = NDArray[np.float64]
 
 Source = Log | Result | str | PathLike[str]
 
@@ -126,18 +133,26 @@ def identify(
     estimates = multistart(method, starts, seed, progress, workers)
     best = estimates[0]
     excess = check_fit(best, fitted, experiment, options, unrecorded)
+    torques, diagnostics = [section.torques for section in fitted], options.diagnostics
+    innovations = method.filters.whitened_innovations(best.experiment, best.noise)
+    along: dict[str, tuple[float, float]] = {}
+    if not all(test.white for test in whiteness_tests(innovations, torques, diagnostics)):
+        method, best, along = _with_nuisances(method, best, experiment, fitted, threads, sea=not forces)
+        if along:
+            estimates = [replace(best, values=best.values[: len(unknowns)])]
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
-    covariance, diagnostics = covariance_of(best.information, unknowns), options.diagnostics
+    n, information = len(unknowns), _marginal(best.information, method.unknowns, len(unknowns))
+    covariance = covariance_of(information, unknowns)
     return IdentificationResult(
-        experiment=best.experiment,
+        experiment=replace(best.experiment, disturbance=experiment.disturbance) if along else best.experiment,
         unknowns=unknowns,
-        values=best.values,
+        values=best.values[:n],
         covariance=covariance,
-        unidentifiable=unidentifiable_directions(best.information, unknowns, diagnostics),
+        unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
         noise=_sensor_noise(fitted, best),
         process_noise=dict(best.noise.process),
-        whiteness=whiteness_tests(innovations, [section.torques for section in fitted], diagnostics),
+        whiteness=whiteness_tests(innovations, torques, diagnostics),
         held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
         innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),
         logs=tuple(log.name for log in found),
@@ -150,7 +165,65 @@ def identify(
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=(*(note for log in given for note in log.notes), *excess),
+        along=along,
     )
+
+
+def _with_nuisances(
+    method: PredictionErrorMethod,
+    best: ParameterEstimate,
+    experiment: Experiment,
+    sections: Sequence[LogSection],
+    threads: int | None,
+    *,
+    sea: bool,
+) -> tuple[PredictionErrorMethod, ParameterEstimate, dict[str, tuple[float, float]]]:
+    """The estimate with what hardly any user knows estimated along, and values and deviations of the latter.
+
+    1. Candidates are the experiment and, where it describes no sea or only a part, the same with one
+       (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search begins anew: where a model without
+       them ends says little.
+    2. The likeliest is taken, by the sum of its deviances with the noise of each of them: noise of sensors and torques
+       that is not quite at its maximum changes the likelihood by more than a sea does.
+
+    The estimate stays as it is where all searches fail. Without `sea` all forces that no experiment describes are one.
+    """
+    unknowns, options, n = method.unknowns, method.options, len(method.unknowns)
+    found = list[tuple[PredictionErrorMethod, ParameterEstimate]]()
+    for each in dict.fromkeys((experiment, with_sea(experiment, options.search) if sea else experiment)):
+        more = nuisance_parameters([unknown.key for unknown in unknowns], each, options.search)
+        if options.search.nuisance_share and more:
+            wider = PredictionErrorMethod(sections, each, (*unknowns, *more), options, threads)
+            try:
+                found.append((wider, wider.run(np.array([unknown.start for unknown in wider.unknowns]))))
+            except ConfigurationError:
+                continue
+    if not found:
+        return method, best, {}
+    method, best = found[int(np.argmin([_deviance_with_all_noises(pair, found) for pair in found]))]
+    more = method.unknowns[n:]
+    deviations = np.sqrt(np.diag(covariance_of(best.information, method.unknowns)))[n:]
+    pairs = zip(best.values[n:].tolist(), deviations.tolist(), strict=True)
+    return method, best, {each.key: pair for each, pair in zip(more, pairs, strict=True)}
+
+
+def _marginal(information: Floats, unknowns: Sequence[UnknownParameter], n: int) -> Floats:
+    """(n, n) information on the first n of some unknowns, the others unknown but for their priors."""
+    own = information[n:, n:] + np.diag([1 / each.uncertainty**2 for each in unknowns[n:]])
+    return information[:n, :n] - information[:n, n:] @ np.linalg.solve(own, information[n:, :n])
+
+
+def _deviance_with_all_noises(
+    pair: tuple[PredictionErrorMethod, ParameterEstimate],
+    every: Sequence[tuple[PredictionErrorMethod, ParameterEstimate]],
+) -> float:
+    """The sum of a candidate's deviances with its own sea and the noise of sensors and torques of every candidate."""
+    (method, own), total = pair, 0.0
+    for _, other in every:
+        torques = {name: other.noise.process[name] for name in ("torque_1", "torque_2")}
+        noise = NoiseCovariances(other.noise.measurement, {**own.noise.process, **torques})
+        total += float(method.filters.deviances([own.experiment], noise)[0])
+    return total
 
 
 def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:

@@ -87,6 +87,12 @@ class SearchOptions:
     ] = 4.0
     range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
     typical: TypicalSizes = field(default_factory=TypicalSizes)
+    nuisance_share: Annotated[
+        float, Ge(0), Quantity("1", "prior deviation of inertia and damping that are estimated along; 0: never")
+    ] = 0.3
+    strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
+    current_sigma: Annotated[Positive, Quantity("m/s", "current of a sea that nobody described")] = 0.05
+    normal_force_sigma: Annotated[Positive, Quantity("1", "rail load of it, over the mean")] = 0.1
     least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
     rounds: Annotated[int, Ge(0), Quantity("1", "least-squares problems with new gains each, at most")] = 40
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and noise as it is")] = 3

@@ -1,7 +1,7 @@
 """The result of an estimation: estimates with their uncertainties, as tables, text, record, ensemble and figure."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class IdentificationResult:
         forces: the unrecorded force in each log, where asked for.
         profiles: profile likelihoods, where asked for.
         excess: what was noticed while the logs were read, and implausibly large disturbances, in words.
+        along: value and standard deviation of parameters that were estimated along, since a model without left
+            innovations that were not white.
     """
 
     experiment: Experiment
@@ -78,6 +80,7 @@ class IdentificationResult:
     forces: tuple[SmoothedForce, ...] = ()
     profiles: tuple[LikelihoodProfile, ...] = ()
     excess: tuple[str, ...] = ()
+    along: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -185,7 +188,9 @@ class IdentificationResult:
     @property
     def notes(self) -> list[str]:
         """What a reader has to know beside the tables."""
-        words = [*self.excess, *(each.words for each in self.unidentifiable)]
+        estimated = (f"{key} = {value:.4g} ± {deviation:.2g}" for key, (value, deviation) in self.along.items())
+        words = [f"estimated along, by wide priors: {', '.join(estimated)}"] if self.along else []
+        words += [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
         words += [f"{key}: the logs add next to nothing to its prior" for key in self.uninformed]
         for row in range(len(self.keys)):
@@ -223,6 +228,7 @@ class IdentificationResult:
                 }
                 for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True)
             ],
+            "along": {key: list(pair) for key, pair in self.along.items()},
             "correlation": self.correlation.tolist(),
             "unidentifiable": [
                 {"keys": list(each.keys), "deviation": each.deviation if np.isfinite(each.deviation) else None}

@@ -1,7 +1,7 @@
 """Unknown parameters: keys, ranges and priors, and the coordinates in which they are searched."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from os import PathLike
 
@@ -27,6 +27,11 @@ NOT_FITTED = (
     "sensors.encoder_counts", "sensors.position_drift",
 )  # fmt: skip
 """Parameters of noise and quantisation: they are estimated with R, or have no effect on the predictions."""
+
+STROUHAL = "disturbance.strouhal"
+
+NUISANCES = ("plant.winch_*.inertia", "plant.rope_*.damping", STROUHAL)
+"""Parameters that are estimated along where a model without them leaves innovations that are not white."""
 
 WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
 """Angle of a wave → its amplitude, as keys end."""
@@ -119,6 +124,42 @@ def unknown_parameters(
         ends = max(lower, least), min(upper, start + factor * scale)
         found.append(UnknownParameter(key, leaf.quantity.unit, start, *ends, scale, prior))
     return tuple(found)
+
+
+def nuisance_parameters(
+    keys: Sequence[str], experiment: Experiment, options: SearchOptions = DEFAULTS.search
+) -> tuple[UnknownParameter, ...]:
+    """What hardly any user knows of a machine, with wide priors around the experiment's values, but for some keys.
+
+    Inertia of the winches, damping of the ropes and, where there are vortices, their Strouhal number.
+    """
+    values, described = leaves(experiment), describe_parts(experiment)
+    known, found = estimable_keys(["*"], experiment), list[UnknownParameter]()
+    for key in known:
+        value = float(values[key])
+        if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
+            continue
+        if key == STROUHAL and not experiment.disturbance.vortex:
+            continue
+        share = options.strouhal_share if key == STROUHAL else options.nuisance_share
+        reach = 1 + options.range_factor * share
+        unit, prior = described[key].quantity.unit, Prior(value, share * value)
+        found.append(UnknownParameter(key, unit, value, value / reach, value * reach, share * value, prior))
+    return tuple(found)
+
+
+def with_sea(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
+    """An experiment with vortices, current and changing rail load as in a moderate sea, where it describes none."""
+    given = experiment.disturbance
+    return replace(
+        experiment,
+        disturbance=replace(
+            given,
+            vortex=True,
+            current_sigma=given.current_sigma or options.current_sigma,
+            normal_force_sigma=given.normal_force_sigma or options.normal_force_sigma,
+        ),
+    )
 
 
 def problem_of(
