@@ -37,6 +37,10 @@ from dualwinch.simulation.progress import no_progress, part
 Floats = NDArray[np.float64]
 
 
+class DivergedFilterError(ConfigurationError):
+    """Filters diverge where a search would begin."""
+
+
 @dataclass(frozen=True)
 class ParameterEstimate:
     """A maximum of the likelihood.
@@ -138,8 +142,8 @@ class PredictionErrorMethod:
             noise: R and Q where they are known; default: they are estimated.
 
         Raises:
-            ConfigurationError: the filter diverges: the log is of another machine; or a parameter without a prior has
-                no effect at all.
+            DivergedFilterError: the filter diverges: the log is of another machine.
+            ConfigurationError: a parameter without a prior has no effect at all.
         """
         estimated, search = noise is None, self._search
         noise = noise or self.initial_noise()
@@ -178,9 +182,9 @@ class PredictionErrorMethod:
             converged=converged,
         )
 
-    def _diverged(self) -> ConfigurationError:
+    def _diverged(self) -> DivergedFilterError:
         name = self.filters.sections[0].name
-        return ConfigurationError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
+        return DivergedFilterError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
 
     def _least_squares_rounds(
         self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Callable[[float], None]
@@ -263,22 +267,21 @@ class LocalOptimum:
 
 def multistart(
     method: PredictionErrorMethod,
+    first: ParameterEstimate,
+    drawn: int,
     starts: int,
     seed: int,
     progress: Callable[[float], None],
     workers: Workers = None,
 ) -> list[ParameterEstimate]:
-    """Estimates from several starts (`starts_of`), the likeliest first; an executor's workers search side by side.
+    """Estimates from several starts of the first `drawn` unknowns (`starts_of`), the likeliest first.
 
-    Raises:
-        ConfigurationError: the filter diverges at the first start.
+    The first start led to `first`; all other unknowns begin where it began. An executor's workers search side by side.
     """
-    found = list[ParameterEstimate]()
-    for number, estimate in enumerate(_searches(method, starts_of(method.unknowns, starts, seed), progress, workers)):
-        if isinstance(estimate, ParameterEstimate):
-            found.append(estimate)
-        elif number == 0:
-            raise estimate
+    others = [unknown.start for unknown in method.unknowns[drawn:]]
+    further = [np.array([*own, *others]) for own in starts_of(method.unknowns[:drawn], starts, seed)[1:]]
+    searches = _searches(method, further, part(progress, 1 / starts, 1.0), workers)
+    found = [first, *(estimate for estimate in searches if isinstance(estimate, ParameterEstimate))]
     return sorted(found, key=lambda estimate: estimate.deviance)
 
 

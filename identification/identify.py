@@ -1,7 +1,8 @@
 """From logs to a machine's parameters in one call."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from time import perf_counter
 
@@ -16,29 +17,28 @@ from dualwinch.identification.diagnostics import (
     unidentifiable_directions,
     whiteness_tests,
 )
-from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod, distinct_optima, multistart
+from dualwinch.identification.estimate import ParameterEstimate, distinct_optima, multistart
 from dualwinch.identification.log import Log, log_of
 from dualwinch.identification.log_files import column_map, read_log
+from dualwinch.identification.model_choice import ModelChoice, marginal
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
-from dualwinch.identification.predictor import READINGS, NoiseCovariances
+from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import LogSection, sections_of
 from dualwinch.identification.result import IdentificationResult
 from dualwinch.identification.smoother import smoothed_force
 from dualwinch.identification.unknowns import (
     Prior,
-    UnknownParameter,
     covariance_of,
     estimable_keys,
-    nuisance_parameters,
     problem_of,
     unknown_parameters,
-    with_sea,
 )
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]
@@ -63,7 +63,7 @@ def identify(
     unrecorded: float | None = None,
     options: EstimationOptions = DEFAULTS,
     workers: Workers = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> IdentificationResult:
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 
@@ -126,26 +126,28 @@ def identify(
     gap, least_rows = options.resampling.longest_gap, options.resampling.least_rows
     found = [part for log in given for part in log.from_zero().between_gaps(gap, least_rows)]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
-    fitted = sections_of([log for log, _ in split], experiment, options.resampling)
-    kept = sections_of([log for _, log in split if log], experiment, options.resampling)
 
-    method = PredictionErrorMethod(fitted, experiment, unknowns, options, threads_of(workers))
-    estimates = multistart(method, starts, seed, progress, workers)
-    best = estimates[0]
-    excess = check_fit(best, fitted, experiment, options, unrecorded)
+    def of_first(fraction: float, phase: str = "", status: str = "") -> None:
+        progress(fraction / starts, phase, status)
+
+    choice = ModelChoice([log for log, _ in split], unknowns, options, threads_of(workers), of_first)
+    sections = sections_of(choice.logs, experiment, options.resampling)
+    plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
+    model = choice.of(experiment, plausible, sea=not forces)
+    method, n = model.method, len(unknowns)
+    estimates = multistart(method, model.estimate, n, starts, seed, progress, workers)
+    best, fitted = estimates[0], method.filters.sections
+    excess = plausible(best)
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
-    along: dict[str, tuple[float, float]] = {}
-    if not all(test.white for test in whiteness_tests(innovations, torques, diagnostics)):
-        method, best, along = _with_nuisances(method, best, experiment, fitted, threads, sea=not forces)
-        if along:
-            estimates = [replace(best, values=best.values[: len(unknowns)])]
-    innovations = method.filters.whitened_innovations(best.experiment, best.noise)
+    kept = sections_of([log for _, log in split if log], model.experiment, options.resampling)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
-    n, information = len(unknowns), _marginal(best.information, method.unknowns, len(unknowns))
+    information = marginal(best.information, method.unknowns, n)
     covariance = covariance_of(information, unknowns)
     return IdentificationResult(
-        experiment=replace(best.experiment, disturbance=experiment.disturbance) if along else best.experiment,
+        experiment=with_leaves(
+            experiment, {each.key: value for each, value in zip(method.unknowns, best.values.tolist(), strict=True)}
+        ),
         unknowns=unknowns,
         values=best.values[:n],
         covariance=covariance,
@@ -159,71 +161,16 @@ def identify(
         duration=sum(log.duration for log in found),
         passes=method.passes,
         converged=best.converged,
-        optima=distinct_optima(estimates, covariance, diagnostics.optima_distance),
+        optima=distinct_optima(
+            [replace(each, values=each.values[:n]) for each in estimates], covariance, diagnostics.optima_distance
+        ),
         seconds=perf_counter() - began,
         options=options,
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
-        excess=(*(note for log in given for note in log.notes), *excess),
-        along=along,
+        excess=(*(note for log in given for note in log.notes), *model.notes(experiment), *excess),
+        along=replace(model, estimate=best).along(n),
     )
-
-
-def _with_nuisances(
-    method: PredictionErrorMethod,
-    best: ParameterEstimate,
-    experiment: Experiment,
-    sections: Sequence[LogSection],
-    threads: int | None,
-    *,
-    sea: bool,
-) -> tuple[PredictionErrorMethod, ParameterEstimate, dict[str, tuple[float, float]]]:
-    """The estimate with what hardly any user knows estimated along, and values and deviations of the latter.
-
-    1. Candidates are the experiment and, where it describes no sea or only a part, the same with one
-       (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search begins anew: where a model without
-       them ends says little.
-    2. The likeliest is taken, by the sum of its deviances with the noise of each of them: noise of sensors and torques
-       that is not quite at its maximum changes the likelihood by more than a sea does.
-
-    The estimate stays as it is where all searches fail. Without `sea` all forces that no experiment describes are one.
-    """
-    unknowns, options, n = method.unknowns, method.options, len(method.unknowns)
-    found = list[tuple[PredictionErrorMethod, ParameterEstimate]]()
-    for each in dict.fromkeys((experiment, with_sea(experiment, options.search) if sea else experiment)):
-        more = nuisance_parameters([unknown.key for unknown in unknowns], each, options.search)
-        if options.search.nuisance_share and more:
-            wider = PredictionErrorMethod(sections, each, (*unknowns, *more), options, threads)
-            try:
-                found.append((wider, wider.run(np.array([unknown.start for unknown in wider.unknowns]))))
-            except ConfigurationError:
-                continue
-    if not found:
-        return method, best, {}
-    method, best = found[int(np.argmin([_deviance_with_all_noises(pair, found) for pair in found]))]
-    more = method.unknowns[n:]
-    deviations = np.sqrt(np.diag(covariance_of(best.information, method.unknowns)))[n:]
-    pairs = zip(best.values[n:].tolist(), deviations.tolist(), strict=True)
-    return method, best, {each.key: pair for each, pair in zip(more, pairs, strict=True)}
-
-
-def _marginal(information: Floats, unknowns: Sequence[UnknownParameter], n: int) -> Floats:
-    """(n, n) information on the first n of some unknowns, the others unknown but for their priors."""
-    own = information[n:, n:] + np.diag([1 / each.uncertainty**2 for each in unknowns[n:]])
-    return information[:n, :n] - information[:n, n:] @ np.linalg.solve(own, information[n:, :n])
-
-
-def _deviance_with_all_noises(
-    pair: tuple[PredictionErrorMethod, ParameterEstimate],
-    every: Sequence[tuple[PredictionErrorMethod, ParameterEstimate]],
-) -> float:
-    """The sum of a candidate's deviances with its own sea and the noise of sensors and torques of every candidate."""
-    (method, own), total = pair, 0.0
-    for _, other in every:
-        torques = {name: other.noise.process[name] for name in ("torque_1", "torque_2")}
-        noise = NoiseCovariances(other.noise.measurement, {**own.noise.process, **torques})
-        total += float(method.filters.deviances([own.experiment], noise)[0])
-    return total
 
 
 def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:

@@ -91,8 +91,19 @@ class SearchOptions:
         float, Ge(0), Quantity("1", "prior deviation of inertia and damping that are estimated along; 0: never")
     ] = 0.3
     strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
+    delay_order: Annotated[Count, Quantity("samples", "past of tensions and torques in the ARX models for it")] = 8
+    likelier_delay: Annotated[
+        Factor, Quantity("1", "significance of another delay, over that of the described one, from which on it counts")
+    ] = 3.0
+    drum_friction: Annotated[
+        Positive, Quantity("1", "drum friction that nobody described, over the largest torque of the rope")
+    ] = 0.02
+    friction_share: Annotated[Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
     current_sigma: Annotated[Positive, Quantity("m/s", "current of a sea that nobody described")] = 0.05
     normal_force_sigma: Annotated[Positive, Quantity("1", "rail load of it, over the mean")] = 0.1
+    most_delay_samples: Annotated[
+        int, Ge(0), Quantity("samples", "largest delay of the torques that is looked for")
+    ] = 4
     least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
     rounds: Annotated[int, Ge(0), Quantity("1", "least-squares problems with new gains each, at most")] = 40
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and noise as it is")] = 3

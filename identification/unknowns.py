@@ -14,7 +14,7 @@ from dualwinch.identification.predictor import GROUPS, parameter_names, predicto
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import suggestion
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 
@@ -30,7 +30,7 @@ NOT_FITTED = (
 
 STROUHAL = "disturbance.strouhal"
 
-NUISANCES = ("plant.winch_*.inertia", "plant.rope_*.damping", STROUHAL)
+NUISANCES = ("plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping", STROUHAL)
 """Parameters that are estimated along where a model without them leaves innovations that are not white."""
 
 WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
@@ -131,35 +131,46 @@ def nuisance_parameters(
 ) -> tuple[UnknownParameter, ...]:
     """What hardly any user knows of a machine, with wide priors around the experiment's values, but for some keys.
 
-    Inertia of the winches, damping of the ropes and, where there are vortices, their Strouhal number.
+    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their Strouhal
+    number.
     """
-    values, described = leaves(experiment), describe_parts(experiment)
-    known, found = estimable_keys(["*"], experiment), list[UnknownParameter]()
-    for key in known:
+    values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
+    for key in estimable_keys(["*"], experiment):
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
             continue
         if key == STROUHAL and not experiment.disturbance.vortex:
             continue
         share = options.strouhal_share if key == STROUHAL else options.nuisance_share
+        share = options.friction_share if key.endswith("coulomb_friction") else share
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
-        found.append(UnknownParameter(key, unit, value, value / reach, value * reach, share * value, prior))
+        least = 0.0 if share >= 1 else value / reach
+        found.append(UnknownParameter(key, unit, value, least, value * reach, share * value, prior))
     return tuple(found)
+
+
+def with_drum_friction(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
+    """An experiment whose drums rub, each with a usual share of its largest torque, where it describes no friction."""
+    most = options.drum_friction * experiment.controller.limits.tension_max
+    values = {
+        f"plant.winch_{side.number}.coulomb_friction": most * side.winch.drum_radius
+        for side in experiment.plant.sides
+        if not side.winch.coulomb_friction
+    }
+    return with_leaves(experiment, values)
 
 
 def with_sea(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
     """An experiment with vortices, current and changing rail load as in a moderate sea, where it describes none."""
     given = experiment.disturbance
-    return replace(
-        experiment,
-        disturbance=replace(
-            given,
-            vortex=True,
-            current_sigma=given.current_sigma or options.current_sigma,
-            normal_force_sigma=given.normal_force_sigma or options.normal_force_sigma,
-        ),
+    sea = replace(
+        given,
+        vortex=True,
+        current_sigma=given.current_sigma or options.current_sigma,
+        normal_force_sigma=given.normal_force_sigma or options.normal_force_sigma,
     )
+    return replace(experiment, disturbance=sea)
 
 
 def problem_of(

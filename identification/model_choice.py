@@ -1,0 +1,234 @@
+"""The model of a log: the experiment as it is described or, where that leaves innovations coloured, a wider one.
+
+What hardly any user knows is then estimated along, with wide priors: inertia of the winches, damping of the ropes,
+Strouhal number, delay of the torques, and a sea that no experiment describes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.identification.diagnostics import WhitenessTest, whiteness_tests
+from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.log import Log
+from dualwinch.identification.options import EstimationOptions
+from dualwinch.identification.predictor import READINGS, NoiseCovariances
+from dualwinch.identification.resample import ANGLES, LogSection, sections_of
+from dualwinch.identification.unknowns import (
+    UnknownParameter,
+    covariance_of,
+    nuisance_parameters,
+    with_drum_friction,
+    with_sea,
+)
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, part
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model and the estimate by it.
+
+    Attributes:
+        experiment: with sea and delay of the model.
+        method: of the estimate; its unknowns are those to estimate and, behind them, those estimated along.
+        estimate: by it.
+    """
+
+    experiment: Experiment
+    method: PredictionErrorMethod
+    estimate: ParameterEstimate
+
+    def notes(self, described: Experiment) -> tuple[str, ...]:
+        """What the model has beside what an experiment describes, in words."""
+        own, given, found = self.experiment, described.disturbance, list[str]()
+        if (delay := own.simulation.delay_samples) != described.simulation.delay_samples:
+            found.append(
+                f"torques act {delay} samples after they are logged; simulation.delay_samples = "
+                f"{described.simulation.delay_samples} stays as it is"
+            )
+        sea = {"vortices": own.disturbance.vortex and not given.vortex}
+        sea["current"] = own.disturbance.current_sigma > given.current_sigma
+        sea["changes of the rail load"] = own.disturbance.normal_force_sigma > given.normal_force_sigma
+        if names := [name for name, added in sea.items() if added]:
+            found.append(f"estimated with {', '.join(names)}, which the experiment does not describe (--case 4)")
+        return tuple(found)
+
+    def along(self, count: int) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation of the unknowns behind the first so many."""
+        unknowns, estimate = self.method.unknowns, self.estimate
+        deviations = np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
+        pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
+        return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
+
+    @property
+    def whiteness(self) -> tuple[WhitenessTest, ...]:
+        """Tests of the innovations of each sensor."""
+        filters, estimate = self.method.filters, self.estimate
+        innovations = filters.whitened_innovations(estimate.experiment, estimate.noise)
+        torques = [section.torques for section in filters.sections]
+        return whiteness_tests(innovations, torques, self.method.options.diagnostics)
+
+    @property
+    def white(self) -> bool:
+        """Whether innovations are white, but for those of encoders, which count in steps, beside other sensors."""
+        tests = self.whiteness
+        return all(test.white for test in tests if test.name not in ANGLES) if tests else True
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """Chooses the model of some logs.
+
+    1. The experiment as it is described is chosen where its innovations are white, and nothing may be estimated along.
+    2. The delay of the torques is that of ARX models of the load cells (`torque_lags`).
+    3. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
+       no sea or only a part, the same with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The
+       search begins anew: where a model without them ends says little.
+    4. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
+       deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
+       the likelihood by more than a sea does.
+
+    Attributes:
+        logs: of one machine.
+        unknowns: to estimate.
+        options: of the method.
+        threads: default: one a core.
+        progress: of the searches.
+    """
+
+    logs: Sequence[Log]
+    unknowns: Sequence[UnknownParameter]
+    options: EstimationOptions
+    threads: int | None
+    progress: Progress
+
+    def of(
+        self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True
+    ) -> FittedModel:
+        """The model chosen for an experiment.
+
+        Args:
+            experiment: as described.
+            check: refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Of such an
+                estimate nothing but another delay makes a better one.
+            sea: whether a sea may be estimated along; else all forces that no experiment describes are one.
+
+        Raises:
+            DivergedFilterError: the filter diverges with every model.
+            ConfigurationError: an estimate that is refused; a parameter without a prior has no effect at all.
+        """
+        search, plain, notes, refusal = self.options.search, None, (), None
+        try:
+            plain = self._fitted(experiment, self.unknowns, "fitting", (0.0, 0.4))
+            notes = check(plain.estimate)
+        except ConfigurationError as error:
+            refusal = error
+            if plain is None and not isinstance(error, DivergedFilterError):
+                raise
+        if plain and not refusal and (plain.white or not search.nuisance_share):
+            return plain
+        delayed = self._with_delay(experiment)
+        if plain and delayed == experiment and refusal:
+            raise refusal
+        if plain and delayed == experiment and notes:
+            return plain
+        rubbing = with_drum_friction(delayed, search)
+        candidates = list(dict.fromkeys((rubbing, with_sea(rubbing, search) if sea else rubbing)))
+        found = self._likeliest(candidates, [plain] if plain and not refusal else []) or plain
+        if found is None or (found is plain and refusal):
+            raise refusal or AssertionError
+        return found
+
+    def _with_delay(self, experiment: Experiment) -> Experiment:
+        """The experiment with the delay of the torques that the logs have, as far as they show it."""
+        search, recorded = self.options.search, replace(experiment.simulation, delay_samples=0)
+        sections = sections_of(self.logs, replace(experiment, simulation=recorded), self.options.resampling)
+        significance = torque_lags(sections, search.delay_order)
+        delay, described = (
+            int(np.argmax(significance[: search.most_delay_samples + 1])),
+            experiment.simulation.delay_samples,
+        )
+        if described < len(significance) and significance[delay] <= search.likelier_delay * significance[described]:
+            return experiment
+        return replace(experiment, simulation=replace(recorded, delay_samples=delay))
+
+    def _with_nuisances(self, experiment: Experiment) -> tuple[UnknownParameter, ...]:
+        keys = [unknown.key for unknown in self.unknowns]
+        return *self.unknowns, *nuisance_parameters(keys, experiment, self.options.search)
+
+    def _likeliest(self, candidates: Sequence[Experiment], others: Sequence[FittedModel]) -> FittedModel | None:
+        """The likeliest of some experiments with parameters estimated along, and others; None: all filters diverge."""
+        found, ends = list[FittedModel](), np.linspace(0.4, 1.0, len(candidates) + 1).tolist()
+        for number, each in enumerate(candidates):
+            words = f"fitting friction, inertia and damping of winches and ropes along{', and a sea' * (number > 0)}"
+            try:
+                found.append(self._fitted(each, self._with_nuisances(each), words, (ends[number], ends[number + 1])))
+            except DivergedFilterError:
+                continue
+        if not found:
+            return None
+        found += others
+        return min(found, key=lambda model: self._deviance_with_all_noises(model, found))
+
+    def _deviance_with_all_noises(self, own: FittedModel, every: Sequence[FittedModel]) -> float:
+        """The sum of a model's deviances with its own sea and the noise of sensors and torques of every model.
+
+        Standstill counts with none: whether it does depends on friction of the drums.
+        """
+        moving = sections_of(
+            self.logs, with_drum_friction(own.experiment, self.options.search), self.options.resampling
+        )
+        filters, total = own.method.filters_of(moving), 0.0
+        for other in every:
+            torques = {name: other.estimate.noise.process[name] for name in ("torque_1", "torque_2")}
+            noise = NoiseCovariances(other.estimate.noise.measurement, {**own.estimate.noise.process, **torques})
+            total += float(filters.deviances([own.estimate.experiment], noise)[0])
+        return total
+
+    def _fitted(
+        self,
+        experiment: Experiment,
+        unknowns: Sequence[UnknownParameter],
+        phase: str,
+        shares: tuple[float, float],
+    ) -> FittedModel:
+        sections = sections_of(self.logs, experiment, self.options.resampling)
+        method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
+        self.progress(shares[0], phase)
+        start = np.array([unknown.start for unknown in unknowns])
+        return FittedModel(experiment, method, method.run(start, part(self.progress, *shares)))
+
+
+def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:
+    """(order,) squares of the t-values of the torques of 0, 1, ... samples ago in ARX models of the load cells.
+
+    Each tension is regressed on its own last `order` values, which leaves nothing of the loop that makes the torques,
+    and on as many torques of the past. Zeros where no load cell shows it.
+    """
+    squares = np.zeros(order)
+    for section, side in product(sections, (0, 1)):
+        tension, torque = section.readings[:, READINGS.index("F1") + side], section.torques[:, side]
+        past = [np.roll(values, lag) for values in (tension, torque) for lag in range(1, order + 1)]
+        rows = np.column_stack([*past, tension])[order:]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < 10 * order or not rows[:, order].std():
+            continue
+        rows = (rows - rows.mean(axis=0)) / rows.std(axis=0)
+        r = np.asarray(np.linalg.qr(rows, mode="r"))
+        inverse = np.linalg.pinv(r[:-1, :-1])
+        coefficients = inverse @ r[:-1, -1]
+        squares += (coefficients**2 / (inverse**2).sum(axis=1))[order:] / (r[-1, -1] ** 2 / len(rows))
+    return squares
+
+
+def marginal(information: Floats, unknowns: Sequence[UnknownParameter], n: int) -> Floats:
+    """(n, n) information on the first n of some unknowns, the others unknown but for their priors."""
+    own = information[n:, n:] + np.diag([1 / each.uncertainty**2 for each in unknowns[n:]])
+    return information[:n, :n] - information[:n, n:] @ np.linalg.solve(own, information[n:, :n])

@@ -1,0 +1,74 @@
+"""What hardly any user knows: estimated along where the described experiment leaves innovations coloured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dualwinch.identification.identify import identify
+from dualwinch.identification.model_choice import torque_lags
+from dualwinch.identification.resample import sections_of
+from dualwinch.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
+from tests.identification.conftest import logged, machine
+
+KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus")
+
+OFF = {
+    "plant.winch_1.inertia": 1.95,
+    "plant.winch_2.inertia": 1.65,
+    "plant.rope_1.damping": 750.0,
+    "plant.rope_2.damping": 1250.0,
+    "plant.winch_1.coulomb_friction": 96.0,
+    "plant.winch_2.coulomb_friction": 60.0,
+    "disturbance.strouhal": 0.19,
+    "simulation.delay_samples": 2,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("described", [{}, {"disturbance.vortex": False}])
+def test_parameters_are_right_although_much_else_is_off(described: dict[str, object]) -> None:
+    right = override(machine(simulation__duration=30.0), OFF)
+    log, believed = logged(right), machine(simulation__duration=30.0)
+    found = identify([replace(log, t=log.t + 1000.0)], KEYS, override(believed, described))
+    values = leaves(right)
+    off = (found.values - [values[key] for key in found.keys]) / found.deviations
+    assert np.abs(off).max() < 3
+    assert found.converged
+    assert set(found.along) == set(OFF) - {"simulation.delay_samples"}
+    for key, (value, deviation) in found.along.items():
+        assert value == pytest.approx(values[key], abs=4 * deviation)
+    assert any("torques act 2 samples after they are logged" in note for note in found.notes)
+    assert found.experiment.simulation.delay_samples == 1, "as described"
+    assert found.experiment.disturbance.vortex == (not described)
+    assert any("vortices, which the experiment does not describe" in note for note in found.notes) == bool(described)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_the_delay_of_the_torques_is_seen_in_the_load_cells(delay: int) -> None:
+    log = logged(machine(simulation__delay_samples=delay, simulation__duration=5.0))
+    significance = torque_lags(sections_of([log], Experiment()), order=8)
+    assert np.argmax(significance) == delay
+    assert significance[delay] > 3 * np.delete(significance, delay).max()
+
+
+def test_a_log_without_load_cells_shows_no_delay() -> None:
+    log = logged(machine(simulation__duration=5.0))
+    columns = {name: values for name, values in log.columns.items() if not name.startswith("F")}
+    assert not torque_lags(sections_of([replace(log, columns=columns)], Experiment()), order=8).any()
+
+
+def test_what_is_estimated_along_is_what_no_key_names_and_the_experiment_has() -> None:
+    believed = with_drum_friction(Experiment())
+    assert believed.plant.winch_1.coulomb_friction == pytest.approx(0.02 * 0.8 * 6000)
+    keys = [each.key for each in nuisance_parameters(["plant.winch_1.inertia"], believed)]
+    assert "plant.winch_2.inertia" in keys
+    assert "plant.winch_1.inertia" not in keys
+    assert "disturbance.strouhal" not in keys
+    sea = with_sea(believed)
+    assert "disturbance.strouhal" in [each.key for each in nuisance_parameters([], sea)]
+    assert with_sea(sea) == sea
+    assert with_drum_friction(believed) == believed
