@@ -16,7 +16,7 @@ Design:
     tune, stress, race               better gains, what breaks them first, law against law
     linearise, modes, certify        linear models, margins, the paper's theorem
     identify                         a machine's parameters from its logs
-    plant, controller_function       CasADi functions; export_c, export_st, export_fmu: code from them
+    plant, controller_function       CasADi functions; export_c, export_st, generate_c, export_fmu: code
 
 Parts of your own derive from PositionLaw, Estimator, Coordination, RopeLaw, Actuator, Metric or Distribution.
 

@@ -30,6 +30,8 @@ from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from tests.codegen.export.test_package_operations import AT, kept
+from tests.codegen.export.test_package_operations import block as every
 from tests.codegen.st_evaluator import REALS, Frame, Machine
 
 ABOUT = Provenance("dualwinch 0", "sha256:0 (* *) ]]>", "2026-01-01")
@@ -157,6 +159,15 @@ def test_nothing_prepared_is_said_and_the_output_is_that_at_rest(pair) -> None:
     both.machine.call(both.st, x=both.real(1), y=both.real(1))
     assert (both.st["status"], both.st["parameter_status"]) == (2, 2)
     assert [both.st["s"], both.st["rest"]] == [each.start for each in small().outputs]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_every_operation_gives_the_bits_of_the_c_package(tmp_path: Path, precision: Precision) -> None:
+    written = {operation: function for operation, function in kept().items() if operation != ca.OP_ERFINV}
+    assert len(written) > 40
+    both = Pair(tmp_path, every(written), precision)
+    assert [both.step(values) for values in AT] == [0, 0, 0]
 
 
 @pytest.mark.slow
