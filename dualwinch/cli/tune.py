@@ -41,6 +41,8 @@ app = App(
     dualwinch tune --ensemble sea --time 60s --stress --out tuned
     dualwinch tune --ensemble sea --constraint "worst.delay_margin>=5ms" --constraint "worst.gain_margin>=6dB"
     dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
+    dualwinch tune --ensemble sea --time 10min --storage /home/me/sea.journal --shared --study sea
+    dualwinch tune --ensemble rig --trials 5000 --cluster tcp://scheduler:8786
 """,
 )
 
@@ -66,7 +68,17 @@ class StudyOptions:
         Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
     ] = None
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning"
-    workers: Annotated[int, WHOLE, Parameter(help="Processes on this machine; more than one needs a database.")] = 1
+    workers: Annotated[
+        int, WHOLE, Parameter(help="Processes on this machine; more than one needs --shared or a database.")
+    ] = 1
+    shared: Annotated[
+        bool,
+        Parameter(
+            help="Let processes on other machines join a study in a journal file in a folder that they share "
+            "(`dualwinch worker`).",
+            negative="",
+        ),
+    ] = False
     resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results")
     where: WorkerOptions = WORKERS
@@ -227,7 +239,8 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
     until = None if seconds is None else time.time() + seconds + PREPARING_SECONDS
     budget = SearchBudget(trials, until, options.rollouts)
     with made_folder(out):
-        store = open_store(options.kept_in, options.study, problem, definition, budget, resume=options.resume)
+        ways = {"resume": options.resume, "shared": options.shared}
+        store = open_store(options.kept_in, options.study, problem, definition, budget, **ways)
         with closing(store), options.where.workers(line) as workers, _workers(options, options.kept_in):
             _announce(line, problem, method, options.kept_in, store.count())
             tuned = run(
@@ -319,8 +332,10 @@ def check_options(options: StudyOptions) -> None:
         seconds_from(options.time)
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
-    if options.workers > 1 and not (options.storage and is_database(str(options.storage))):
-        raise ConfigurationError("--workers: needs a database, --storage postgresql+psycopg://USER@HOST/DATABASE")
+    if options.workers > 1 and not (options.shared or is_database(options.kept_in)):
+        raise ConfigurationError(
+            "--workers: needs --shared, or a database, --storage postgresql+psycopg://USER@HOST/DATABASE"
+        )
     check_storage(options.kept_in)
 
 

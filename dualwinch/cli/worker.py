@@ -1,4 +1,4 @@
-"""``dualwinch worker``: join a study that is kept in a database, and evaluate candidates until it is over."""
+"""``dualwinch worker``: join a study in a database or a shared file, and evaluate candidates until it is over."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ app = App(
     help_epilogue="""Examples:
 
     dualwinch worker --storage postgresql+psycopg://me@host/studies --study sea
+    dualwinch worker --storage /home/me/sea.journal --study sea
     DUALWINCH_STORAGE=postgresql+psycopg://me:secret@host/studies dualwinch worker --study sea
 """,
 )
@@ -25,13 +26,17 @@ app = App(
 def worker(
     *,
     storage: Annotated[
-        str | None, Parameter(help="postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE")
+        str | None,
+        Parameter(
+            help="postgresql+psycopg://USER@HOST/DATABASE, or the journal file of `dualwinch tune --shared`.",
+            env_var="DUALWINCH_STORAGE",
+        ),
     ] = None,
     study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
     threads: Annotated[int | None, WHOLE, Parameter(help="Threads (default: one per core).")] = None,
     plugin: Plugins = None,
 ) -> None:
-    """Join a study that `dualwinch tune` has started in a database, and work on it until it ends.
+    """Join a study that `dualwinch tune` has started in a database or a shared file, and work on it until it ends.
 
     Your own parts are imported from where they were when the study was started. On another machine, or if they have
     moved, --plugin says where they are; they must be unchanged.
@@ -42,25 +47,26 @@ def worker(
         from dualwinch.tuning.scoring.evaluation import Evaluator
         from dualwinch.tuning.scoring.progress import SEARCHING, TuningProgress
         from dualwinch.tuning.scoring.training_set import prepare
-        from dualwinch.tuning.storage.connection import check_storage, is_database, quiet, shown
-        from dualwinch.tuning.storage.database import DatabaseStudy
+        from dualwinch.tuning.storage.connection import is_database, shown
+        from dualwinch.tuning.storage.opening import join_store
         from dualwinch.tuning.storage.parts import recall
         from dualwinch.tuning.study import search
         from dualwinch.tuning.tuning_problem import problem_from
 
         use_parts(plugin)
-        if storage is None or not is_database(storage):
-            raise ConfigurationError("--storage: must be a database, postgresql+psycopg://USER@HOST/DATABASE")
+        if storage is None:
+            raise ConfigurationError(
+                "--storage: must be a database, postgresql+psycopg://USER@HOST/DATABASE, or the file of a shared study"
+            )
         if threads is not None and threads < 1:
             raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
-        check_storage(storage)
-        quiet()
-        with closing(DatabaseStudy.join(storage, study)) as store:
+        with closing(join_store(storage, study)) as store:
             definition = store.definition
             recall(study, definition.get("parts", []))
             problem = problem_from(definition)
             status = TuningProgress(line, problem.objectives)
-            line.say(f"working on '{study}' in {shown(storage)}, {store.count()} trials so far")
+            kept = shown(storage) if is_database(storage) else storage
+            line.say(f"working on '{study}' in {kept}, {store.count()} trials so far")
             prepared = prepare(problem, threads, status)
             proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
             evaluator = Evaluator(prepared, workers=threads)

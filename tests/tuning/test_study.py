@@ -1,5 +1,6 @@
 """Studies in a journal: budget, first trials, resuming, refusals, and what a killed process leaves."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import optuna
@@ -14,8 +15,8 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import SelectionConfig
-from dualwinch.tuning.storage.opening import open_store
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
+from dualwinch.tuning.storage.opening import join_store, open_store
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import definition_of, problem_from
 from tests.tuning.conftest import MakeProblem
@@ -89,6 +90,38 @@ def test_another_problem_is_refused_and_the_difference_is_said(make_problem: Mak
     (tmp_path / "text").write_text("hello\n")
     with pytest.raises(ConfigurationError, match="no journal of a study"):
         studied(make_problem(), tmp_path / "text", 1)
+
+
+def test_processes_share_a_study_in_a_file(make_problem: MakeProblem, tmp_path: Path) -> None:
+    """Each trial counts once, each process learns of the others', and no one has the file for itself meanwhile."""
+    problem, file = make_problem(scenarios=1), tmp_path / "shared"
+    definition = definition_of(problem, "random")
+    with pytest.raises(ConfigurationError, match="is not there; `dualwinch tune --shared` begins"):
+        join_store(str(file), "s")
+    first = open_store(str(file), "s", problem, definition, SearchBudget(40), resume=False, shared=True)
+    with pytest.raises(ConfigurationError, match="--study other: is not there; there are: s"):
+        join_store(str(file), "other")
+    second = join_store(str(file), "s")
+    assert problem_from(second.definition) == problem
+    with pytest.raises(ConfigurationError, match="begin a study of several processes with --shared"):
+        studied(problem, file, 8, resume=True)
+    prepared = prepare(problem)
+
+    def work(store: StudyStorage, seed: int) -> int:
+        return search("random", optimiser("random", prepared, seed), store, Evaluator(prepared)).trials
+
+    with ThreadPoolExecutor(2) as pool:
+        seen = list(pool.map(work, (first, second), (1, 2)))
+    found = first.finished()
+    assert [trial.number for trial in found] == list(range(len(found)))
+    assert len(found) == 40
+    assert max(seen) >= 40
+    assert {trial.candidate.origin for trial in found} == {"paper", "random"}
+    first.set_budget(SearchBudget(41, 7.0))
+    assert second.budget() == SearchBudget(41, 7.0)
+    first.close()
+    second.close()
+    assert len(studied(problem, file, 44, method="random", resume=True)) == 44
 
 
 def test_a_worker_reads_the_same_problem_from_the_definition(make_problem: MakeProblem) -> None:

@@ -1,25 +1,33 @@
-"""A study in a journal file, as Optuna reads it: one process writes it, a batch of trials at a time.
+"""A study in a journal file, as Optuna reads it: one process writes it, a batch of trials at a time, or several do.
 
 A trial is one line, written when it is finished, so that an interrupted batch leaves nothing behind. Lines go to the
 disk once a batch, and reading is never repeated: what a trial costs does not depend on how many there are.
+
+In a folder that machines share, processes on all of them may work on a study (`SharedJournalStudy`); Optuna's lock
+keeps their lines apart. Only finished trials are written: a worker that dies takes its batch alone with it.
 """
 
 import fcntl
 import json
+import os
+import secrets
 import signal
+import socket
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
 import optuna
-from optuna.storages.journal import JournalFileBackend
+from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
-from dualwinch.tuning.storage.record import DEFINITION, begun, check_resume, evaluation_of, finished_trial
+from dualwinch.tuning.space import Space, space_from
+from dualwinch.tuning.storage.record import BUDGET, DEFINITION, begun, check_resume, evaluation_of, finished_trial
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
@@ -103,6 +111,126 @@ class JournalStudy(StudyStorage):
         self._lock.close()
 
 
+WORKER = "worker"
+"""User attribute of a trial: which process has evaluated it."""
+
+
+class SharedJournalStudy(StudyStorage):
+    """The storage of a study in a file, as one of the processes sees it that work on the study."""
+
+    def __init__(self, path: Path, study: str, lock: IO[bytes], space: Space) -> None:
+        """A process's view of a study that exists, with its lock on the file; see `begin` and `join`."""
+        super().__init__()
+        self._path, self._lock, self._space = path, lock, space
+        self._study = optuna.load_study(study_name=study, storage=_storage(path))
+        self._name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
+        self._reported = set[int]()
+
+    @classmethod
+    def begin(
+        cls,
+        path: Path,
+        study: str,
+        problem: TuningProblem,
+        definition: Mapping[str, Any],
+        budget: SearchBudget,
+        *,
+        resume: bool,
+    ) -> "SharedJournalStudy":
+        """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
+        with suppress(ConfigurationError), _locked(path):  # else others are at work on it
+            _mend(path)
+        lock = _locked(path, shared=True)
+        try:
+            there = begun(study, _storage(path), problem, definition, budget)
+            check_resume(study, len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
+        except BaseException:
+            lock.close()
+            raise
+        there.set_user_attr(BUDGET, asdict(budget))
+        return cls(path, study, lock, problem.space)
+
+    @classmethod
+    def join(cls, path: Path, study: str) -> "SharedJournalStudy":
+        """Join a study that exists.
+
+        Raises:
+            ConfigurationError: there is no such study, or one process has the file for itself.
+        """
+        if not path.is_file():
+            raise ConfigurationError(f"--storage {path}: is not there; `dualwinch tune --shared` begins a study in it")
+        lock = _locked(path, shared=True)
+        known = {there.study_name: there.user_attrs for there in _storage(path).get_all_studies()}
+        definition = known.get(study, {}).get(DEFINITION)
+        if definition is None:
+            lock.close()
+            raise ConfigurationError(f"--study {study}: is not there; there are: {', '.join(sorted(known)) or 'none'}")
+        return cls(path, study, lock, space_from(definition["space"]))
+
+    @property
+    def definition(self) -> dict[str, Any]:
+        """What is tuned."""
+        return self._study.user_attrs[DEFINITION]
+
+    def finished(self) -> list[Evaluation]:
+        """Every finished trial; `news` does not repeat them."""
+        return [evaluation_of(trial) for trial in self._unreported(self._trials(), anew=True)]
+
+    def news(self) -> list[Evaluation]:
+        """Trials that other processes have finished since the last call."""
+        unreported = self._unreported(self._trials())
+        return [evaluation_of(trial) for trial in unreported if trial.user_attrs.get(WORKER) != self._name]
+
+    def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
+        """Write finished trials, no more than there shall be; an interrupt waits for that."""
+        budget, trials = self.budget(), [finished_trial(evaluation, self._space) for evaluation in evaluations]
+        with _uninterrupted(), self._finishing():
+            left = None if budget.trials is None else max(0, budget.trials - self.count())
+            for trial in trials[:left]:
+                trial.set_user_attr(WORKER, self._name)
+                self._study.add_trial(trial)
+
+    @contextmanager
+    def _finishing(self) -> Iterator[None]:
+        """Nobody else finishes trials in here; a lock that a dead process has left is broken after half a minute."""
+        lock = JournalFileOpenLock(f"{self._path}.finish")
+        lock.acquire()
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def count(self) -> int:
+        """Number of finished trials."""
+        return len(self._trials())
+
+    def budget(self) -> SearchBudget:
+        """The study's budget as it stands in the file."""
+        return SearchBudget(**self._study.user_attrs[BUDGET])
+
+    def set_budget(self, budget: SearchBudget) -> None:
+        """Change the study's budget, for all processes."""
+        self._study.set_user_attr(BUDGET, asdict(budget))
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._lock.close()
+
+    def _trials(self) -> list[optuna.trial.FrozenTrial]:
+        return self._study.get_trials(deepcopy=False, states=FINISHED)
+
+    def _unreported(
+        self, trials: Sequence[optuna.trial.FrozenTrial], *, anew: bool = False
+    ) -> list[optuna.trial.FrozenTrial]:
+        found = [trial for trial in trials if anew or trial.number not in self._reported]
+        self._reported |= {trial.number for trial in found}
+        return found
+
+
+def _storage(path: Path) -> optuna.storages.JournalStorage:
+    return optuna.storages.JournalStorage(JournalFileBackend(str(path)))
+
+
 def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
     """What a study in a file was begun with; ``None`` where there is no such study."""
     if not path.is_file() or not path.stat().st_size:
@@ -114,18 +242,19 @@ def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
     return known.get(study, {}).get(DEFINITION)
 
 
-def _locked(path: Path) -> IO[bytes]:
-    """The file, held by this process alone until it is closed or the process ends."""
+def _locked(path: Path, *, shared: bool = False) -> IO[bytes]:
+    """The file, locked until it is closed or the process ends: for this process alone, or for those that share it."""
     try:
         handle = path.open("ab")
     except OSError as error:
         raise ConfigurationError(f"--storage {path}: cannot be written ({error.strerror})") from error
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError:
         handle.close()
         raise ConfigurationError(
-            f"--storage {path}: another process is writing it; a study of several processes needs a database"
+            f"--storage {path}: another process is writing it; begin a study of several processes with --shared, or in "
+            "a database"
         ) from None
     return handle
 

@@ -217,7 +217,7 @@ def test_times(text: str, seconds: float) -> None:
         (["--time", "soon"], "--time soon: must be a time such as 60s"),
         (["--time", "0s"], "--time 0s"),
         (["--trials", "0"], "--trials 0: must be a whole number >= 1"),
-        (["--workers", "2"], "--workers: needs a database"),
+        (["--workers", "2"], "--workers: needs --shared, or a database"),
         (["--scenarios", "3"], "--scenarios: needs --ensemble"),
         (["--ensemble", "sea", "--scenarios", "0"], "--scenarios 0: must be a whole number >= 1"),
         (["--seed", "-1"], "--seed -1: must be a whole number >= 0"),
