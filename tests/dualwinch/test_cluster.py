@@ -212,3 +212,27 @@ def test_a_race_with_a_worker_killed_equals_that_of_one_process_in_every_digit(
     assert table_of(out) == here
     ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
     assert without_time(ours) == without_time(theirs)
+
+
+@pytest.mark.slow
+def test_a_tuning_by_an_executor_finds_the_same_gains_and_workers_share_a_file(
+    dask: DaskProcesses, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["tune", "--ensemble", "sea", "--set", "simulation.duration=1", "--trials", "48"]
+    main([*words, "--out", str(tmp_path / "here")])
+    main([*words, "--out", str(tmp_path / "there"), "--cluster", dask.address])
+    best = [(tmp_path / name / "best.toml").read_text().splitlines() for name in ("here", "there")]
+    ours, theirs = ([line for line in text if not line.startswith("#")] for text in best)
+    assert ours == theirs
+    shared = str(tmp_path / "shared.journal")
+    ran = command(*words, "--storage", shared, "--shared", "--out", str(tmp_path / "shared"), "--method", "random")
+    for _ in range(600):
+        if Path(shared).is_file() and "dualwinch definition" in Path(shared).read_text():
+            break
+        time.sleep(0.05)
+    capsys.readouterr()
+    main(["worker", "--storage", shared])
+    assert "the study is over: " in capsys.readouterr().err
+    ran.communicate(timeout=120)
+    assert ran.returncode == 0
+    assert len(json.loads((tmp_path / "shared" / "study.json").read_text())["trials"]["number"]) == 48

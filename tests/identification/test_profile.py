@@ -14,6 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
+from tests.simulation.batch.test_workers import Remote
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient")
 
@@ -43,6 +44,19 @@ def test_searches_from_several_starts_come_to_one_optimum(found: IdentificationR
     assert optimum.searches == 3
     assert optimum.deviance == 0
     np.testing.assert_allclose(optimum.values, found.values)
+
+
+@pytest.mark.slow
+def test_starts_and_profiles_by_an_executor_are_the_same_bits(found: IdentificationResult) -> None:
+    right, executor = machine(), Remote()
+    believed = override(right, {"plant.vehicle.mass": 1.1e4})
+    profiled = {"profiles": ["plant.vehicle.mass"], "starts": 3, "seed": 4}
+    there = identify([logged(right)], KEYS, believed, workers=executor, **profiled)
+    assert len(executor.sent) == 3, "two further starts and the profile"
+    assert there.values.tolist() == found.values.tolist()
+    assert there.covariance.tolist() == found.covariance.tolist()
+    assert there.profiles[0].rise.tolist() == found.profiles[0].rise.tolist()
+    assert there.optima == found.optima
 
 
 def test_optima_that_differ_are_two() -> None:

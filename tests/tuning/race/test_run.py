@@ -1,5 +1,6 @@
 """A small race: the same whoever interrupts it, its numbers those of a comparison, and no one below the least error."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem
 from dualwinch.tuning.benchmark.race import run_race
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import COSTS
+from tests.simulation.batch.test_workers import Remote
 from tests.tuning.race.conftest import MakeRace
 
 
@@ -67,6 +69,28 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
     again = run_race(entrants, terms, folder=tmp_path / "part")
     assert run == ["adrc"]
     assert numbers(again) == numbers(whole), "the whole is without a folder"
+
+
+@pytest.mark.slow
+def test_a_race_by_an_executor_is_that_of_this_process_and_two_processes_share_a_folder(
+    finished: Finished, tmp_path: Path
+) -> None:
+    entrants, terms, whole = finished.entrants, finished.terms, finished.found
+    assert numbers(run_race(entrants, terms, workers=Remote())) == numbers(whole)
+    run = list[str]()
+
+    def racing(name: str) -> BenchmarkResult:
+        def told(share: float, words: str) -> None:  # noqa: ARG001
+            if words.endswith("searching"):
+                run.append(f"{name}: {words}")
+
+        return run_race(entrants, terms, folder=tmp_path, told=told)
+
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(racing, ("one", "two")))
+    assert [numbers(each) for each in found] == [numbers(whole)] * 2
+    assert len(set(run)) == len(entrants), "each was searched by one of them"
+    assert sorted(file.suffix for file in (tmp_path / "entries").iterdir()) == [".json"] * 3
 
 
 def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace, tmp_path: Path) -> None:
