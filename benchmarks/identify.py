@@ -83,7 +83,7 @@ def invisible(log: Log, truth: Experiment, unknowns: tuple[UnknownParameter, ...
     return set(hardly) | {key for each in unidentifiable_directions(information, unknowns) for key in each.keys}
 
 
-def table(records: list[dict[str, Any]]) -> str:
+def table(records: list[dict[str, Any]], duration: float = DURATION) -> str:
     """The table of all logs: of each number how often its interval held the truth."""
     fitted = [record for record in records if "numbers" in record]
     keys = list(dict.fromkeys(key for record in fitted for key in record["numbers"]))
@@ -113,10 +113,10 @@ def table(records: list[dict[str, Any]]) -> str:
     ]
     seconds = float(np.median([record["seconds"] for record in fitted])) if fitted else float("nan")
     refused, settled = len(records) - len(fitted), sum(record["converged"] for record in fitted)
-    notes = (
-        f"{len(records)} logs of {DURATION:g} s, {refused} refused, {settled} converged, {seconds:.3g} s a log "
-        f"(median). Parameters that their log does not determine: {unseen}, of which named: {named}."
-    )
+    notes = f"{len(records)} logs of {duration:g} s, {refused} refused, {settled} converged, {seconds:.3g} s a log"
+    notes += " (median)."
+    if unseen:
+        notes += f" Parameters that their log does not determine: {unseen}, of which named: {named}."
     return f"{markdown(headings, rows)}\n\n*{notes}*"
 
 

@@ -33,6 +33,7 @@ from dualwinch.identification.unknowns import (
     problem_of,
     unknown_parameters,
 )
+from dualwinch.identification.vortices import with_vortex_origin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, threads_of
@@ -124,7 +125,8 @@ def identify(
     for log in given:
         check_log(log, experiment, options.plausibility)
     gap, least_rows = options.resampling.longest_gap, options.resampling.least_rows
-    found = [part for log in given for part in log.from_zero().between_gaps(gap, least_rows)]
+    given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
+    found = [part for log in given for part in log.between_gaps(gap, least_rows)]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
 
     def of_first(fraction: float, phase: str = "", status: str = "") -> None:

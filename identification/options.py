@@ -128,6 +128,24 @@ class SearchOptions:
 
 
 @dataclass(frozen=True)
+class VortexOptions:
+    """The search for the time origin of vortices in a log that begins under way."""
+
+    smoothing: Annotated[Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")] = 0.3
+    reach: Annotated[Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
+    spacing: Annotated[Positive, Quantity("s", "time between the rows of the regression")] = 0.2
+    least_rows: Annotated[Count, Quantity("1", "rows of motion below which there is none")] = 25
+    most_rows: Annotated[Count, Quantity("1", "first rows of motion that are used")] = 500
+    longest_before: Annotated[Positive, Quantity("s", "longest time before the log that is looked at")] = 120.0
+    phase_step: Annotated[Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
+    strouhal_share: Annotated[Share, Quantity("1", "range of the Strouhal number, over it, to each side")] = 0.2
+    strouhal_points: Annotated[Count, Quantity("1", "Strouhal numbers in it")] = 41
+    least_gain: Annotated[
+        Share, Quantity("1", "squares left over those with the first row as origin, from which down one is taken")
+    ] = 0.8
+
+
+@dataclass(frozen=True)
 class DiagnosticsOptions:
     """What is reported of an estimate."""
 
@@ -205,6 +223,7 @@ class EstimationOptions:
     initial_state: InitialStateOptions = field(default_factory=InitialStateOptions)
     noise: NoiseOptions = field(default_factory=NoiseOptions)
     search: SearchOptions = field(default_factory=SearchOptions)
+    vortices: VortexOptions = field(default_factory=VortexOptions)
     diagnostics: DiagnosticsOptions = field(default_factory=DiagnosticsOptions)
     plausibility: PlausibilityOptions = field(default_factory=PlausibilityOptions)
     excitation: ExcitationOptions = field(default_factory=ExcitationOptions)

@@ -35,6 +35,18 @@ SENSED = {
 }
 """Input of a controller → where the machine has it."""
 
+DRAWN = (
+    "plant.vehicle.mass",
+    "plant.vehicle.drag_coefficient",
+    "plant.vehicle.friction_coefficient",
+    "plant.rope_1.modulus",
+    "plant.rope_2.modulus",
+)
+"""What a log begins with."""
+
+LOGGED = ("t", "x", "v", "F1", "F2", "theta_1", "theta_2", "tau_1", "tau_2")
+"""Columns of a log."""
+
 Settings: TypeAlias = Callable[[int], Mapping[str, float]]
 
 
@@ -151,18 +163,31 @@ class Judge:
         """
 
         def one(seed: int) -> list[float]:
-            given = settings(seed)
-            preload = given.get("controller_coordination_preload", self._preload)
-            command = [str(self._program), str(seed), "1", str(preload), *conditions.arguments]
-            command += [f"{name}={value!r}" for name, value in given.items()]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise ValueError(done.stderr.strip())
-            return [float(word) for word in done.stdout.split()]
+            return [float(word) for word in self._run(conditions, seed, settings(seed)).stdout.split()]
 
         with ThreadPoolExecutor(cores()) as pool:
             rows = list(pool.map(one, seeds))
         return Runs(*np.array(rows).T)
+
+    def log(
+        self, conditions: Conditions, seed: int, given: Mapping[str, float], every: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What was drawn of the five `DRAWN`, and (rows, `LOGGED`) a log of the run, every so many samples.
+
+        Raises:
+            ValueError: there is no such effect or parameter.
+        """
+        drawn, *rows = self._run(conditions, seed, {**given, "log": float(every)}).stderr.splitlines()
+        return np.array(drawn.split(","), float), np.array([row.split(",") for row in rows], float)
+
+    def _run(self, conditions: Conditions, seed: int, given: Mapping[str, float]) -> subprocess.CompletedProcess[str]:
+        preload = given.get("controller_coordination_preload", self._preload)
+        command = [str(self._program), str(seed), "1", str(preload), *conditions.arguments]
+        command += [f"{name}={value!r}" for name, value in given.items()]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise ValueError(done.stderr.strip())
+        return done
 
 
 def _header(law: Block) -> str:

@@ -6,7 +6,8 @@
    effects.h, of the controller's parameters, or of `struct extent`. A line for each run: samples, samples whose readings
    the controller refused, mean square error (m^2), largest error (m), largest tension (N), smallest (N), chatter (N),
    samples with a slack rope, largest net force that the reference asks for (N), smallest torque between the gearboxes'
-   teeth, at the drum (N m; 0 without). */
+   teeth, at the drum (N m; 0 without). With log=N also, on stderr, what was drawn of mass, drag, friction and moduli, and
+   of every N samples what a data logger records: t, x, v, F1, F2, theta_1, theta_2 and the commands tau_1, tau_2. */
 
 #include <stdint.h>
 #include <stdio.h>
@@ -126,9 +127,10 @@ static double needed(const struct machine *m, const double *wanted, const struct
          HALF_WATER * m->drag * (through * fabs(through) + VORTICES * v * v);
 }
 
-/* Of a run: a line for every so many samples (0: none), and the error in m at which it is lost and ends. */
+/* Of a run: a line for every so many samples (0: none), of a trace or of what a data logger records, and the error in m
+   at which it is lost and ends. */
 struct extent {
-  long trace;
+  long trace, log;
   double give_up;
 };
 
@@ -195,6 +197,9 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
   for (int n = 0; n <= LONGEST_DELAY; n++) queue[n][0] = queue[n][1] = resting;
   current = m.current_sigma * normal(), load = m.load_sigma * normal();
 
+  if (extent->log)
+    fprintf(stderr, "%.17g,%.17g,%.17g,%.17g,%.17g\n", m.mass, m.drag, m.friction, m.winch[0].modulus, m.winch[1].modulus);
+
   for (k = 0; k < samples; k++) {
     double t = (double)k * sample + late, off = m.bias + m.drift * drift, next_late, tension[2], error;
     pull(&m, t, state, &forces);
@@ -242,6 +247,9 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
       fprintf(stderr, "%.4f %.7g %.7g %.7g %.7g %.7g %.7g %.7g %.7g\n", t, error, state[V] - wanted[1], tension[0],
               tension[1], held.asked[0], held.asked[1], (double)output.u_sat, sensed.x - state[X]);
     for (int i = 0; i < 2; i++) held.asked[i] = rounded(held.asked[i], m.is.torque_step);
+    if (extent->log && k % extent->log == 0)
+      fprintf(stderr, "%.4f,%.6f,%.6f,%.3f,%.3f,%.9f,%.9f,%.6f,%.6f\n", (double)k * sample, sensed.x, sensed.v,
+              sensed.F[0], sensed.F[1], sensed.theta[0], sensed.theta[1], held.asked[0], held.asked[1]);
     memmove(queue[1], queue[0], LONGEST_DELAY * sizeof queue[0]);
     memcpy(queue[0], held.asked, sizeof held.asked);
     memcpy(held.asked, queue[how->delay], sizeof held.asked);
@@ -279,6 +287,7 @@ static int set(const char *text, struct effects *effects, dualwinch_controller_p
   double value = sign ? atof(sign + 1) : 0.0;
   if (!sign) return 0;
   if (strncmp(text, "trace=", 6) == 0) return extent->trace = lround(value), 1;
+  if (strncmp(text, "log=", 4) == 0) return extent->log = lround(value), 1;
   if (strncmp(text, "give_up=", 8) == 0) return extent->give_up = value, 1;
   return set_effect(effects, text, length, value) || set_parameter(parameters, text, length, value);
 }
@@ -286,7 +295,7 @@ static int set(const char *text, struct effects *effects, dualwinch_controller_p
 int main(int count, char **texts) {
   struct conditions how;
   struct effects effects = NO_EFFECTS;
-  struct extent extent = {0, INFINITY};
+  struct extent extent = {0, 0, INFINITY};
   dualwinch_controller_parameters parameters;
   if (count < 11) return 2;
   how = read_conditions(texts + 3);

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.independent.__main__ import judged, main
-from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
+from benchmarks.independent.identified import gains_of
+from benchmarks.independent.judge import LOGGED, SAMPLES, Conditions, Judge, Runs
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.experiment import Experiment
@@ -42,6 +43,15 @@ def test_in_a_calm_sea_it_goes_where_simulate_says(paper: Judge) -> None:
     assert ours.peak_tension == pytest.approx(theirs.peak_tension, rel=1e-6)
     assert ours.min_tension == pytest.approx(theirs.min_tension, rel=1e-6)
     assert ours.chatter == pytest.approx(theirs.chatter, rel=1e-5)
+
+
+def test_a_log_has_what_a_data_logger_records(paper: Judge) -> None:
+    drawn, rows = paper.log(Conditions(imperfect=0.0, outage_length=0.0), 1, gains_of(1), every=1000)
+    assert rows.shape == (50, len(LOGGED))
+    np.testing.assert_allclose(rows[:, 0], np.arange(50.0))
+    assert abs(rows[30, 1] - 37.0) < 5.0, "under way to 46.8 m"
+    nominal = np.array([1e4, 0.3, 0.1, 80e9, 80e9])
+    np.testing.assert_array_less(np.abs(drawn / nominal - 1), [0.1, 0.2, 0.5, 0.1, 0.1])
 
 
 @pytest.mark.slow

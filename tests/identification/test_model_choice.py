@@ -9,6 +9,7 @@ from dualwinch.identification.identify import identify
 from dualwinch.identification.model_choice import torque_lags
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
+from dualwinch.identification.vortices import with_vortex_origin
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -59,6 +60,29 @@ def test_a_log_without_load_cells_shows_no_delay() -> None:
     log = logged(machine(simulation__duration=5.0))
     columns = {name: values for name, values in log.columns.items() if not name.startswith("F")}
     assert not torque_lags(sections_of([replace(log, columns=columns)], Experiment()), order=8).any()
+
+
+def test_a_log_cut_out_of_a_run_has_the_time_of_its_vortices() -> None:
+    log = logged(machine(disturbance__strouhal=0.19, simulation__duration=35.0))
+    for begins in (5.0, 12.0):
+        cut = log.rows(log.t >= begins).from_zero()
+        found = with_vortex_origin(cut, machine())
+        assert found.t[0] == pytest.approx(begins, abs=0.8), "within what another Strouhal number makes up for"
+        assert "begins under way" in found.notes[-1]
+    assert with_vortex_origin(log, machine()) is log, "it begins at rest"
+    calm = logged(machine(disturbance__vortex=False))
+    calm = calm.rows(calm.t >= 7).from_zero()
+    assert with_vortex_origin(calm, machine(disturbance__vortex=False)).t[0] == 0
+
+
+@pytest.mark.slow
+def test_a_log_cut_out_of_a_run_gives_right_parameters() -> None:
+    right = machine(simulation__duration=40.0)
+    log = logged(right)
+    found = identify([log.rows(log.t >= 12)], KEYS, override(right, {"plant.vehicle.mass": 1.05e4}))
+    off = (found.values - [leaves(right)[key] for key in found.keys]) / found.deviations
+    assert np.abs(off).max() < 3
+    assert any("begins under way" in note for note in found.notes)
 
 
 def test_what_is_estimated_along_is_what_no_key_names_and_the_experiment_has() -> None:
