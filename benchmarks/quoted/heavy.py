@@ -121,7 +121,10 @@ SHARP = {"controller.nftsm.phi": 0.05}
 
 
 def preloads() -> str:
-    """How stiff sagging ropes are under a preload, and how often one goes all but slack with precise gains."""
+    """How stiff sagging ropes are under a preload, and how often one goes all but slack with precise gains.
+
+    Spans of s swing at sqrt(T/m)/2s, with the rope's mass and that of the water that moves with it.
+    """
     problem = tuning_problem(ensemble="site")
     if problem.ensemble is None:
         raise ValueError("a tuning in site has an ensemble")
@@ -134,9 +137,25 @@ def preloads() -> str:
         gains = dw.override(own, SHARP | {"controller.coordination.preload": preload})
         result = dw.run_ensemble(replace(problem.ensemble, experiment=gains), DRAWS, seed=DRAWN_WITH)
         stiff = [ernst_factor(rope.submerged_weight, span, preload / 2, rope.modulus * rope.area) for span in (1, 2)]
+        across = rope.mass_per_length + rope.added_mass_per_length
+        swing = math.sqrt(preload / 2 / across) / (2 * 2)
         slack = int((np.asarray(result.metrics["min_tension"]) < allowed).sum())
         error = 1e3 * math.sqrt(np.nanmedian(result.metrics["mse"]))
         more = np.nanmean(result.metrics["continuous_load"]) / load
-        rows.append([f"{preload:g}", *(f"{share:.2f}" for share in stiff), str(slack), f"{error:.2f}", f"{more:.2f}"])
-    heading = ["stiffness left, rollers of 1 m", "of 2 m", f"of {DRAWS} draws below {allowed:g} N"]
+        rows.append(
+            [
+                f"{preload:g}",
+                *(f"{share:.2f}" for share in stiff),
+                f"{swing:.1f}",
+                str(slack),
+                f"{error:.2f}",
+                f"{more:.2f}",
+            ]
+        )
+    heading = [
+        "stiffness left, rollers of 1 m",
+        "of 2 m",
+        "spans of 2 m swing at (Hz)",
+        f"of {DRAWS} draws below {allowed:g} N",
+    ]
     return markdown(["preload (N)", *heading, "median RMS (mm)", "continuous load over the paper's"], rows)
