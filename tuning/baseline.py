@@ -90,8 +90,8 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
     Where ropes have mass, gears give or winches are heavy: damping of the drums that nearly matches the wave impedance
-    of the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance in
-    place of the law's observer. Its gain stands in the loop gain at the drums' resonance
+    of the ropes (`controllers.coordinations.winch_pid`), more preload, a thinner boundary layer, and the filter's
+    estimate of the disturbance in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
     (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. Beside
     these, deviations for what the self-calibrating filter learns.
     """
@@ -100,7 +100,11 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     if swings(plant):
         beliefs["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
         if "controller.kalman.compensation" in known:
-            beliefs |= {"controller.kalman.compensation": 1.0, "controller.observer.l0": SLOW_OBSERVER}
+            beliefs |= {
+                "controller.kalman.compensation": 1.0,
+                "controller.observer.l0": SLOW_OBSERVER,
+                "controller.nftsm.phi": THIN_LAYER,
+            }
     for side in plant.sides if swings(plant) else ():
         length = plant.track.length / 2 + plant.track.rope_offset
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
@@ -128,6 +132,9 @@ MORE_PRELOAD = 1.75
 
 SLOW_OBSERVER = 0.2
 """Constant part of the gain in 1/s of an observer to which the filter leaves nothing to observe."""
+
+THIN_LAYER = 0.05
+"""Boundary layer in m of a law to which the filter passes hardly any noise: ten times as steep as the paper's."""
 
 SAG_DEVIATION = 0.7
 """Share by which sags are believed to differ: spacings of rollers by a third."""

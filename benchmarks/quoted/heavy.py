@@ -116,12 +116,9 @@ PRELOADS = (2000.0, 2600.0, 3000.0, 3500.0, 4000.0)
 DRAWS, DRAWN_WITH = 400, 6
 """Draws of `site` and their seed."""
 
-SHARP = {"controller.nftsm.phi": 0.05}
-"""What makes the gains that a search in `site` begins with precise."""
-
 
 def preloads() -> str:
-    """How stiff sagging ropes are under a preload, and how often one goes all but slack with precise gains.
+    """How stiff sagging ropes are under a preload, and how often one goes all but slack.
 
     Spans of s swing at sqrt(T/m)/2s, with the rope's mass and that of the water that moves with it.
     """
@@ -134,7 +131,7 @@ def preloads() -> str:
     reference = dw.run_ensemble(replace(problem.ensemble, experiment=paper), DRAWS, seed=DRAWN_WITH)
     load, rows = np.nanmean(reference.metrics["continuous_load"]), []
     for preload in PRELOADS:
-        gains = dw.override(own, SHARP | {"controller.coordination.preload": preload})
+        gains = dw.override(own, {"controller.coordination.preload": preload})
         result = dw.run_ensemble(replace(problem.ensemble, experiment=gains), DRAWS, seed=DRAWN_WITH)
         stiff = [ernst_factor(rope.submerged_weight, span, preload / 2, rope.modulus * rope.area) for span in (1, 2)]
         across = rope.mass_per_length + rope.added_mass_per_length
