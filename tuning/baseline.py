@@ -91,9 +91,9 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
 
     Where ropes have mass, gears give or winches are heavy: damping of the drums that nearly matches the wave impedance
     of the ropes (`controllers.coordinations.winch_pid`), more preload, a thinner boundary layer, and the filter's
-    estimate of the disturbance in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
-    (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. Beside
-    these, deviations for what the self-calibrating filter learns.
+    estimate of the disturbance in place of the law's observer. The observer's gain stands in the loop gain at the
+    drums' resonance (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance
+    there. Beside these, deviations for what the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
