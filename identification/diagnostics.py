@@ -129,6 +129,10 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     }
 
 
+class UnrecordedForceError(ConfigurationError):
+    """A fit needs a large force that is not recorded: the model lacks a sea, or the log is of another machine."""
+
+
 def check_fit(
     estimate: ParameterEstimate,
     sections: Sequence[LogSection],
@@ -142,8 +146,9 @@ def check_fit(
         Notes on disturbances above ``options.plausibility.unrecorded`` but below `unrecorded`, if that is given.
 
     Raises:
-        ConfigurationError: unrecorded torques or forces as large as recorded ones, or noise of a sensor that is far
-            larger than its own jumps.
+        UnrecordedForceError: unrecorded forces as large as recorded ones.
+        ConfigurationError: unrecorded torques as large as recorded ones, or noise of a sensor that is far larger than
+            its own jumps.
     """
     plausibility, name = options.plausibility, sections[0].name
     most = plausibility.unrecorded if unrecorded is None else unrecorded
@@ -166,7 +171,8 @@ def check_fit(
     for words, share in excess.items():
         if share > most:
             accept = f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless else ""
-            raise ConfigurationError(f"{name}: {words}: {unlike}{accept}")
+            refused = UnrecordedForceError if "unrecorded force" in words else ConfigurationError
+            raise refused(f"{name}: {words}: {unlike}{accept}")
     jumps = noise_by_differences(readings, options.noise)
     ratios = np.sqrt(estimate.noise.measurement) / jumps
     for index, reading in enumerate(READINGS):
@@ -186,10 +192,9 @@ def other_reasons(
     """What else may be behind torques that do not explain the readings."""
     changes = [np.diff(section.torques, axis=0) for section in sections]
     every = np.concatenate(changes)
-    size = np.sqrt(np.mean(np.concatenate([section.torques for section in sections]) ** 2))
     moved = every[every.any(axis=1)]
     samples = len(every) / max(len(moved), 1)
-    if samples > options.other_scale * 0.75 and np.sqrt(np.mean(moved**2)) > options.unrecorded * size:
+    if samples > options.other_scale * 0.75:
         step = 1e3 * samples * experiment.simulation.sample_time
         return f"or its torques change faster than they were logged, every {step:.3g} ms: log every command"
     cells = [READINGS.index(name) for name in ("F1", "F2")]

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.diagnostics import WhitenessTest, whiteness_tests
+from dualwinch.identification.diagnostics import UnrecordedForceError, WhitenessTest, whiteness_tests
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions
@@ -117,7 +117,7 @@ class ModelChoice:
         Args:
             experiment: as described.
             check: refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Of such an
-                estimate nothing but another delay makes a better one.
+                estimate nothing but another delay makes a better one, or a sea where a force is missing.
             sea: whether a sea may be estimated along; else all forces that no experiment describes are one.
 
         Raises:
@@ -135,7 +135,7 @@ class ModelChoice:
         if plain and not refusal and (plain.white or not search.nuisance_share):
             return plain
         delayed = self._with_delay(experiment)
-        if plain and delayed == experiment and refusal:
+        if plain and delayed == experiment and refusal and not isinstance(refusal, UnrecordedForceError):
             raise refusal
         if plain and delayed == experiment and notes:
             return plain
