@@ -109,7 +109,7 @@ def simulate(
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
-        simulate_one(given.experiment(), stride, engine, out, plot, animate, json=json)
+        simulate_one(given.experiment(), stride, engine, out, plot, animate, where, json=json)
         return
     for name, wanted in (("stride", stride != 1), ("animate", animate)):
         if wanted:
@@ -132,6 +132,7 @@ def simulate_one(
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
+    where: WorkerOptions = WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -149,7 +150,7 @@ def simulate_one(
         check_folder(out.parent)
     check_file(animate, ".svg")
     engine = engine or engine_here(asked.simulation.engine)
-    with ProgressLine("simulating") as progress:
+    with ProgressLine("simulating") as progress, where.workers(progress):
         result = run(asked, stride=stride, engine=engine, progress=progress)
     print_result(result, json=json)
     console = terminal(stderr=True)
