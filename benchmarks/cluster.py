@@ -21,10 +21,10 @@ import psutil
 from distributed import Client, LocalCluster
 
 from benchmarks.document import markdown, put
-from benchmarks.report import machine
+from dualwinch.codegen.compiler import processor_name
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.task import WorkerTask
-from dualwinch.simulation.batch.workers import portion_of, spread
+from dualwinch.simulation.batch.workers import cores, portion_of, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import POINTS, ensemble_portion, run_ensemble
 from dualwinch.simulation.ensembles.streamed import ensemble_statistics, statistics_portion
@@ -240,11 +240,12 @@ def main() -> None:
     def show(mark: str, table: str) -> None:
         print(f"{table}\n", flush=True)
         if chosen.write:
-            put(chosen.write, mark, f"{table}\n\n{machine()}")
+            put(chosen.write, mark, table)
 
     show("traffic", traffic(sea))
     table, seconds = efficiency(sea)
-    show("efficiency", table)
+    load = f"{processor_name()}, {cores()} cores, on which other work was under way (load {os.getloadavg()[0]:.0f})."
+    show("efficiency", f"{table}\n\n{load}")
     overhead = task_cost()
     table, rate = limit()
     cost = (
