@@ -360,6 +360,29 @@ def uninformed_keys(
     )
 
 
+def sandwich_factors(method: PredictionErrorMethod, estimate: ParameterEstimate) -> Floats:
+    """(p,) by how much the sandwich covariance widens each standard deviation; 1 where it does not.
+
+    The gradient of the innovations is summed over blocks of time; the scatter of these sums takes the place of the
+    information that innovations have if they are white (White, Econometrica 50 (1982) 1; batch means).
+    """
+    filters, experiment, noise = method.filters, estimate.experiment, estimate.noise
+    parameters, blocks, scores = filters.parameters(experiment, noise), method.options.diagnostics.blocks, []
+    for section, own in zip(filters.sections, filters.run(experiment, noise), strict=True):
+        ends = np.linspace(0, len(section.inputs), blocks + 1).astype(int)[1:].tolist()
+        sums = [
+            method.filters_of([section.upto(end)]).predict(parameters, experiment, noise, [own])[0].normal[:-1, -1]
+            for end in ends
+        ]
+        own_scores = np.diff(sums, axis=0, prepend=0.0)
+        scores.append(own_scores - own_scores.mean(axis=0))
+    every = np.concatenate(scores)
+    prior = np.diag([1 / each.uncertainty**2 for each in method.unknowns])
+    middle = every.T @ every * blocks / (blocks - 1) + prior
+    covariance = covariance_of(estimate.information, method.unknowns)
+    return np.sqrt(np.maximum(np.diag(covariance @ middle @ covariance) / np.diag(covariance), 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class LikelihoodProfile:
     """The profile likelihood of a parameter: all others are estimated anew at each of its values.

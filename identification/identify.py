@@ -14,6 +14,7 @@ from dualwinch.identification.diagnostics import (
     check_log,
     likelihood_profiles,
     rms_innovations,
+    sandwich_factors,
     unidentifiable_directions,
     whiteness_tests,
 )
@@ -145,7 +146,9 @@ def identify(
     kept = sections_of([log for _, log in split if log], model.experiment, options.resampling)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
-    covariance = covariance_of(information, unknowns)
+    chosen = replace(model, estimate=best)
+    wider = np.ones(n) if chosen.white else sandwich_factors(method, best)[:n]
+    covariance = covariance_of(information, unknowns) * np.outer(wider, wider)
     return IdentificationResult(
         experiment=with_leaves(
             experiment, {each.key: value for each, value in zip(method.unknowns, best.values.tolist(), strict=True)}
@@ -171,7 +174,8 @@ def identify(
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=(*(note for log in given for note in log.notes), *model.notes(experiment), *excess),
-        along=replace(model, estimate=best).along(n),
+        along=chosen.along(n),
+        widened=float(wider.max(initial=1.0)),
     )
 
 

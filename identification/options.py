@@ -160,6 +160,7 @@ class DiagnosticsOptions:
     participation: Annotated[Share, Quantity("1", "component over the largest from which on its key is named")] = 0.3
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates that is reported")] = 0.9
     uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
+    blocks: Annotated[int, Ge(2), Quantity("1", "blocks of time of the sandwich covariance, of each section")] = 20
     optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "its points on each side")] = 4

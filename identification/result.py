@@ -58,6 +58,8 @@ class IdentificationResult:
         excess: what was noticed while the logs were read, and implausibly large disturbances, in words.
         along: value and standard deviation of parameters that were estimated along, since a model without left
             innovations that were not white.
+        widened: largest factor by which deviations are those of the sandwich covariance, since innovations are not
+            white; 1: they are the model's.
     """
 
     experiment: Experiment
@@ -81,6 +83,7 @@ class IdentificationResult:
     profiles: tuple[LikelihoodProfile, ...] = ()
     excess: tuple[str, ...] = ()
     along: dict[str, tuple[float, float]] = field(default_factory=dict)
+    widened: float = 1.0
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -190,6 +193,11 @@ class IdentificationResult:
         """What a reader has to know beside the tables."""
         estimated = (f"{key} = {value:.4g} ± {deviation:.2g}" for key, (value, deviation) in self.along.items())
         words = [f"estimated along, by wide priors: {', '.join(estimated)}"] if self.along else []
+        if self.widened > 1:
+            words.append(
+                "innovations are not white: the model lacks something; standard deviations are up to "
+                f"{self.widened:.3g} times those of the model (sandwich covariance)"
+            )
         words += [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
         words += [f"{key}: the logs add next to nothing to its prior" for key in self.uninformed]
@@ -214,6 +222,7 @@ class IdentificationResult:
             "logs": list(self.logs),
             "duration": self.duration,
             "converged": self.converged,
+            "widened": self.widened,
             "passes": self.passes,
             "seconds": self.seconds,
             "parameters": [
