@@ -1,5 +1,6 @@
 """Imperfections: what an ensemble has and another does not, in groups that are scaled together."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +15,8 @@ from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.loop.structure import is_automatic, solver_of
+from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.robustness.limits import SHARE, unit_of, with_unit
 
@@ -116,6 +118,12 @@ def believed(experiment: Experiment) -> dict[str, Any]:
     """The values of the plant that a controller was designed for, by their keys in the experiment."""
     return leaves(experiment.plant, "plant.")
 
+
+SHAPING = {Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO}
+"""Marks of numbers that may ask for more sub-steps than those of the ensemble."""
+
+MOST_SUBSTEPS = 16
+"""Sub-steps a sample that a size may ask for: more would take longer than all other sizes together."""
 
 SWITCHED_AT = 1.0
 """Size from which on a switch is thrown, or a part is of the ensemble's kind: there is nothing in between."""
@@ -239,8 +247,40 @@ class ScaledEnsemble:
             nominal: the plant the controller was designed for, where it is known (`nominal`).
 
         """
-        draws = self._ends[index][0].draws | self.values(index, sizes)
+        draws = self._ends[index][0].draws | self.values(index, sizes) | self._substeps(sizes)
         return Scenario(index, self._base_with(controller), nominal or self.nominal(sizes), draws)
+
+    def _substeps(self, sizes: Mapping[str, float]) -> dict[str, Any]:
+        """As many sub-steps as all scenarios of some sizes need, where that is more than the ensemble has.
+
+        A drum that is light or a rope that hardly weighs anything swings faster than those of the ensemble. Beyond
+        `MOST_SUBSTEPS` the obstacle says what would be needed.
+        """
+        shaping = {key: size for key, size in sizes.items() if not self.known[key].marks.isdisjoint(SHAPING)}
+        known = self._needed_substeps
+        chosen = tuple(sorted(shaping.items()))
+        if chosen not in known:
+            simulation, needed = self._start.experiment.simulation, 0.0
+            for index in range(self.count):
+                values = self._ends[index][0].draws | self.values(index, sizes)
+                plant = {key: value for key, value in values.items() if key.startswith("plant.")}
+                experiment = with_leaves(self._start.experiment, plant)
+                if is_automatic(experiment):
+                    break
+                integrator = solver_of(experiment).integrator
+                try:
+                    needed = max(needed, substeps_for(fastest_swing(experiment.plant), simulation, integrator))
+                except ArithmeticError:  # not allowed at all: `prepare` says why
+                    break
+            power = 1 << math.ceil(math.log2(max(needed, 1)))
+            known[chosen] = min(power, MOST_SUBSTEPS) if needed > simulation.substeps else simulation.substeps
+        found = known[chosen]
+        return {} if found == self._start.experiment.simulation.substeps else {"simulation.substeps": found}
+
+    @cached_property
+    def _needed_substeps(self) -> dict[tuple[tuple[str, float], ...], int]:
+        """Sizes of what shapes code → sub-steps."""
+        return {}
 
     def switched(self, imperfection: Imperfection) -> bool:
         """Whether an imperfection is there or not, with nothing in between."""
@@ -250,6 +290,10 @@ class ScaledEnsemble:
     def compiled(self, imperfection: Imperfection) -> bool:
         """Whether each size of an imperfection is compiled code of its own."""
         return any(Mark.SHAPES_CODE in self.known[key].marks for key in imperfection.keys)
+
+    def stiffens(self, imperfection: Imperfection) -> bool:
+        """Whether small sizes of an imperfection may swing faster than large ones: what is zero or shapes code."""
+        return any(not self.known[key].marks.isdisjoint(SHAPING) for key in imperfection.keys)
 
     def scenarios(self, controller: Controller, sizes: Mapping[str, float]) -> list[Scenario]:
         """All of them."""

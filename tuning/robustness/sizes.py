@@ -5,7 +5,7 @@ may break at one size and hold at a larger one. What is looked for is the smalle
 are tried.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from dualwinch.tuning.robustness.imperfections import Imperfection, ScaledEnsemble
@@ -97,34 +97,50 @@ class SizeRange:
 def size_range(scaling: ScaledEnsemble, imperfection: Imperfection) -> SizeRange:
     """The rungs of an imperfection whose values are allowed in all scenarios.
 
-    What is there or not has one alone.
+    What is there or not has one alone. The smallest of a rope's mass may not be allowed either: light
+    masses swing too fast.
     """
+
+    def wrong(rung: int) -> str:
+        return scaling.obstacle(dict.fromkeys(imperfection.keys, size(rung)))
+
     bottom = AS_IT_IS if scaling.switched(imperfection) else LOWEST
+    stiffens = scaling.stiffens(imperfection)
     highest = HIGHEST_COMPILED if scaling.compiled(imperfection) else HIGHEST
     obstacle = ""
     for rung in range(AS_IT_IS if scaling.switched(imperfection) else highest, bottom - 1, -1):
-        wrong = scaling.obstacle(dict.fromkeys(imperfection.keys, size(rung)))
-        if not wrong:
-            return SizeRange(bottom, rung, obstacle)
-        obstacle = wrong
+        if not (found := wrong(rung)):
+            return SizeRange(_lowest(bottom, rung, wrong) if stiffens else bottom, rung, obstacle)
+        obstacle = found
     return SizeRange(bottom, bottom - 1, obstacle)
 
 
 def sizes_at(rung: int, reaches: Mapping[Imperfection, SizeRange]) -> dict[str, float]:
-    """Key → size at a rung of several imperfections together; one whose range ends before stays at its end."""
+    """Key → size at a rung of several imperfections together.
+
+    One whose range ends before stays at its end; one whose range begins above is left out.
+    """
     return {
-        key: size(min(rung, reach.top)) if reach.rungs else 0.0
+        key: size(min(rung, reach.top)) if reach.rungs and rung >= reach.bottom else 0.0
         for imperfection, reach in reaches.items()
         for key in imperfection.keys
     }
 
 
 def joint_range(scaling: ScaledEnsemble, reaches: Mapping[Imperfection, SizeRange]) -> SizeRange:
-    """The rungs of all imperfections together: up to the last whose values go with each other."""
-    obstacle = ""
+    """The rungs of all imperfections together whose values go with each other."""
+
+    def wrong(rung: int) -> str:
+        return scaling.obstacle(sizes_at(rung, reaches))
+
+    stiffens, obstacle = any(map(scaling.stiffens, reaches)), ""
     for rung in range(max(reach.top for reach in reaches.values()), LOWEST - 1, -1):
-        wrong = scaling.obstacle(sizes_at(rung, reaches))
-        if not wrong:
-            return SizeRange(LOWEST, rung, obstacle)
-        obstacle = wrong
+        if not (found := wrong(rung)):
+            return SizeRange(_lowest(LOWEST, rung, wrong) if stiffens else LOWEST, rung, obstacle)
+        obstacle = found
     return SizeRange(LOWEST, LOWEST - 1, obstacle)
+
+
+def _lowest(bottom: int, top: int, wrong: Callable[[int], str]) -> int:
+    """The first rung from the bottom that is allowed, below one that is."""
+    return next(rung for rung in range(bottom, top + 1) if rung == top or not wrong(rung))
