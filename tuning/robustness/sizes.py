@@ -121,7 +121,7 @@ def sizes_at(rung: int, reaches: Mapping[Imperfection, SizeRange]) -> dict[str, 
     One whose range ends before stays at its end; one whose range begins above is left out.
     """
     return {
-        key: size(min(rung, reach.top)) if reach.rungs and rung >= reach.bottom else 0.0
+        key: 0.0 if not reach.rungs or rung < reach.bottom < AS_IT_IS else size(min(rung, reach.top))
         for imperfection, reach in reaches.items()
         for key in imperfection.keys
     }
