@@ -23,6 +23,17 @@ def check_folder(folder: Path) -> None:
         raise ConfigurationError(f"{folder}: cannot be written to ({error.strerror})") from error
 
 
+def check_place(file: Path) -> None:
+    """Find out now whether a file can be written: `check_folder` of its folder, and that it is no folder itself.
+
+    Raises:
+        ConfigurationError: it cannot.
+    """
+    check_folder(file.parent)
+    if file.is_dir():
+        raise ConfigurationError(f"{file}: is a folder; must be the name of a file")
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder, with those above it, and `check_folder`."""
     try:

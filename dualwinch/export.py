@@ -30,7 +30,7 @@ from dualwinch.codegen.fmu import (
 )
 from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.config.experiment_file import to_toml
-from dualwinch.config.folders import check_folder, make_folder
+from dualwinch.config.folders import check_place, make_folder
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName, block
@@ -57,10 +57,13 @@ def write(files: Mapping[str, str | bytes], folder: str | PathLike[str]) -> list
     """Write files to a folder, made where there is none; their paths.
 
     Raises:
-        ConfigurationError: the folder cannot be made or written to.
+        ConfigurationError: the folder cannot be made or written to, or has a folder where a file is to be; nothing is
+            written.
     """
     folder = Path(folder)
     make_folder(folder)
+    for name in files:
+        check_place(folder / name)
     for name, content in files.items():
         with atomic(folder / name) as unfinished:
             unfinished.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -255,7 +258,7 @@ def export_fmu(
     out = Path(out)
     if out.suffix.lower() != ".fmu":
         raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
-    check_folder(out.parent)
+    check_place(out)
     targets = platforms_of(platforms)
     made = block(what, experiment)
     if kind not in {None, "co-simulation"} and made.derivative is None:

@@ -425,7 +425,7 @@ class _Package:
         return Pou(
             "PROGRAM",
             f"{name}_program",
-            "An example of one that runs the block every sample; it begins anew when it is enabled.",
+            "Example: calls the block every sample; starts from rest when it is enabled.",
             {
                 "VAR": (
                     PlcVariable("control", name),

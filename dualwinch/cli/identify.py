@@ -103,7 +103,7 @@ def identify(
     """
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.identification.identify import identify
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.results.file_formats import format_of
@@ -114,7 +114,7 @@ def identify(
     check_file(plot, *FIGURE_SUFFIXES)
     if disturbance:
         format_of(disturbance)
-        check_folder(disturbance.parent)
+        check_place(disturbance)
     with ProgressLine("fitting") as progress, where.workers(progress) as workers:
         found = identify(
             list(logs),

@@ -100,7 +100,7 @@ def linearise(
     gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error. Both come
     with the rule for the drums' resonance on their ropes.
     """
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer
 
     experiment = given.nominal(ensemble)
@@ -108,7 +108,7 @@ def linearise(
         experiment = _with_preload(experiment, preload)
     if out:
         writer(out)
-        check_folder(out.parent)
+        check_place(out)
     check_file(plot, *FIGURE_SUFFIXES)
     swept = _swept_name(sweep) if sweep else None
     _check(loop, cut, dt, swept, figure, plot)

@@ -171,7 +171,7 @@ def check_file(file: Path | None, *suffixes: str) -> None:
     Raises:
         ConfigurationError: a suffix other than these, or a folder that cannot be written to.
     """
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
 
     if file is None:
@@ -179,7 +179,7 @@ def check_file(file: Path | None, *suffixes: str) -> None:
     if file.suffix.lower() not in suffixes:
         one_of = "one of " if len(suffixes) > 1 else ""
         raise ConfigurationError(f"{file.name}: unknown suffix {file.suffix!r}; must be {one_of}{', '.join(suffixes)}")
-    check_folder(file.parent)
+    check_place(file)
 
 
 LIBRARIES = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")

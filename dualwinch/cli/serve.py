@@ -64,7 +64,7 @@ def serve(
         int | None, WHOLE, Parameter(help="Port of OPC UA, such as 4840 (default: off; likewise).")
     ] = None,
     allow_write: Annotated[
-        bool, Parameter(help="Let clients command, start and disturb; else they only read.", negative="")
+        bool, Parameter(help="Let clients start, command and disturb; otherwise they only read.", negative="")
     ] = False,
     watchdog: Annotated[
         float, Parameter(help="Time in s without a command after which the safe torques are in force.")
@@ -91,10 +91,11 @@ def serve(
     """Run the plant with ropes and sensors by the clock on the wall, for a controller in another process.
 
     The controller comes by UDP (a sample a datagram), Modbus TCP or OPC UA. A run starts when a client says so, and
-    ends after its duration. Where no command comes for the time of the watchdog, safe torques are in force. Nobody but
-    this machine is listened to unless --host says otherwise, and nobody may write without --allow-write.
+    ends after its duration; Ctrl-C or SIGTERM ends it earlier and keeps it. Where no command comes for the time of the
+    watchdog, safe torques are in force. It listens at this machine's own address only, unless --host names another,
+    and clients may write only with --allow-write.
     """
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import format_of
     from dualwinch.simulation.server.plant import PORT, ServedPlant, ServerSettings
@@ -104,7 +105,7 @@ def serve(
         raise ConfigurationError(f"--runs = {runs}: must be a whole number >= 1")
     if out:
         format_of(out)
-        check_folder(out.parent)
+        check_place(out)
     check_file(map_, *FORMATS)
     settings = ServerSettings(rate, not realtime, allow_write, watchdog, torques_from(safe), priority=priority)
     protocols = protocols_at(host, modbus, opcua)
@@ -193,13 +194,17 @@ def say_addresses(addresses: list[str], plant: ServedPlant) -> None:
 def watched(plant: ServedPlant) -> Result | None:
     """A run of a plant, with a line of where it is, and of every time that its controller falls silent.
 
-    Ctrl-C ends it; what happened until then is kept.
+    Ctrl-C and SIGTERM end it; what happened until then is kept.
     """
     silences, was_safe, duration = 0, False, plant.experiment.duration
-    with ThreadPoolExecutor(1, thread_name_prefix="plant") as pool, ProgressLine(command="serve") as progress:
+    with (
+        terminated_as_interrupted(),
+        ThreadPoolExecutor(1, thread_name_prefix="plant") as pool,
+        ProgressLine(command="serve") as progress,
+    ):
         run = pool.submit(plant.serve)
-        progress(0.0, "waiting for a start")
         try:
+            progress(0.0, "waiting for a start")
             while not run.done():
                 state, counts = plant.read(), plant.counts
                 if counts["silences"] > silences:
@@ -214,6 +219,22 @@ def watched(plant: ServedPlant) -> Result | None:
         except KeyboardInterrupt:
             plant.close()
         return run.result()
+
+
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """Take SIGTERM, by which service managers end a process, for Ctrl-C; only the main thread may."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def silent_words(plant: ServedPlant) -> str:

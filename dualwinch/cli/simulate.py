@@ -137,7 +137,7 @@ def simulate_one(
     json: bool,
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import format_of
     from dualwinch.simulation.results.storage import save
@@ -147,7 +147,7 @@ def simulate_one(
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
     if out:
         format_of(out)
-        check_folder(out.parent)
+        check_place(out)
     check_file(animate, ".svg")
     engine = engine or engine_here(asked.simulation.engine)
     with ProgressLine("simulating") as progress, where.workers(progress):
@@ -231,14 +231,14 @@ def simulate_ensemble(
 ) -> None:
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.config.folders import check_folder
+    from dualwinch.config.folders import check_place
     from dualwinch.simulation.ensembles.result import ensemble_writer, save_ensemble
     from dualwinch.simulation.ensembles.run import run_ensemble
 
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
     if out:
         ensemble_writer(out)
-        check_folder(out.parent)
+        check_place(out)
     with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
         result = run_ensemble(asked, count, seed, traces=plot is not None, workers=workers, progress=progress)
     print_ensemble(result, json=json)

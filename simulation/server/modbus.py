@@ -34,6 +34,7 @@ class Modbus(Protocol):
     and for half a number; 3 for a number that is out of its range.
     """
 
+    name = "Modbus"
     library = "pymodbus"
     _server: "ModbusTcpServer"
 
@@ -55,7 +56,10 @@ class Modbus(Protocol):
         ]
         device = SimDevice(0, simdata=blocks, action=self._act)
         self._server = ModbusTcpServer(device, address=(self.host, self.port))
-        await self._server.serve_forever(background=True)
+        try:
+            await self._server.serve_forever(background=True)
+        except RuntimeError as error:  # it says no more
+            raise OSError("the port is in use, needs privileges, or the address is not this machine's") from error
 
     async def close(self) -> None:
         """End."""

@@ -30,6 +30,7 @@ class OpcUa(Protocol):
     ``BadTypeMismatch``.
     """
 
+    name = "OPC UA"
     library = "asyncua"
     period = 0.05
     """Time in s between two updates of what is read."""

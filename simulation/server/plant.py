@@ -468,7 +468,7 @@ def _bound(host: str, port: int) -> socket.socket:
         ConfigurationError: the address cannot be used.
     """
     if not 0 <= port <= 65535:
-        raise ConfigurationError(f"port = {port}: must be 0 to 65535 (0: any that is free)")
+        raise ConfigurationError(f"UDP port = {port}: must be 0 to 65535 (0: any that is free)")
     try:
         family, kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         if port == 0:  # to be asked for by its number: Linux takes any other away when a client is let go

@@ -18,6 +18,9 @@ class Protocol(ABC):
         host, port: where it listens.
     """
 
+    name: str
+    """What it is called."""
+
     library: str
     """The library it needs; it comes with the extra ``serve``."""
 
@@ -29,7 +32,7 @@ class Protocol(ABC):
             MissingExtraError: its library is not installed.
         """
         if not 1 <= port <= 65535:
-            raise ConfigurationError(f"port = {port}: must be 1 to 65535")
+            raise ConfigurationError(f"{self.name} port = {port}: must be 1 to 65535")
         try:
             __import__(self.library)
         except ImportError:

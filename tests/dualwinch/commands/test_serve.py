@@ -3,7 +3,10 @@
 import base64
 import http.client
 import json
+import os
 import re
+import signal
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -113,14 +116,19 @@ def test_every_figure_printed_is_in_the_json(capsys: pytest.CaptureFixture[str])
         (["--safe", "1"], "--safe 1: must be two torques in N m, such as 22,22"),
         (["--safe", "nan,1"], "safe = (nan, 1.0): must be a list of finite numbers"),
         (["--runs", "0"], "--runs = 0: must be a whole number >= 1"),
-        (["--udp", "70000"], "port = 70000: must be 0 to 65535"),
-        (["--modbus", "0"], "port = 0: must be 1 to 65535"),
+        (["--udp", "70000"], "UDP port = 70000: must be 0 to 65535"),
+        (["--modbus", "0"], "Modbus port = 0: must be 1 to 65535"),
         (["--out", "run.txt"], "run.txt"),
+        (["--out", "folder.csv"], "folder.csv: is a folder; must be the name of a file"),
         (["--map", "map.txt"], "map.txt: unknown suffix '.txt'; must be one of .csv, .md"),
         (["--host", "192.0.2.1"], "cannot listen at 192.0.2.1"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_wrong_is_said_in_a_line(
+    words: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder.csv").mkdir()
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit):
         main(["serve", *SHORT, *words])
     assert expected in capsys.readouterr().err
@@ -141,6 +149,20 @@ def test_ctrl_c_ends_a_run_and_keeps_what_happened(tmp_path: Path, monkeypatch: 
     result = dw.load_result(tmp_path / "run.npz")
     assert result.outcome == "running"
     assert len(result["t"]) == 20
+
+
+def test_a_terminated_run_keeps_what_happened(tmp_path: Path) -> None:
+    def starts(port: int) -> None:
+        client = connected(port)
+        client.say(TORQUES | STARTS, 0, HOLDING)
+        client.run(20)
+        time.sleep(0.2)  # the command is watching by now
+        os.kill(os.getpid(), signal.SIGTERM)
+        client.socket.close()
+
+    served(starts, "--lockstep", "--out", str(tmp_path / "run.npz"))
+    assert 10 <= len(dw.load_result(tmp_path / "run.npz")["t"]) < 100
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
