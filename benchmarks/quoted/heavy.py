@@ -10,6 +10,7 @@ import dualwinch as dw
 from benchmarks.document import markdown
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.model.heavy_ropes import ernst_factor
+from dualwinch.model.ropes import kelvin_voigt
 from dualwinch.simulation.analysis.resonance import UNDECIDED
 from dualwinch.tuning.baseline import baseline_controller
 from dualwinch.tuning.tuning_problem import tuning_problem
@@ -125,7 +126,7 @@ def preloads() -> str:
     problem = tuning_problem(ensemble="site")
     if problem.ensemble is None:
         raise ValueError("a tuning in site has an ensemble")
-    own, rope = problem.experiment, problem.experiment.plant.rope_1
+    own, rope = problem.experiment, kelvin_voigt(problem.experiment.plant.rope_1)
     allowed = 0.4 * own.controller.limits.tension_min
     paper = replace(own, controller=baseline_controller(own.controller))
     reference = dw.run_ensemble(replace(problem.ensemble, experiment=paper), DRAWS, seed=DRAWN_WITH)
