@@ -30,6 +30,10 @@ Floats = NDArray[np.float64]
 Table = tuple[list[str], list[list[str]]]
 
 
+CONFIDENCE = 0.95
+"""Probability of the intervals that are printed."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentificationResult:
     """Estimates of a machine's parameters.
@@ -105,7 +109,7 @@ class IdentificationResult:
         """Keys of which the logs add hardly anything to the prior."""
         return uninformed_keys(self.unknowns, self.deviations, self.options.diagnostics)
 
-    def interval(self, key: str, share: float = 0.95) -> tuple[float, float]:
+    def interval(self, key: str, share: float = CONFIDENCE) -> tuple[float, float]:
         """The interval that contains a parameter with a probability of `share`, if the model is right.
 
         Raises:
@@ -163,7 +167,8 @@ class IdentificationResult:
                 unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}", share,
                 f"{low:.{digits}g} to {high:.{digits}g}", behind_number(unknown.unit).strip(),
             ])  # fmt: skip
-        return ["parameter", "start", "estimate", "std. deviation", "relative", "95 % interval", "unit"], rows
+        interval = f"{100 * CONFIDENCE:g} % interval"
+        return ["parameter", "start", "estimate", "std. deviation", "relative", interval, "unit"], rows
 
     def _sensors_table(self) -> Table:
         rows, held = [], {test.name: test for test in self.held_out}
@@ -223,6 +228,7 @@ class IdentificationResult:
             "duration": self.duration,
             "converged": self.converged,
             "widened": self.widened,
+            "confidence": CONFIDENCE,
             "passes": self.passes,
             "seconds": self.seconds,
             "parameters": [
