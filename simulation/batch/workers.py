@@ -3,7 +3,7 @@
 Everything that takes ``workers=`` takes a number of threads (compiled code runs without Python's lock) or a
 `concurrent.futures.Executor`, such as a ``ProcessPoolExecutor`` or Dask's ``client.get_executor()``. What is many runs
 is then split into portions that do not depend on the number of workers, and the portions' results are put together by
-their numbers, so that the result is the same bits whoever computed what, in which order.
+their numbers, so that the result is the same bits for all workers and orders.
 """
 
 import os

@@ -1,7 +1,7 @@
 """Statistics of an ensemble without its scenarios: memory does not grow with their number.
 
 Sums are exact and quantiles come from counts (DDSketch: C. Masson, J. E. Rim and H. K. Lee, Proc. VLDB Endowment 12
-(2019) 2195), so that the statistics are the same bits whatever portions the scenarios were run in.
+(2019) 2195), so that the statistics are the same bits for all portions the scenarios were run in.
 """
 
 import json

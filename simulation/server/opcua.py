@@ -24,7 +24,7 @@ def node_at(space: int, name: str) -> "ua.NodeId":
 
 
 class OpcUa(Protocol):
-    """OPC UA without encryption; anybody who reaches the port may read, and write where that is allowed.
+    """OPC UA without encryption; any client that reaches the port may read, and write where that is allowed.
 
     A write that is refused changes nothing, and is answered with ``BadOutOfRange``, ``BadUserAccessDenied`` or
     ``BadTypeMismatch``.

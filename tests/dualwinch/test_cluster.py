@@ -129,7 +129,7 @@ def test_a_worker_out_of_memory_is_one_line(tmp_path: Path) -> None:
 
 
 def greedy(gigabytes: int) -> int:
-    """Take memory until somebody objects."""
+    """Take memory until the system refuses more."""
     taken = []
     for _ in range(200 * gigabytes):
         taken.append(np.ones(1_000_000))
