@@ -84,10 +84,10 @@ def table(name: str) -> str:
 def least_load(ensemble: Ensemble, result: Comparison) -> float:
     """Least continuous load over that of the paper's gains, in the first scenarios, but for those beyond authority."""
     paper = result.contenders["paper"].metrics["continuous_load"][:BOUNDED]
-    scenarios = ensemble.scenarios(BOUNDED, HELD_OUT_SEED)
+    scenarios = list(ensemble.scenarios(BOUNDED, HELD_OUT_SEED))
     least, theirs = [], []
-    for scenario, load in zip(scenarios, paper, strict=True):
-        if within_authority(scenario.experiment):
+    for scenario, load, within in zip(scenarios, paper, within_authority(scenarios), strict=True):
+        if within:
             least.append(least_preload(scenario.experiment, every=STEP).continuous_load)
             theirs.append(load)
     return float(np.mean(least) / np.mean(theirs))

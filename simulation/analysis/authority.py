@@ -11,7 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.drivers.signals.signals import Signals, compile_fill
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.native import compile as compile_function
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
 from dualwinch.model.plant import DisturbanceInputs, Plant, rigid_plant, vehicle_acceleration
@@ -20,8 +23,11 @@ from dualwinch.model.reference import setpoint
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import Winch, drum_acceleration, total_inertia
-from dualwinch.simulation.exogenous.signals import sea_signals
+from dualwinch.simulation.batch.scenarios import Scenarios, scenario_groups
+from dualwinch.simulation.batch.workers import map_all
+from dualwinch.simulation.exogenous.signals import Sea, exogenous_sources, sea_signals
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
@@ -42,11 +48,15 @@ def required_force(experiment: Experiment, every: int = 50) -> Floats:
 
 def outside_at(experiment: Experiment, every: int) -> Floats:
     """What `force_law` receives at every so many samples, (7, instants)."""
-    simulation = experiment.simulation
-    t = np.arange(0, experiment.samples, every) * simulation.sample_time
+    sea = np.array([signal[::every] for signal in sea_signals(experiment)])
+    return np.vstack([_reference_at(experiment, every), sea])
+
+
+def _reference_at(experiment: Experiment, every: int) -> Floats:
+    """Time, position, speed and acceleration of the reference at every so many samples, (4, instants)."""
+    t = np.arange(0, experiment.samples, every) * experiment.simulation.sample_time
     wanted = setpoint(t, experiment.reference)
-    sea = [signal[::every] for signal in sea_signals(experiment)]
-    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t)), *sea], dtype=np.float64)
+    return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t))], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -63,18 +73,58 @@ class ForceDemand:
     shortfall: float
 
 
-def force_demand(experiment: Experiment, every: int = 50) -> ForceDemand:
-    """The force that a run asks of its motors; arguments as of `required_force`."""
-    force, limit = required_force(experiment, every), experiment.controller.limits.strength
-    share = float(np.abs(force).max()) / limit
-    step, mass = every * experiment.simulation.sample_time, inertia(experiment.plant.vehicle)
-    return ForceDemand(share, _largest_shortfall(force, limit, step, mass) if share > 1 else 0.0)
+LANES, PIECE = 16, 64
+"""Runs whose seas are drawn side by side, and instants that are drawn at a time, so that they stay in the cache."""
 
 
-def within_authority(experiment: Experiment) -> bool:
-    """Whether a run stays within the actuators' authority: it asks for no more force than the motors can give."""
-    limit = experiment.controller.limits.strength
-    return bool(np.abs(required_force(experiment)).max() <= limit)
+def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
+    """The force that each of many runs asks of its motors; seas are drawn in vector lanes.
+
+    Args:
+        scenarios: the runs.
+        every: as of `required_force`.
+
+    Raises:
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    law, fill, found = compile_function(force_law()), compile_fill(find_compiler()), dict[int, ForceDemand]()
+
+    def demand(place: int, shared: Experiment, motion: Floats, sea: Floats) -> ForceDemand:
+        scenario = scenarios[place]
+        draws = scenario.draws if isinstance(scenario, Scenario) else {}
+        plant = with_leaves(shared.plant, draws, "plant.")
+        disturbance = with_leaves(shared.disturbance, draws, "disturbance.")
+        force = np.asarray(law(np.hstack([motion, sea]), _numbers(plant, disturbance)))
+        limit = shared.controller.limits.strength
+        share = float(np.abs(force).max()) / limit
+        step, mass = every * shared.simulation.sample_time, inertia(plant.vehicle)
+        return ForceDemand(share, _largest_shortfall(force, limit, step, mass) if share > 1 else 0.0)
+
+    def block(given: tuple[Experiment, Floats, list[int], list[Signals]]) -> None:
+        shared, motion, places, runs = given
+        sea = np.concatenate([piece[::every] for piece in fill.in_lanes(runs, PIECE * every, shared.samples)])
+        for lane, place in enumerate(places):
+            found[place] = demand(place, shared, motion, sea[:, :, lane])
+
+    blocks = list[tuple[Experiment, Floats, list[int], list[Signals]]]()
+    for group in scenario_groups(scenarios):
+        shared, places = group.experiment, group.members.tolist()
+        motion = _reference_at(shared, every).T
+        runs = exogenous_sources(shared, group.columns, len(places), names=Sea._fields)
+        firsts = range(0, len(places), LANES)
+        blocks += [(shared, motion, places[first : first + LANES], runs[first : first + LANES]) for first in firsts]
+    map_all(block, blocks)
+    return [found[place] for place in range(len(scenarios))]
+
+
+def within_authority(scenarios: Scenarios) -> NDArray[np.bool_]:
+    """(n,) whether each run stays within the actuators' authority: it asks for no more force than the motors can give.
+
+    Raises:
+        DualwinchError, KeyboardInterrupt: as of `force_demands`.
+    """
+    return np.array([demand.share <= 1 for demand in force_demands(scenarios)], bool)
 
 
 def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) -> float:
@@ -94,9 +144,11 @@ def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) ->
 
 def force_parameters(experiment: Experiment) -> Floats:
     """The parameters of `force_law`: the simulated plant's, and the vortices'."""
-    plant = rigid_plant(experiment.plant)
-    values = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
-    return np.array(values, float)
+    return _numbers(experiment.plant, experiment.disturbance)
+
+
+def _numbers(plant: Plant, disturbance: Disturbance) -> Floats:
+    return np.array([*numbers(rigid_plant(plant)).values(), *numbers(disturbance).values()], float)
 
 
 @built_once

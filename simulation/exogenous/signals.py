@@ -235,7 +235,12 @@ def exogenous_pieces(
 
 
 def exogenous_sources(
-    experiment: Experiment, columns: Mapping[str, NDArray[Any]], count: int, *, further: int = 0
+    experiment: Experiment,
+    columns: Mapping[str, NDArray[Any]],
+    count: int,
+    *,
+    further: int = 0,
+    names: Sequence[str] | None = None,
 ) -> list[Signals]:
     """The exogenous signals of runs, for compiled code that draws them while it runs.
 
@@ -244,8 +249,10 @@ def exogenous_sources(
         columns: key → their own numbers, (count,).
         count: number of the runs.
         further: samples after the last one of a run.
+        names: of the signals (default: all that the closed loop receives, in its order).
     """
-    names, random = exogenous_names(experiment.controller), random_signals(experiment)
+    names = exogenous_names(experiment.controller) if names is None else names
+    random = random_signals(experiment)
     signals = Signals([random.get(name) for name in names])
     signals.give(_given(experiment, names, 0, experiment.samples + further), 0)
     drawn = random_signals(experiment, columns)

@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dualwinch.simulation.analysis.authority import within_authority
-from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.tuning.problem import CHANCE, TEST
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -101,7 +100,7 @@ def select(
         scores=scores,
         constraints=test.constraints,
         has_test_set=problem.ensemble is not None,
-        within_authority=np.array([within_authority(experiment_of(each)) for each in test.scenarios]),
+        within_authority=within_authority(test.scenarios),
         sizes=sizes,
     )
 

@@ -26,10 +26,10 @@ import numpy as np
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.analysis.authority import ForceDemand, force_demand
+from dualwinch.simulation.analysis.authority import ForceDemand, force_demands
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
+from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
@@ -115,7 +115,7 @@ def training_choices(
     further_beyond = round(config.share_beyond_authority * more)
     beyond = beyond_authority(ensemble, seed, corners, config, 1 + further_beyond) if few else []
     within = few - len(beyond[:1])
-    demands = _demands(ensemble.chosen(range(max(config.demand_among, count + more)), seed))
+    demands = force_demands(ensemble.chosen(range(max(config.demand_among, count + more)), seed))
     plain = typical_draws(demands, count - number)
     draws = hardest_draws(demands, number + more, {choice.index for choice in plain}, config)
     ours = _in_turns(draws[: number - few], [*corners[:within], *beyond[:1]])
@@ -152,7 +152,7 @@ def hardest_draws(
 
 def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:
     """Vertices of the box of draws: of twice as many the first within authority, then those least beyond it."""
-    demands = _demands(ensemble.chosen(range(2 * count), seed, vertex=True))
+    demands = force_demands(ensemble.chosen(range(2 * count), seed, vertex=True))
     order = sorted(range(len(demands)), key=lambda index: demands[index].shortfall)
     return [ScenarioChoice(index, vertex=True, hard=True) for index in order[:count]]
 
@@ -165,7 +165,7 @@ def beyond_authority(
     count: int | None = None,
 ) -> list[ScenarioChoice]:
     """Vertices where the vehicle falls behind by about `lags_beyond_authority` in turns, without some others."""
-    demands = _demands(ensemble.chosen(range(config.demand_among), seed, vertex=True))
+    demands = force_demands(ensemble.chosen(range(config.demand_among), seed, vertex=True))
     taken = {choice.index for choice in others}
     waiting = [
         index for index, asked in enumerate(demands) if asked.shortfall > config.largest_lag and index not in taken
@@ -184,14 +184,10 @@ def validation_draws(scenarios: Sequence[Scenario], config: SelectionConfig) -> 
     """
     kept = [
         replace(scenario, hard=asked.share > 1)
-        for scenario, asked in zip(scenarios, _demands(scenarios), strict=True)
+        for scenario, asked in zip(scenarios, force_demands(scenarios), strict=True)
         if asked.shortfall <= config.largest_lag
     ]
     return kept if any(not scenario.hard for scenario in kept) else list(scenarios)
-
-
-def _demands(scenarios: Sequence[Scenario]) -> list[ForceDemand]:
-    return map_all(lambda scenario: force_demand(scenario.experiment), scenarios)
 
 
 def survey(

@@ -212,6 +212,14 @@ class CompiledFill:
         """Fill a table; Python's lock is released meanwhile."""
         self._library.fill(ctypes.byref(self.prepared(signals[np.newaxis])), first, len(table), table)
 
+    def in_lanes(self, runs: Sequence[Signals], length: int, samples: int) -> Iterator[Floats]:
+        """So many samples of runs, 16 at most, side by side, in tables (samples, signals, runs) of at most `length`."""
+        sources = self.prepared(np.stack([run.records for run in runs]), np.arange(len(runs)))
+        for first in range(0, samples, length):
+            table = np.empty((min(length, samples - first), len(runs[0].records), len(runs)))
+            self._library.fill(ctypes.byref(sources), first, len(table), table)
+            yield table
+
     def prepared(self, records: Records, source: NDArray[np.int64] = ALONE) -> Sources:
         """What lanes receive, for ``fill`` to fill tables (samples, signals, lanes) of it, piece after piece.
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from dualwinch.simulation.analysis.authority import force_demand, required_force
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.simulation.analysis.authority import force_demands, required_force
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -52,5 +53,14 @@ def test_the_shortfall_is_what_full_force_leaves() -> None:
         "simulation.duration": 10.0,
     }
     limited = {"controller.coordination.tension_max": 1100.0}
-    assert force_demand(override(Experiment(), bare | limited)).shortfall == pytest.approx(0.5, rel=0.02)
-    assert force_demand(override(Experiment(), bare)).shortfall == 0
+    weak, strong = force_demands([override(Experiment(), bare | limited), override(Experiment(), bare)])
+    assert weak.shortfall == pytest.approx(0.5, rel=0.02)
+    assert strong.shortfall == 0
+
+
+@pytest.mark.parametrize("name", ["rig", "site"])
+def test_the_demand_of_many_runs_is_that_of_each(name: str) -> None:
+    scenarios = load_ensemble(name).chosen(range(20), 3, vertex=True)
+    strength = scenarios[0].base.controller.limits.strength
+    alone = [np.abs(required_force(each.experiment)).max() / strength for each in scenarios]
+    assert [demand.share for demand in force_demands(scenarios)] == pytest.approx(alone, rel=1e-12)

@@ -1,15 +1,14 @@
 """Which scenarios are tuned and chosen in: typical ones for the means, hard ones for what is the worst."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.authority import force_demand, required_force, within_authority
+from dualwinch.simulation.analysis.authority import ForceDemand, force_demands, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring import training_set
 from dualwinch.tuning.scoring.training_set import (
@@ -29,8 +28,15 @@ FURTHEST, LOOKED_AT, BEHIND = CONFIG.largest_lag, CONFIG.demand_among, CONFIG.la
 @pytest.fixture(scope="module", autouse=True)
 def demands_once() -> Iterator[None]:
     """The same draws are asked for again and again: what each of them demands is computed once."""
+    known: dict[str, ForceDemand] = {}
+
+    def demands(scenarios: Sequence[Scenario]) -> list[ForceDemand]:
+        unknown = [each for each in scenarios if repr(each) not in known]
+        known.update(zip(map(repr, unknown), force_demands(unknown), strict=True))
+        return [known[repr(each)] for each in scenarios]
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training_set, "force_demand", cache(force_demand))
+        patch.setattr(training_set, "force_demands", demands)
         yield
 
 
@@ -76,21 +82,22 @@ def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
     picks, more = training_choices(SEA, 8, 3, having(12))
     hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
     assert all(before > after for before, after in pairwise(map(share, hard)))
-    assert all(force_demand(scenario.experiment).shortfall <= FURTHEST for scenario in hard)
+    assert all(demand.shortfall <= FURTHEST for demand in force_demands(hard))
     harder = [each for each in SEA.scenarios(LOOKED_AT, 3) if share(each) > share(hard[0])]
-    assert all(force_demand(scenario.experiment).shortfall > FURTHEST for scenario in harder)
+    assert all(demand.shortfall > FURTHEST for demand in force_demands(harder))
 
 
 def test_the_motors_can_hold_vertices() -> None:
     found = drawn(vertices(SEA, 12, 0), SEA, 0)
-    assert all(scenario.vertex and scenario.hard and within_authority(scenario.experiment) for scenario in found)
+    assert all(scenario.vertex and scenario.hard for scenario in found)
+    assert within_authority(found).all()
     assert len({scenario.index for scenario in found}) == 12
 
 
 def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
     config = replace(having(18), demand_among=600)
     picks, more = training_choices(SEA, 12, 3, config)
-    behind = [training_set.force_demand(each.experiment).shortfall for each in SEA.chosen(range(600), 3, vertex=True)]
+    behind = [each.shortfall for each in training_set.force_demands(SEA.chosen(range(600), 3, vertex=True))]
     flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
     assert flagged[0] == picks[-1]
     assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
@@ -99,7 +106,7 @@ def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_d
     assert [scenario.beyond_authority for scenario in drawn(flagged, SEA, 3)] == [True] * 7
     corners = [picked for picked in more if picked.vertex and not picked.beyond_authority]
     assert len(corners) == 3
-    assert all(within_authority(scenario.experiment) for scenario in drawn(corners, SEA, 3))
+    assert within_authority(drawn(corners, SEA, 3)).all()
 
 
 def test_every_kind_of_further_scenarios_is_among_the_first_of_them() -> None:
@@ -134,13 +141,16 @@ def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
     scenarios = list(SEA.scenarios(100, 7))
     kept = validation_draws(scenarios, CONFIG)
     assert [each.index for each in kept] == [
-        each.index for each in scenarios if force_demand(each.experiment).shortfall <= FURTHEST
+        each.index
+        for each, demand in zip(scenarios, force_demands(scenarios), strict=True)
+        if demand.shortfall <= FURTHEST
     ]
     assert 0 < len(kept) < len(scenarios)
-    assert [each.hard for each in kept] == [not within_authority(each.experiment) for each in kept]
+    assert [each.hard for each in kept] == (~within_authority(kept)).tolist()
     assert any(each.hard for each in kept)
 
 
 def test_where_the_motors_can_hold_nothing_all_scenarios_stay_as_they_are() -> None:
-    beyond = [each for each in SEA.scenarios(60, 7) if not within_authority(each.experiment)]
+    scenarios = list(SEA.scenarios(60, 7))
+    beyond = [each for each, within in zip(scenarios, within_authority(scenarios), strict=True) if not within]
     assert validation_draws(beyond, CONFIG) == beyond
