@@ -27,6 +27,9 @@ PRODUCTS = "SAMPLE_PRODUCT", "ONE_STEP_PRODUCT", "OBSERVE_PRODUCT"
 """Macros of sensitivity.c, in the order in which it takes what their slopes need."""
 
 
+DERIVE = "derive_"
+"""What the names of texts in C begin with that hold a function of the parameters, before the macro of its product."""
+
 MOST_DIRECTIONS = 2 * LANES
 """Directions that one call takes at most: tangents of all the state along more would leave the nearest cache."""
 
@@ -105,7 +108,8 @@ def sensitivity_source(
 ) -> str:
     """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`.
 
-    What slopes take that depends on the parameters alone is left to the caller: long code for once a run.
+    What slopes take that depends on the parameters alone is left to the caller, as it would be long code for once a
+    run: CasADi functions that the unit holds as text, so that a library says all that a process needs.
     """
     functions = [system.sample, system.move, *((system.one_step,) if system.one_step else ())]
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
@@ -115,10 +119,12 @@ def sensitivity_source(
     lanes[along.name()] = LaneLayout(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
+    derives = {name: hoisted(product.slopes)[0].serialize() for name, product in products.items()}
+    texts = [f'EXPORT const char {DERIVE}{name}[] = "{text}";' for name, text in derives.items()]
     sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
     sizes |= {"VARIED": len(varied.parameters), "SIGNALS": len(varied.signals), "ROW": len(varied.columns)}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
-    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join(defines) + "\n", "sensitivity.c")
+    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join([*defines, *texts, ""]), "sensitivity.c")
 
 
 class Kept(NamedTuple):
@@ -204,13 +210,16 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
     """
     chosen = compiler or find_compiler()
-    products = jacobian_products(smooth, varied)
     driver = loaded(
-        lambda: sensitivity_source(system, smooth, products, varied, chosen),
+        lambda: sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, chosen),
         chosen,
         lane_flags(chosen),
         recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),
         sensitivity="pppppppppnnppppp -> int",
     )
-    derive = {name: hoisted(product.slopes)[0] for name, product in products.items()}
+    needed = zip(PRODUCTS, (True, smooth.one_step is not None, bool(varied.columns)), strict=True)
+    texts = {name: ctypes.c_char.in_dll(driver, f"{DERIVE}{name}") for name, there in needed if there}
+    derive = {
+        name: ca.Function.deserialize(ctypes.string_at(ctypes.addressof(text)).decode()) for name, text in texts.items()
+    }
     return Sensitivity(varied, derive, driver.sensitivity)
