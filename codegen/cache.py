@@ -216,6 +216,14 @@ def cache_limits() -> CacheLimits:
 _used: set[Path] = set()
 """Libraries that this process has looked up."""
 
+_seconds = [0.0]
+"""Wall time in s in which this process has written sources and built libraries of them."""
+
+
+def build_seconds() -> float:
+    """Wall time in s in which this process has written sources and built libraries of them, so far."""
+    return _seconds[0]
+
 
 Source: TypeAlias = str | Callable[[], str]
 """One translation unit, or a function that writes it."""
@@ -255,11 +263,13 @@ def _made(
     recipe: str = "",
 ) -> Path:
     """The library of a source, from the cache or newly built, and noted as what comes of the recipe."""
+    began = time.monotonic()
     text = source if isinstance(source, str) else source()
     key = fingerprint(text, compiler.identity, *extra_flags)
     found = _look_up(folder, key)
     if found is None:
         found = _build(folder, key, text, compiler, extra_flags)
+        _seconds[0] += time.monotonic() - began
         _used.add(found)
         _sweep(folder, limits)
     if recipe:

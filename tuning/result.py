@@ -1,5 +1,6 @@
 """The result of a tuning study, as data and in sentences, the same on the terminal and in the report."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from dualwinch.tuning.scoring.progress import SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
+from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension
 
 
@@ -31,6 +33,7 @@ class TuningCost:
         preparing, searching, judging: wall time in s of the parts.
         overhead: share of the search's time that was not spent in rollouts.
         margin_seconds: wall time in s that stability margins took, in all parts.
+        compiling: wall time in s of sources and compilers, in all parts; next to none once they are in the cache.
     """
 
     rollouts: int
@@ -40,6 +43,7 @@ class TuningCost:
     judging: float
     overhead: float
     margin_seconds: float = 0.0
+    compiling: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -59,6 +63,7 @@ class TuningResult:
         progress: of the search.
         cost: number of rollouts and times.
         interrupted: whether an interrupt (Ctrl-C) ended the search.
+        seconds: time of the search that was asked for, in s; ``None``: none was.
     """
 
     training: TrainingSet
@@ -68,6 +73,7 @@ class TuningResult:
     progress: SearchStatus
     cost: TuningCost
     interrupted: bool
+    seconds: float | None = None
 
     @property
     def problem(self) -> TuningProblem:
@@ -103,6 +109,7 @@ class TuningResult:
             endings(self),
             authority(self),
             widen(self),
+            too_short(self),
             *self.problem.choices,
             *contenders(self),
         ]
@@ -114,9 +121,6 @@ class TuningResult:
             section("tuned gains", table(["key", "value"], gains, numbers=(1,)), is_open=True),
         )
 
-
-FEW_PER_GAIN = 30
-"""Trials for each gain below which more of them are the first thing to try."""
 
 EDGE = 0.02
 """Share of a range at either end in which a gain is said to lie at its bound."""
@@ -285,7 +289,7 @@ def advice(tuned: TuningResult) -> list[str]:
     if verdict.improved and verdict.scored.feasible:
         return []
     found: list[str] = []
-    wanted = FEW_PER_GAIN * len(problem.space.dimensions)
+    wanted = problem.selection.trials_per_gain * len(problem.space.dimensions)
     if len(tuned.trials) < wanted:
         found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
     if hardest := _hardest(tuned):
@@ -295,6 +299,33 @@ def advice(tuned: TuningResult) -> list[str]:
     if tuned.method != (usual := default_method(len(problem.objectives))):
         found.append(f"another method (--method {usual})")
     return found or ["another start (--set), another seed (--seed), or more gains (--space)"]
+
+
+def too_short(tuned: TuningResult) -> str:
+    """What the search lacks, where it had fewer trials than so many gains need; empty where it had enough."""
+    config, gains = tuned.problem.selection, len(tuned.problem.space.dimensions)
+    return short_of(len(tuned.trials), gains, config, tuned.cost.searching if tuned.seconds else None)
+
+
+def short_of(trials: int, gains: int, config: SelectionConfig, seconds: float | None) -> str:
+    """What a search lacks, in words.
+
+    Args:
+        trials: that it had.
+        gains: that it searched for.
+        config: says how many trials a gain needs.
+        seconds: time in s that it took, where that was its budget.
+    """
+    wanted = config.trials_per_gain * gains
+    if trials >= wanted:
+        return ""
+    more = f"--trials {wanted}" if seconds is None else f"--time {_duration(seconds * wanted / trials)}"
+    return f"a short search: {trials} trials, and {gains} gains need about {wanted}: {more}"
+
+
+def _duration(seconds: float) -> str:
+    """A time that `--time` takes, rounded up."""
+    return f"{math.ceil(seconds / 60):.0f}min" if seconds >= 90 else f"{math.ceil(seconds / 5) * 5:.0f}s"
 
 
 def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:

@@ -1,7 +1,7 @@
 """Hyper-parameters of the training set, of ranking, validation, chance constraint and test set."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field, fields
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
@@ -32,6 +32,11 @@ class SampleSizes:
         """Estimated number of rollouts of all of that, the start's and the paper's included."""
         screening = max(self.screening_rollouts, self.candidates * (self.draws + self.vertices)) // 2
         return screening + 2 * (self.draws + self.vertices + self.chance) + 3 * self.test
+
+    @property
+    def after_validation(self) -> "SampleSizes":
+        """The part that comes after the validation set: chance constraint and test."""
+        return replace(self, candidates=0, screening_rollouts=0, draws=0, vertices=0)
 
     def scaled(self, share: float, least: "SampleSizes") -> "SampleSizes":
         """A share of all sizes, none below `least` unless it is so already."""
@@ -76,8 +81,13 @@ class SelectionConfig:
         confirmed: K, the most candidates that the chance constraint looks at.
         sizes, least_sizes: of validation, chance constraint and test, and the smallest where time is short.
         size_steps: number of shares of `sizes` that are considered.
-        time_share, time_least: time in s for preparing, validation and test, as a share of the search or at least.
-        time_share_left, time_least_left: the same for validation and test alone, where preparing took all of that.
+        time_share, time_more: a study with a time T for its search ends within (1 + share) T + more, in s; compiling
+            comes on top.
+        judging_share, judging_more: of it, share of T and time in s that the search leaves for validation and test,
+            where preparing took long.
+        time_caution: share by which a rollout of validation and test is taken for longer than those before.
+        trials_per_gain: trials for each gain below which a search is called short: CMA-ES needs about 100 to learn the
+            covariance (Hansen, arXiv:1604.00772), and below that its best is mostly luck.
     """
 
     hard_training: int = 48
@@ -112,9 +122,11 @@ class SelectionConfig:
     least_sizes: SampleSizes = SampleSizes(4, 0, 16, 4, 100, 32)
     size_steps: int = 20
     time_share: float = 0.3
-    time_least: float = 3.0
-    time_share_left: float = 0.2
-    time_least_left: float = 1.0
+    time_more: float = 10.0
+    judging_share: float = 0.1
+    judging_more: float = 2.0
+    time_caution: float = 0.25
+    trials_per_gain: int = 100
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a probability is none."""
@@ -122,15 +134,13 @@ class SelectionConfig:
             if not 0 < value < 1:
                 raise ConfigurationError(f"{name} = {value:g}: must be > 0 and < 1, i.e. between 0 and 100 %")
 
-    def time_beside(self, search: float, spent: float) -> float:
-        """Time in s for validation and test.
+    def time_of_all(self, search: float) -> float:
+        """Time in s in which a study ends whose search may take so many seconds, compiling apart."""
+        return (1 + self.time_share) * search + self.time_more
 
-        Args:
-            search: time in s of the search.
-            spent: what else takes time beside it, in s.
-        """
-        beside = max(self.time_least, self.time_share * search)
-        return max(beside - spent, self.time_share_left * search, self.time_least_left)
+    def time_of_search(self, search: float, left: float) -> float:
+        """Time in s that the search has, where so many seconds are left after preparing; some of it in any case."""
+        return max(min(search, left - self.judging_share * search - self.judging_more), self.judging_share * search)
 
     def affordable(self, sizes: SampleSizes, seconds: float, pace: float) -> SampleSizes:
         """The largest share of some sizes whose rollouts end in time.
@@ -138,11 +148,11 @@ class SelectionConfig:
         Args:
             sizes: at most.
             seconds: time in s.
-            pace: time in s of a rollout in the search.
+            pace: time in s that a rollout took so far.
         """
         for step in range(self.size_steps, -1, -1):
             scaled = sizes.scaled(step / self.size_steps, self.least_sizes)
-            if pace * scaled.rollouts <= seconds:
+            if (1 + self.time_caution) * pace * scaled.rollouts <= seconds:
                 return scaled
         return sizes.scaled(0.0, self.least_sizes)
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
@@ -45,14 +46,15 @@ def tune(
         problem: what is tuned, from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
         trials: number of trials; default: `TRIALS` without `seconds` and `rollouts`, else no limit.
-        seconds: wall time of the search in s. Preparing, choosing and scoring come on top; the latter two are made in
-            fewer scenarios where all of that would take longer than a share of it (`SelectionConfig`).
+        seconds: wall time of the search in s. Preparing, choosing and scoring come on top, and end with it within 1.3
+            times that and 10 s (`SelectionConfig.time_of_all`): the latter two are made in fewer scenarios, and the
+            search is shorter, where there is no time for more. Compiling comes on top.
         rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
             gradient with as many as differences would take; the last batch may go beyond it by a few.
         held_out: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
         workers: of this machine, or an executor; default: one thread a core.
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
-        afterwards: time in s that the caller needs for more of what comes on top.
+        afterwards: time in s of that which the caller needs for what comes after it.
         keep: whether an interrupt keeps the best so far; else it is raised.
         watch: told of every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
 
@@ -72,7 +74,7 @@ def tune(
     method = method or default_method(len(problem.objectives))
     check_method(method, len(problem.objectives))
     quiet()
-    began = clock.now()
+    began, built = clock.now(), build_seconds()
     training = prepare(problem, workers, watch)
     if seconds is not None and seconds >= WORTH_COMPILING:
         compile_ahead(method, training)
@@ -80,8 +82,12 @@ def tune(
     evaluator = Evaluator(training, workers=workers)
     proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
     watch.phase(SEARCHING)
-    searched = clock.now()
-    store.set_budget(SearchBudget(trials, None if seconds is None else searched + seconds, rollouts))
+    searched, config = clock.now(), problem.selection
+    end = None if seconds is None else began + config.time_of_all(seconds) - afterwards
+    compiling, until = build_seconds() - built, None
+    if seconds is not None and end is not None:
+        until = searched + config.time_of_search(seconds, end + compiling - searched)
+    store.set_budget(SearchBudget(trials, until, rollouts))
     progress, interrupted = SearchStatus(), False
     try:
         search(method, proposer, store, evaluator, watch, progress)
@@ -94,11 +100,9 @@ def tune(
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt
-    config = problem.selection
     sizes = config.sizes if held_out is None else replace(config.sizes, test=held_out)
-    if seconds is not None:
-        time = config.time_beside(seconds, searched - began + afterwards)
-        sizes = config.affordable(sizes, time, evaluator.pace)
+    compiling = build_seconds() - built
+    evaluator.until = None if end is None else end + compiling
     verdict = select(evaluator, finished, sizes, watch)
     cost = TuningCost(
         rollouts=evaluator.rollouts,
@@ -108,5 +112,6 @@ def tune(
         judging=clock.now() - judged,
         overhead=progress.overhead,
         margin_seconds=evaluator.margin_seconds,
+        compiling=compiling,
     )
-    return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted)
+    return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted, seconds)

@@ -59,7 +59,9 @@ class StudyOptions:
         ),
     ] = None
     trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None
-    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min; some seconds are added.")] = None
+    time: Annotated[
+        str | None, Parameter(help="Time of the search, e.g. 60s, 5min; all ends within 1.3 times that and 10 s.")
+    ] = None
     rollouts: Annotated[
         int | None, WHOLE, Parameter(help="Rollouts of the search, so that slow laws are tried as often as fast ones.")
     ] = None
@@ -185,8 +187,8 @@ def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str
     return f"dualwinch compare paper {file} --ensemble {shlex.quote(ensemble)}{own}"
 
 
-REPORT_SECONDS = 2.0
-"""Time in s that the files take, report and figures among them."""
+REPORT_SECONDS = 5.0
+"""Time in s that the files take, report and figures among them, and the program to start."""
 
 PREPARING_SECONDS = 600.0
 """Time in s after which workers give a study up whose first process has not begun to search."""
@@ -243,6 +245,8 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
         store = open_store(options.kept_in, options.study, problem, definition, budget, **ways)
         with closing(store), options.where.workers(line) as workers, _workers(options, options.kept_in):
             _announce(line, problem, method, options.kept_in, store.count())
+            if seconds is not None:
+                line.say(forecast(seconds, problem.selection.time_of_all(seconds)))
             tuned = run(
                 problem,
                 method=method,
@@ -350,6 +354,14 @@ def _check_sources(parts: Sequence[PartRecord]) -> None:
             )
 
 
+def forecast(search: float, whole: float) -> str:
+    """How long a study takes whose search may take so many seconds."""
+    return (
+        f"ends within {whole:.0f} s: up to {search:g} s of search, the rest for preparing, choosing, scoring and the "
+        "report; what has to be compiled comes on top"
+    )
+
+
 def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
     from dualwinch.tuning.result import controller_in_words
     from dualwinch.tuning.storage.connection import is_database, shown
@@ -398,6 +410,7 @@ def print_study(tuned: TuningResult) -> None:
         margin_places,
         statistics_table,
         tested,
+        too_short,
         widen,
         worth,
     )
@@ -422,6 +435,8 @@ def print_study(tuned: TuningResult) -> None:
         say(words)
     if at_bounds := widen(tuned):
         say(at_bounds)
+    if lacking := too_short(tuned):
+        say(lacking)
     say(endings(tuned))
     if beyond := authority(tuned):
         say(beyond)
@@ -431,9 +446,10 @@ def print_study(tuned: TuningResult) -> None:
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost
+    compiled = f" (compiling {cost.compiling:.1f} s of it)" if cost.compiling >= 0.5 else ""
     margins = f"; {cost.margin_seconds:.1f} s of these for stability margins" if cost.margin_seconds else ""
     say(
-        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
+        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing{compiled}, {cost.searching:.1f} s searching "
         f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring{margins}"
     )
 

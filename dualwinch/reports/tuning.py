@@ -33,6 +33,7 @@ from dualwinch.tuning.result import (
     headings,
     headline,
     margin_places,
+    too_short,
     where,
     worth,
 )
@@ -78,7 +79,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         folder=folder,
         constraints=f"Constraints of the search: {kept}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
-        authority=_sentence(authority(tuned)),
+        authority=" ".join(filter(None, map(_sentence, (authority(tuned), too_short(tuned))))),
         where=where(tuned),
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),

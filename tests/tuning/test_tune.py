@@ -18,7 +18,17 @@ from dualwinch.tuning.plots import (
     importances,
     parallel_coordinates,
 )
-from dualwinch.tuning.result import TuningResult, advice, comparison, headings, headline, times, where, worth
+from dualwinch.tuning.result import (
+    TuningResult,
+    advice,
+    comparison,
+    headings,
+    headline,
+    short_of,
+    times,
+    where,
+    worth,
+)
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
 from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus, TuningProgress
@@ -125,12 +135,36 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     tuned = tune(problem, seconds=seconds)
     batch = pace * (BATCH * len(tuned.training.scenarios) + 2 * len(tuned.training.hard))
     assert seconds <= tuned.cost.searching <= seconds + batch
-    assert tuned.cost.judging <= problem.selection.time_beside(seconds, spent=0.0)
+    assert tuned.cost.seconds <= problem.selection.time_of_all(seconds) == pytest.approx(36.0)
     assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))
     assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.sizes.test < SampleSizes().test
     assert where(tuned) == f"in {tuned.verdict.sizes.test} test scenarios (200 with more time)"
-    hurried = tune(problem, seconds=seconds, afterwards=2.0)
-    assert hurried.verdict.sizes.rollouts < tuned.verdict.sizes.rollouts
+    hurried = tune(problem, seconds=seconds, afterwards=9.0)
+    assert hurried.cost.seconds <= 27.0
+    assert hurried.verdict.sizes.test < tuned.verdict.sizes.test
+
+
+@pytest.mark.parametrize(("trials", "said"), [(4, ""), (50, "30 s of search left · ")])
+def test_the_time_left_is_said_once_it_means_something(trials: int, said: str) -> None:
+    words: list[str] = []
+
+    def receive(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        words.append(status)
+
+    TuningProgress(receive).progress(SearchStatus(trials=trials, seconds=30.0), None, 100)
+    assert words == [f"{said}{trials} of 100 trials, 0 % feasible"]
+
+
+@pytest.mark.parametrize(
+    ("trials", "seconds", "words"),
+    [
+        (480, 60.0, "a short search: 480 trials, and 16 gains need about 1600: --time 4min"),
+        (480, None, "a short search: 480 trials, and 16 gains need about 1600: --trials 1600"),
+        (1600, 60.0, ""),
+    ],
+)
+def test_a_search_that_is_too_short_for_its_gains_is_said_to_be(trials: int, seconds: float | None, words: str) -> None:
+    assert short_of(trials, 16, SelectionConfig(), seconds) == words
 
 
 def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:
@@ -152,7 +186,7 @@ def test_where_nothing_is_better_the_start_is_kept_and_what_would_help_is_said(
         "the start is kept: no trial is better than the gains that the search started from"
     )
     words = advice(tuned)
-    assert "more trials (--time, --trials, --resume): 90 or more" in words[0]
+    assert "more trials (--time, --trials, --resume): 300 or more" in words[0]
     assert words[-1] == "another method (--method hybrid)"
 
 

@@ -34,6 +34,7 @@ from dualwinch.tuning.scoring.rollouts import (
     worst_of,
 )
 from dualwinch.tuning.scoring.training_set import ActiveScenarios, TrainingSet, survey
+from dualwinch.tuning.selection_config import SampleSizes
 
 
 def bounds_in(
@@ -89,7 +90,10 @@ class Scorer:
         rollouts: number of rollouts so far.
         seconds: their wall time in s.
         margin_seconds: wall time in s of stability margins.
+        until: when validation and test are to end, in s since the epoch; ``None``: they take what they take.
     """
+
+    until: float | None = None
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         """A scorer.
@@ -107,6 +111,16 @@ class Scorer:
     def pace(self) -> float:
         """Wall time in s that a rollout took in the mean, margins included; 0 before the first."""
         return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
+
+    def affordable(self, sizes: SampleSizes) -> SampleSizes:
+        """As much of some sizes as there is time for."""
+        if self.until is None:
+            return sizes
+        return self.training.problem.selection.affordable(sizes, self.until - clock.now(), self.pace)
+
+    def affords(self, sizes: SampleSizes) -> bool:
+        """Whether there is time for all of some sizes."""
+        return self.affordable(sizes) == sizes
 
     def start(self) -> Evaluation:
         """The start in the training scenarios, from the rollouts of `prepare`."""

@@ -1,12 +1,12 @@
 """Where a study stands: the phases of tuning in words, and the search batch by batch."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 
 DRAWING = "drawing scenarios"
@@ -76,8 +76,8 @@ class TuningProgress:
         self._progress(progress.share, status=self._status(progress, until, trials))
 
     def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
-        of = f" of {trials}" if trials else ""
-        words = [f"{_left(now, until, trials):.0f} s left"]
+        of, left = f" of {trials}" if trials else "", _left(now, until, trials)
+        words = [] if left is None else [f"{left:.0f} s of search left"]
         words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
         if now.best:
             values = ", ".join(
@@ -90,16 +90,17 @@ class TuningProgress:
         return " · ".join(words)
 
 
-def _left(now: SearchStatus, until: float | None, trials: int | None) -> float:
-    """Time in s that the search will take, by the budget that ends first."""
-    left: list[float] = []
+SOON = 0.05
+"""Share of a budget of trials or rollouts before which it does not say how long the rest takes."""
+
+
+def _left(now: SearchStatus, until: float | None, trials: int | None) -> float | None:
+    """Time in s that the search will take, by the budget that ends first; ``None``: it is too early to say."""
+    shares = [*([now.trials / trials] if trials else []), *([now.share] if now.share else [])]
+    left = [now.seconds * (1 / share - 1) for share in shares if share >= SOON]
     if until is not None:
-        left.append(until - time.time())
-    if trials is not None and now.trials:
-        left.append(now.seconds * (trials / now.trials - 1))
-    if now.share:
-        left.append(now.seconds * (1 / now.share - 1))
-    return max(min(left, default=0.0), 0.0)
+        left.append(until - clock.now())
+    return max(min(left), 0.0) if left else None
 
 
 SILENT = TuningProgress()

@@ -66,14 +66,16 @@ def select(
     Args:
         evaluator: of the problem.
         trials: finished trials, at least one.
-        sizes: of the sets; default: those of the problem's `SelectionConfig`.
+        sizes: of the sets, at most; default: those of the problem's `SelectionConfig`. They are smaller where the
+            evaluator's time is short, and counted anew once candidates are validated.
         watch: gets both phases.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
     problem = evaluator.training.problem
-    sizes = sizes or problem.selection.sizes
+    asked = sizes or problem.selection.sizes
+    sizes = evaluator.affordable(asked)
     watch.phase(CHOOSING)
     start = _start(evaluator, trials)
     chosen, validation, chance = start, None, None
@@ -82,7 +84,10 @@ def select(
         chosen = leader if improves_on(leader, start) else start
     else:
         validation_set = ValidationSet(evaluator, validation_scenarios(problem, sizes))
-        if validated := _validated(evaluator, validation_set, trials, start, sizes):
+        validated = _validated(evaluator, validation_set, trials, start, sizes)
+        left = evaluator.affordable(asked.after_validation)
+        sizes = replace(sizes, chance=left.chance, test=left.test)
+        if validated:
             best, chance = _confirmed(evaluator, validation_set, validated, sizes)
             chosen, validation = best.trial, best.result
     watch.phase(SCORING)
@@ -143,7 +148,9 @@ def _validated(
         front = [waiting[index] for index in pareto_front(waiting)] or waiting
         waiting = front[:: -(-len(front) // sizes.candidates)]
     tried, before, back_off = list[Evaluation](), evaluator.rollouts, dict[str, float]()
-    while evaluator.rollouts - before <= sizes.screening_rollouts:
+    while evaluator.rollouts - before <= sizes.screening_rollouts and (
+        not tried or evaluator.affords(sizes.after_validation)
+    ):
         group = [trial for trial in waiting if _keeps(trial, back_off, config.back_off)][: sizes.candidates]
         if not group:
             break
@@ -210,7 +217,7 @@ def _confirmed(
         draws = ensemble.chosen(range(first, first + sizes.chance), problem.stream(CHANCE))
         excess = worst_of(evaluator.run([candidate.trial.candidate], draws), validation.constraints, draws)[0]
         found.append((int((excess > 0).sum()), candidate))
-        if not found[-1][0]:
+        if not found[-1][0] or not evaluator.affords(sizes.after_validation):
             break
         worst = float(excess[excess <= config.repair_most].max())
         steps = [repaired(candidate.trial.candidate, worst, problem, share) for share in config.repair_steps]

@@ -18,7 +18,7 @@ FULL, LEAST = CONFIG.sizes, CONFIG.least_sizes
 def test_what_is_affordable_takes_no_more_time_than_there_is_or_is_the_least(seconds: float, pace: float) -> None:
     sizes = CONFIG.affordable(FULL, seconds, pace)
     assert all(least <= count <= full for least, count, full in zip(*map(astuple, (LEAST, sizes, FULL)), strict=True))
-    assert sizes == LEAST or pace * sizes.rollouts <= seconds
+    assert sizes == LEAST or (1 + CONFIG.time_caution) * pace * sizes.rollouts <= seconds
 
 
 def test_more_time_buys_more_scenarios_until_there_are_all() -> None:
@@ -31,17 +31,10 @@ def test_fewer_than_the_least_are_kept_where_they_are_asked_for() -> None:
     assert CONFIG.affordable(SampleSizes(test=5), 0.0, 1.0).test == 5
 
 
-@pytest.mark.parametrize(
-    ("search", "spent", "left"),
-    [
-        (5, 0.5, CONFIG.time_least - 0.5),
-        (20, 9, 20 * CONFIG.time_share_left),
-        (3, 9, CONFIG.time_least_left),
-        (600, 5, 600 * CONFIG.time_share - 5),
-    ],
-)
-def test_what_is_beside_a_search_is_limited(search: float, spent: float, left: float) -> None:
-    assert CONFIG.time_beside(search, spent) == pytest.approx(left)
+@pytest.mark.parametrize(("preparing", "searching"), [(8.0, 60.0), (40.0, 40.0), (80.0, 6.0)])
+def test_a_search_is_as_long_as_is_asked_for_unless_preparing_took_long(preparing: float, searching: float) -> None:
+    assert CONFIG.time_of_all(60.0) == pytest.approx(88.0)
+    assert CONFIG.time_of_search(60.0, 88.0 - preparing) == pytest.approx(searching)
 
 
 def test_rollouts_are_those_of_half_the_screening_with_start_and_paper_and_of_two_candidates_and_three_scores() -> None:
