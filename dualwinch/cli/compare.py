@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Figure, WorkerOptions
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    WHOLE,
+    WORKERS,
+    ExperimentOptions,
+    Figure,
+    WorkerOptions,
+    say_other_machine,
+)
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -26,7 +34,6 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.controllers.controller import Controller
     from dualwinch.simulation.ensembles.comparison import Comparison, Interval
-    from dualwinch.simulation.ensembles.ensemble import Ensemble
 
 app = App(
     name="compare",
@@ -65,8 +72,8 @@ def compare(
     given.use_parts()
     wanted, drawn = controllers(files), given.ensemble(ensemble)
     for name in files:
-        if words := other_machine(name, drawn):
-            terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
+        if name != PAPER and Path(name) != given.config:
+            say_other_machine(Path(name), ensemble, drawn)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:
@@ -103,25 +110,6 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
     if twice is not None:
         raise ConfigurationError(f"{twice}: given twice")
     return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
-
-
-def other_machine(name: str, drawn: Ensemble) -> str:
-    """Which values of a file of gains say that they were made for another machine than an ensemble's; empty: none."""
-    from dualwinch.config.experiment_file import load
-    from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.experiment import Experiment
-
-    if name == PAPER:
-        return ""
-    of_file, of_ensemble, usual = (leaves(each) for each in (load(Path(name)), drawn.experiment, Experiment()))
-    different = [
-        f"{key} = {value} there, {of_ensemble.get(key)} here"
-        for key, value in of_file.items()
-        if key.startswith("plant.") and value != of_ensemble.get(key) and value != usual.get(key)
-    ]
-    more = f", and {len(different) - 2} more" if len(different) > 2 else ""
-    about = f"{', '.join(different[:2])}{more}"
-    return f"{name}: gains for another machine ({about}); to judge them on it: --config {name}" if different else ""
 
 
 def statistics_table(result: Comparison) -> FigureTable:

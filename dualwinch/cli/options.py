@@ -138,7 +138,9 @@ class ExperimentOptions:
         if ensemble is None:
             return self.experiment()
         self.use_parts()
-        return override(load_ensemble(ensemble, experiment_from(self.case, self.config)).experiment, self.values)
+        drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
+        say_other_machine(self.config, ensemble, drawn)
+        return override(drawn.experiment, self.values)
 
     def ensemble(self, name: str) -> Ensemble:
         """An ensemble: the case or file gives the values that its file lacks, and relative distributions follow.
@@ -150,7 +152,9 @@ class ExperimentOptions:
         from dualwinch.config.experiment_file import experiment_from
 
         self.use_parts()
-        return reset(load_ensemble(name, experiment_from(self.case, self.config)), self.values)
+        drawn = load_ensemble(name, experiment_from(self.case, self.config))
+        say_other_machine(self.config, name, drawn)
+        return reset(drawn, self.values)
 
 
 @Parameter(name="*")
@@ -175,7 +179,6 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 
 def say_left(experiment: Experiment) -> None:
     """Print, on standard error, which defaults did not follow the values of an experiment."""
-    from dualwinch.cli.output import styled, terminal
     from dualwinch.simulation.experiment import Experiment
 
     if experiment.plant == Experiment().plant:
@@ -183,7 +186,57 @@ def say_left(experiment: Experiment) -> None:
     from dualwinch.simulation.analysis.remarks import defaults_left
 
     for words in defaults_left(experiment):
-        terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+        print_note(words)
+
+
+def say_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
+    """Print, on standard error, in what the machine of a file is another than that of an ensemble."""
+    if file is not None and (words := other_machine(file, name, drawn)):
+        print_note(words)
+
+
+def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
+    """In what the machine that a file gives is another than the nominal one of an ensemble, and what to do about it.
+
+    Values of the file that are defaults and that the ensemble's own file sets are left out.
+
+    Args:
+        file: an experiment, such as one with tuned gains.
+        name: of the ensemble, or its file.
+        drawn: the ensemble as it is used.
+
+    Returns:
+        A sentence; empty where there is no such difference.
+    """
+    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.config.experiment_file import given_keys, load
+    from dualwinch.model.quantities.tree import leaves
+    from dualwinch.simulation.experiment import Experiment
+
+    own = load(file)
+    there, here, usual = (leaves(each) for each in (own, drawn.experiment, Experiment()))
+    around = leaves(load_ensemble(name, own).experiment)
+    keys = [key for key in given_keys(file) if key.startswith("plant.") and there.get(key) != here.get(key)]
+    missed = sorted(key for key in keys if around.get(key) == there.get(key))
+    replaced = sorted(key for key in keys if key not in missed and there.get(key) != usual.get(key))
+    if not (missed or replaced):
+        return ""
+    differences = [f"{key} = {there.get(key)} there, {here.get(key)} here" for key in missed + replaced]
+    more = f", and {len(differences) - 2} more" if len(differences) > 2 else ""
+    about = f"{file}: for another machine ({', '.join(differences[:2])}{more})"
+    if missed:
+        return f"{about}; to judge it on its own: --config {file}"
+    return (
+        f"{about}: the ensemble '{drawn.name}' sets these itself; for yours, edit a copy of it "
+        f"(dualwinch config --ensemble {name} > my.toml)"
+    )
+
+
+def print_note(words: str) -> None:
+    """Print a note on standard error."""
+    from dualwinch.cli.output import styled, terminal
+
+    terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
 
 
 LONGEST_TIME = 1e7

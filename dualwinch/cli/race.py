@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, WORKERS, Assignments, Plugins, WorkerOptions, choice, use_parts
+from dualwinch.cli.options import (
+    WHOLE,
+    WORKERS,
+    Assignments,
+    Plugins,
+    WorkerOptions,
+    choice,
+    say_other_machine,
+    use_parts,
+)
 from dualwinch.cli.output import json_text, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 
@@ -107,7 +116,8 @@ def race(
     from dualwinch.tuning.benchmark.race import race
 
     use_parts(plugin)
-    drawn = load_ensemble(ensemble, load(config)) if config else ensemble
+    drawn = load_ensemble(ensemble, load(config) if config else None)
+    say_other_machine(config, ensemble, drawn)
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,

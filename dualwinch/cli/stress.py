@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Json, WorkerOptions
+from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Json, WorkerOptions, say_other_machine
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
@@ -72,14 +72,17 @@ def stress(
     all others, from a thousandth of its size in the ensemble to a hundred times it, until the worst scenario breaks a
     constraint.
     """
+    from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.config.folders import made_folder
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.tuning.robustness.stress import stress
+    from dualwinch.tuning.robustness.stress import NO_BASE, stress
 
     file = file or given.config
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
+    if file and base != NO_BASE:
+        say_other_machine(file, base, load_ensemble(base, experiment))
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,

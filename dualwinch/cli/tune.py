@@ -19,7 +19,16 @@ from cyclopts import App, Parameter
 from rich.text import Text
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, WorkerOptions, seconds_from, share_from
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    WHOLE,
+    WORKERS,
+    ExperimentOptions,
+    WorkerOptions,
+    say_other_machine,
+    seconds_from,
+    share_from,
+)
 from dualwinch.cli.output import FigureColumn, FigureTable, say_idealised, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
@@ -174,6 +183,8 @@ def tune(
             violation=share_from(violation, "--violation"),
             confidence=share_from(confidence, "--confidence"),
         )
+        if problem.ensemble and ensemble:
+            say_other_machine(given.config, ensemble, problem.ensemble)
         run_study(problem, options, line)
         line.say(f"next: {next_line(options.out / 'best.toml', ensemble, given)}")
 

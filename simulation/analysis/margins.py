@@ -109,13 +109,22 @@ def margins(loop: LinearSystem) -> Margins:
     margins are those of no change at all.
 
     Args:
-        loop: discrete, one input, one output, e.g. of `simulation.analysis.linear_loop.linear_broken_loop`.
+        loop: discrete, one input, one output, e.g. of `simulation.analysis.linear_loop.linear_broken_loop`, or a
+            ``StateSpace`` of python-control.
 
     Raises:
-        ConfigurationError: a continuous system, or one of several inputs or outputs.
+        ConfigurationError: a continuous system, one of several inputs or outputs, or no state-space system.
     """
-    if loop.dt is None or loop.D.shape != (1, 1):
-        raise ConfigurationError("margins need a discrete system of one input and one output")
+    wanted = "a discrete state-space system of one input and one output"
+    if not hasattr(loop, "D"):
+        raise ConfigurationError(f"loop: is a {type(loop).__name__}: must be {wanted}, e.g. control.ss(loop)")
+    if loop.D.shape != (1, 1):
+        outputs, inputs = loop.D.shape
+        raise ConfigurationError(f"loop: has {inputs} inputs and {outputs} outputs: must be {wanted}")
+    if isinstance(loop.dt, bool) or not loop.dt or loop.dt < 0:
+        raise ConfigurationError(
+            f"loop: dt = {loop.dt}: must be > 0 s, {wanted} (control.sample_system makes one of a continuous system)"
+        )
     if abs(1 + loop.D[0, 0]) <= np.finfo(float).eps:
         nowhere = math.nan
         return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))

@@ -277,9 +277,13 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
         notes: further texts to keep with the result, such as the ensemble's TOML.
 
     Raises:
-        ConfigurationError: unknown suffix.
+        ConfigurationError: unknown suffix, or not the result of an ensemble.
         OSError: the file cannot be written.
     """
+    if not isinstance(result, EnsembleResult):
+        raise ConfigurationError(
+            f"result: is a {type(result).__name__}: must be an EnsembleResult (a run's Result is written by save)"
+        )
     path = Path(path)
     ensemble_writer(path)(content_of(result, notes or {}), path)
 

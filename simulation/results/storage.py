@@ -62,9 +62,14 @@ def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | N
         notes: further texts to keep with the result, such as versions.
 
     Raises:
-        ConfigurationError: unknown suffix.
+        ConfigurationError: unknown suffix, or not the result of a run.
         OSError: the file cannot be written.
     """
+    if not isinstance(result, Result):
+        raise ConfigurationError(
+            f"result: is a {type(result).__name__}: must be the Result of a run (an ensemble's is written by "
+            "save_ensemble, an experiment by Path(...).write_text(to_toml(experiment)))"
+        )
     path = Path(path)
     facts = dict(notes or {}) | _facts(result)
     format_of(path).write(FileContent(result.columns, result.quantities, facts), path)

@@ -24,6 +24,7 @@ from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.robustness.imperfections import (
     ALL,
+    METHOD,
     Imperfection,
     ScaledEnsemble,
     all_together,
@@ -46,6 +47,9 @@ NO_BASE = "none"
 
 SCENARIOS = 20
 """Scenarios of every size where nothing else is asked for."""
+
+KEPT = ("controller.", "metrics", "plant.")
+"""What the keys begin with that an experiment keeps, although an ensemble sets them alike."""
 
 ENSEMBLE, KIND = "rig", "sea"
 """Gives the imperfections of tuned gains; and what they come on top of where the gains are tuned with them."""
@@ -172,14 +176,17 @@ def base_and_ensemble(
 
 
 def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -> Experiment:
-    """An experiment without what it has of an ensemble, such as gains that were tuned in it: that is to be added."""
+    """An experiment without what it has of an ensemble in which its gains were tuned: that is to be added.
+
+    Its plant and its method of integration stay: gains for heavy winches have no meaning on light ones.
+    """
     plain = Experiment()
     asked = ensemble.experiment if isinstance(ensemble, Ensemble) else load_ensemble(ensemble, plain).experiment
     usual, theirs, ours = leaves(plain), leaves(asked), leaves(experiment)
     taken = {key for key, value in theirs.items() if value != usual.get(key) and value == ours.get(key)}
     return override(
         experiment,
-        {key: usual[key] for key in taken if key in usual and not key.startswith(("controller.", "metrics"))},
+        {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT)},
     )
 
 

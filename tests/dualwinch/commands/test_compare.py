@@ -5,18 +5,20 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.compare import controllers, other_machine, to_record
-from dualwinch.cli.options import ExperimentOptions
+from dualwinch.cli.compare import controllers, to_record
+from dualwinch.cli.options import ExperimentOptions, other_machine
 from dualwinch.cli.output import json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.experiment_file import load
+from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
 from dualwinch.simulation.ensembles.result import EnsembleResult
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
+from dualwinch.simulation.settings import override
 
 SHORT = ("--scenarios", "3", "--seed", "5", "--set", "simulation.duration=0.2")
 
@@ -116,15 +118,28 @@ def test_an_unknown_gain_names_file_and_line(tmp_path: Path) -> None:
 def test_gains_for_another_machine_are_said_with_the_option_that_is_right(tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text("[plant.vehicle]\nmass = 3000\n[plant.track]\nlength = 120\n")
-    said = other_machine(str(mine), load_ensemble("rig"))
-    assert "plant.vehicle.mass = 3000.0 there, 10000.0 here, plant.track.length = 120.0 there" in said
-    assert said.endswith(f"to judge them on it: --config {mine}")
-    assert not other_machine(str(mine), load_ensemble("rig", load(mine)))
-    assert not other_machine("paper", load_ensemble("rig"))
+    said = other_machine(mine, "rig", load_ensemble("rig"))
+    assert "plant.track.length = 120.0 there, 50.0 here, plant.vehicle.mass = 3000.0 there" in said
+    assert said.endswith(f"to judge it on its own: --config {mine}")
+    assert not other_machine(mine, "rig", load_ensemble("rig", load(mine)))
     options = ExperimentOptions(config=mine)
     assert next_line(mine, "rig", options) == f"dualwinch compare paper {mine} --ensemble rig --config {mine}"
     assert next_line(mine, "sea", ExperimentOptions()) == f"dualwinch compare paper {mine} --ensemble sea"
     assert next_line(mine, None, options) == f"dualwinch simulate --config {mine}"
+
+
+def test_gains_for_the_papers_machine_are_said_on_another_and_an_ensemble_says_what_it_sets(tmp_path: Path) -> None:
+    """All keys of a whole file count, even where they are defaults; an ensemble's own values are no option's fault."""
+    papers, heavy = tmp_path / "papers.toml", tmp_path / "heavy.toml"
+    papers.write_text(to_toml(Experiment()))
+    heavy.write_text("[plant.winch_1]\ninertia = 50.0\n")
+    mine = override(Experiment(), {"plant.vehicle.mass": 3000.0})
+    said = other_machine(papers, "sea", load_ensemble("sea", mine))
+    assert "(plant.vehicle.mass = 10000.0 there, 3000.0 here)" in said
+    assert not other_machine(papers, "sea", load_ensemble("sea"))
+    said = other_machine(heavy, "site", load_ensemble("site", load(heavy)))
+    assert "plant.winch_1.inertia = 50.0 there, 120.0 here" in said
+    assert "the ensemble 'site' sets these itself" in said
 
 
 def test_config_marks_what_is_still_the_papers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

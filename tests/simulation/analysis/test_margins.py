@@ -136,3 +136,7 @@ def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
 def test_margins_need_a_sampled_loop_of_one_signal() -> None:
     with pytest.raises(ConfigurationError, match="one input and one output"):
         margins(linear_closed_loop(PAPER))
+    with pytest.raises(ConfigurationError, match=r"dt = 0: must be > 0 s"):
+        margins(control.ss([[0.0]], [[5e-4]], [[1.0]], [[0.0]], 0))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ConfigurationError, match=r"is a TransferFunction: must be a discrete"):
+        margins(control.tf([5e-7], [1.0, -1.0], 0.001))  # pyright: ignore[reportArgumentType]

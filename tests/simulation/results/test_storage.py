@@ -9,6 +9,7 @@ from scipy.io import loadmat
 
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.result import save_ensemble
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.results.storage import save
@@ -89,6 +90,13 @@ def test_mat_carries_units(pid: Result, tmp_path: Path) -> None:
 def test_an_unknown_suffix_is_refused_by_name(pid: Result, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"run\.xls.*\.csv, \.parquet, \.npz, \.mat"):
         save(pid, tmp_path / "run.xls")
+
+
+def test_what_is_no_result_is_refused_with_the_function_for_it(pid: Result, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"result: is a Experiment: .* an experiment by .*to_toml"):
+        save(pid.experiment, tmp_path / "run.csv")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ConfigurationError, match=r"result: is a Result: .* by save"):
+        save_ensemble(pid, tmp_path / "runs.csv")  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "npz", "mat"])

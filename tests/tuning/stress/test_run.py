@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.drivers import batch
-from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
@@ -18,6 +18,7 @@ from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness import stress as bench
+from dualwinch.tuning.robustness.imperfections import imperfections, union
 from dualwinch.tuning.robustness.result import RobustnessResult
 from dualwinch.tuning.robustness.sizes import size
 from dualwinch.tuning.robustness.stress import PAPER, breakdowns
@@ -144,3 +145,17 @@ def test_gains_tuned_in_the_sea_are_lost_on_a_drum_a_hundredth_of_a_per_cent_off
     assert amount.high is not None
     assert amount.high <= 1e-4
     assert paper.size is None or paper.size >= 10
+
+
+def test_gains_for_heavy_winches_are_tried_on_them() -> None:
+    """What the nominal machine of an ensemble is made of is no imperfection to gains that were tuned for it."""
+    tuned = load_ensemble("site").experiment
+    base, harsh = bench.base_and_ensemble(tuned, "site", "sea")
+    assert base.experiment.plant.winch_1.inertia == 120.0
+    assert base.experiment.simulation.substeps == tuned.simulation.substeps
+    names = {each.name for each in imperfections(base, union(base, harsh))}
+    assert {"plant.winch.gear_stiffness", "sensors.speed_error", "actuator.kind", "simulation.jitter"} <= names
+    assert names.isdisjoint({"plant.rope.mass_per_length", "plant.winch.rotor_inertia"})
+    light = bench.base_and_ensemble(Experiment(), "site", "sea")
+    assert light[0].experiment.plant.winch_1.inertia == 1.8
+    assert "plant.rope.mass_per_length" in {each.name for each in imperfections(light[0], union(*light))}
