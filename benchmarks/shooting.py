@@ -183,7 +183,8 @@ class _Segments:
         outside = ca.DM(np.column_stack([section.inputs, np.nan_to_num(readings), weights]).T)
 
         z, q, u = ca.SX.sym("z", N), ca.SX.sym("q", p + A), ca.SX.sym("u", len(INPUTS) + 2 * len(used))
-        t, tau_1, tau_2, _, *rest = ca.vertsplit(u)
+        t, tau_1, tau_2, *rest = ca.vertsplit(u)
+        rest = rest[len(INPUTS) - 3 :]
         numbers = dict(zip(self._keys, ca.vertsplit(q[:p] * self._values), strict=True))
         plant = with_leaves(experiment.plant, numbers, "plant.")
         motion = with_leaves(motion_template(experiment), dict(zip(MOVING, ca.vertsplit(z * SCALES), strict=True)))

@@ -21,6 +21,7 @@ from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
     NoiseCovariances,
     described_disturbances,
+    force_coefficients,
     parameter_names,
     predicted_system,
     predictor_structure,
@@ -116,7 +117,8 @@ class PredictionErrorMethod:
         """R and Q to begin with."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
         variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
-        return NoiseCovariances(variances, described_disturbances(self._experiment, self.options.noise))
+        process = described_disturbances(self._experiment, self.options.noise)
+        return NoiseCovariances(variances, process, force_coefficients(self._experiment))
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
@@ -130,6 +132,12 @@ class PredictionErrorMethod:
             return None
         normal = self.likelihood.normal(values, noise, filtered)
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
+
+    def deviance(self, values: Floats) -> float:
+        """Minus twice the log-likelihood at some values, with the likeliest process noise of a rough grid."""
+        experiment = self.with_values(values)
+        noise = self._noise.with_process_noise(experiment, self.initial_noise(), anywhere=True, roughly=True)
+        return float(self.filters.deviances([experiment], noise)[0])
 
     def run(
         self, start: Floats, progress: Callable[[float], None] = no_progress, noise: NoiseCovariances | None = None

@@ -143,7 +143,7 @@ def identify(
     excess = plausible(best)
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
     innovations = method.filters.whitened_innovations(best.experiment, best.noise)
-    kept = sections_of([log for _, log in split if log], model.experiment, options.resampling)
+    kept = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
     chosen = replace(model, estimate=best)
@@ -158,7 +158,7 @@ def identify(
         covariance=covariance,
         unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
         noise=_sensor_noise(fitted, best),
-        process_noise=dict(best.noise.process),
+        process_noise=best.noise.process_of(best.experiment),
         whiteness=whiteness_tests(innovations, torques, diagnostics),
         held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
         innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),

@@ -15,7 +15,7 @@ from dualwinch.identification.diagnostics import UnrecordedForceError, Whiteness
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions
-from dualwinch.identification.predictor import READINGS, NoiseCovariances
+from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
     UnknownParameter,
@@ -56,6 +56,11 @@ class FittedModel:
         sea = {"vortices": own.disturbance.vortex and not given.vortex}
         sea["current"] = own.disturbance.current_sigma > given.current_sigma
         sea["changes of the rail load"] = own.disturbance.normal_force_sigma > given.normal_force_sigma
+        if self.method.options.resampling.torque_rows:
+            found.append(
+                "torques changed more often than they were logged: between rows their mean over "
+                f"{self.method.options.resampling.torque_rows} rows is taken to act, and chatter as noise"
+            )
         if names := [name for name, added in sea.items() if added]:
             found.append(f"estimated with {', '.join(names)}, which the experiment does not describe (--case 4)")
         return tuple(found)
@@ -86,12 +91,14 @@ class FittedModel:
 class ModelChoice:
     """Chooses the model of some logs.
 
-    1. The experiment as it is described is chosen where its innovations are white, and nothing may be estimated along.
-    2. The delay of the torques is that of ARX models of the load cells (`torque_lags`).
-    3. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
+    1. Where torques were logged every few samples only, the likelier at the start is chosen of torques that are held
+       from row to row, and of torques that change in between (`CoarseLogOptions`), of these with each delay.
+    2. The experiment as it is described is chosen where its innovations are white, and nothing may be estimated along.
+    3. The delay of torques that were logged in every sample is that of ARX models of the load cells (`torque_lags`).
+    4. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
        no sea or only a part, the same with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The
        search begins anew: where a model without them ends says little.
-    4. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
+    5. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
        deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
 
@@ -124,9 +131,21 @@ class ModelChoice:
             DivergedFilterError: the filter diverges with every model.
             ConfigurationError: an estimate that is refused; a parameter without a prior has no effect at all.
         """
+        chosen, coarse = self.with_likeliest_torques(experiment)
+        return chosen.with_torques_as_they_are(experiment, coarse, check, sea=sea)
+
+    def with_torques_as_they_are(
+        self,
+        experiment: Experiment,
+        coarse: Experiment | None,
+        check: Callable[[ParameterEstimate], Sequence[str]],
+        *,
+        sea: bool,
+    ) -> FittedModel:
+        """The model chosen; as `of`, with the result of `with_likeliest_torques`."""
         search, plain, notes, refusal = self.options.search, None, (), None
         try:
-            plain = self._fitted(experiment, self.unknowns, "fitting", (0.0, 0.4))
+            plain = self._fitted(coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
             notes = check(plain.estimate)
         except ConfigurationError as error:
             refusal = error
@@ -134,17 +153,48 @@ class ModelChoice:
                 raise
         if plain and not refusal and (plain.white or not search.nuisance_share):
             return plain
-        delayed = self._with_delay(experiment)
-        if plain and delayed == experiment and refusal and not isinstance(refusal, UnrecordedForceError):
-            raise refusal
-        if plain and delayed == experiment and notes:
-            return plain
+        delayed = coarse or self._with_delay(experiment)
+        if plain and not coarse and delayed == experiment:
+            if refusal and not isinstance(refusal, UnrecordedForceError):
+                raise refusal
+            if notes:
+                return plain
         rubbing = with_drum_friction(delayed, search)
         candidates = list(dict.fromkeys((rubbing, with_sea(rubbing, search) if sea else rubbing)))
         found = self._likeliest(candidates, [plain] if plain and not refusal else []) or plain
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
         return found
+
+    def with_likeliest_torques(self, experiment: Experiment) -> "tuple[ModelChoice, Experiment | None]":
+        """The choice and the experiment by which torques between rows, and their delay, are likeliest at the start.
+
+        None in the place of the experiment: torques are held from row to row.
+        """
+        search, coarse, step = self.options.search, self.options.search.coarse, experiment.simulation.sample_time
+        if all(np.median(np.diff(log.t)) < coarse.spacing * step for log in self.logs):
+            return self, None
+        noise = replace(
+            self.options.noise,
+            torque_time=coarse.chatter_time * step,
+            least_torque=coarse.least_chatter,
+            quiet_share=coarse.quiet_share,
+        )
+        resampling = replace(self.options.resampling, torque_rows=coarse.rows)
+        other = replace(self, options=replace(self.options, resampling=resampling, noise=noise))
+        held, found = self.deviance_at_start(experiment), list[tuple[float, Experiment]]()
+        for late in range(search.most_delay_samples + 1):
+            delayed = replace(experiment, simulation=replace(experiment.simulation, delay_samples=late))
+            found.append((other.deviance_at_start(delayed), delayed))
+        least, delayed = min(found, key=lambda each: each[0])
+        return (other, delayed) if least < held else (self, None)
+
+    def deviance_at_start(self, experiment: Experiment) -> float:
+        """Of an experiment whose drums rub, where the search for the unknowns begins, with the likeliest Q."""
+        rubbing = with_drum_friction(experiment, self.options.search)
+        sections = sections_of(self.logs, rubbing, self.options.resampling)
+        method = PredictionErrorMethod(sections, rubbing, self.unknowns, self.options, self.threads)
+        return method.deviance(np.array([unknown.start for unknown in self.unknowns]))
 
     def _with_delay(self, experiment: Experiment) -> Experiment:
         """The experiment with the delay of the torques that the logs have, as far as they show it."""
@@ -188,7 +238,8 @@ class ModelChoice:
         filters, total = own.method.filters_of(moving), 0.0
         for other in every:
             torques = {name: other.estimate.noise.process[name] for name in ("torque_1", "torque_2")}
-            noise = NoiseCovariances(other.estimate.noise.measurement, {**own.estimate.noise.process, **torques})
+            process = {**own.estimate.noise.process, **torques}
+            noise = replace(own.estimate.noise, measurement=other.estimate.noise.measurement, process=process)
             total += float(filters.deviances([own.estimate.experiment], noise)[0])
         return total
 

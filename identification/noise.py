@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 NORMAL_MEDIAN = 0.6745
 """Median of a standard normal variable's magnitude."""
 
+LOAD_CELLS = ("F1", "F2")
+"""Sensors that are quiet only where torques are."""
+
 ESTIMATED = (("force",), ("torque_1", "torque_2"))
 """Disturbances that no experiment describes, whose deviations are estimated; those of a group have one."""
 
@@ -62,17 +65,25 @@ def initial_measurement_noise(readings: Floats, sensors: Sensors, options: Noise
 
 def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
     """Standard deviations of all sensors, (readings,), by third differences, which cancel most of a motion."""
-    own = [_white_noise(values[np.isfinite(values)]) for values in readings.T]
+    own = [
+        _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
+        for name, values in zip(READINGS, readings.T, strict=True)
+    ]
     return np.maximum(own, finest_noise(options))
 
 
-def _white_noise(values: Floats) -> float:
+def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
     """Standard deviation of white noise, by third differences; of a sensor that counts at least that of rounding."""
     if len(values) < 10:
         return 0.0
     steps = np.abs(np.diff(values))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
-    deviation = float(np.median(np.abs(np.diff(values, 3)))) / NORMAL_MEDIAN / math.sqrt(20)
+    jumps = np.abs(np.diff(values, 3))
+    if quiet < 1 and len(jumps) >= 2 * options.quiet_readings:
+        windows = np.array_split(jumps, len(jumps) // options.quiet_readings)
+        quietest = sorted(windows, key=lambda each: float(np.median(each)))
+        jumps = np.concatenate(quietest[: max(1, round(quiet * len(windows)))])
+    deviation = float(np.median(jumps)) / NORMAL_MEDIAN / math.sqrt(20)
     counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
     return max(deviation, least / math.sqrt(12)) if counts else deviation
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Gt, Le, Lt
 
 from dualwinch.model.quantities.quantity import Positive, Quantity
 from dualwinch.model.quantities.tree import check_values
@@ -26,6 +26,13 @@ class ResamplingOptions:
     standstill_speed: Annotated[Positive, Quantity("m/s", "speed below which the machine stands still")] = 0.05
     standstill_window: Annotated[Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
     shortest_move: Annotated[Positive, Quantity("s", "shortest interval of motion that is used alone")] = 2.0
+    torque_rows: Annotated[
+        int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
+    ] = 0
+    chatter_window: Annotated[Positive, Quantity("s", "time over which the size of the torques' chatter is taken")] = (
+        0.5
+    )
+    least_chatter: Annotated[Share, Quantity("1", "least size of it, over the mean of both torques")] = 0.1
     least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is kept")] = 5.0
 
 
@@ -47,6 +54,13 @@ class NoiseOptions:
     finest_tension: Annotated[Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
     finest_angle: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
     finest_drum_speed: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
+    quiet_share: Annotated[
+        float,
+        Gt(0),
+        Le(1),
+        Quantity("1", "share of a load cell's readings, the quietest, by which R begins"),
+    ] = 1.0
+    quiet_readings: Annotated[Count, Quantity("1", "length of a window of readings that is quiet or not")] = 200
     force_time: Annotated[Positive, Quantity("s", "correlation time of the further force")] = 1.0
     torque_time: Annotated[Positive, Quantity("s", "correlation time of the further torques")] = 0.05
     least_force: Annotated[Positive, Quantity("1", "least deviation of it, over the friction at 1 m/s")] = 1e-4
@@ -79,6 +93,20 @@ class TypicalSizes:
 
 
 @dataclass(frozen=True)
+class CoarseLogOptions:
+    """What stands in the place of other options where torques changed more often than they were logged.
+
+    The further torques are then the torques' chatter: white, and relative to the size that the logged ones show.
+    """
+
+    rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 8
+    spacing: Annotated[Factor, Quantity("samples", "time between rows from which on that is looked for")] = 1.5
+    chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
+    least_chatter: Annotated[Positive, Quantity("1", "least chatter, over the size that the logged torques show")] = 0.7
+    quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
+
+
+@dataclass(frozen=True)
 class SearchOptions:
     """The search for the maximum of the likelihood (`identification.estimate.PredictionErrorMethod`)."""
 
@@ -92,6 +120,7 @@ class SearchOptions:
     ] = 0.3
     strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
     delay_order: Annotated[Count, Quantity("samples", "past of tensions and torques in the ARX models for it")] = 8
+    coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
     likelier_delay: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which on it counts")
     ] = 3.0

@@ -7,7 +7,7 @@ are constant.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 import casadi as ca
@@ -42,8 +42,9 @@ from dualwinch.simulation.sensors import Sensors, measurement
 
 Floats = NDArray[np.float64]
 
-INPUTS = ("t", "tau_1", "tau_2", "duration")
-"""Inputs of a sample: time in s, torque commands in N m, time in s until the next sample."""
+INPUTS = ("t", "tau_1", "tau_2", "duration", "share_1", "share_2")
+"""Inputs of a sample: time in s, torque commands in N m, time in s until the next sample, and shares of the further
+torques that act."""
 
 GROUPS = ("plant", "sensors", "actuator", "disturbance")
 """Groups of an experiment whose parameters the predictor takes."""
@@ -111,10 +112,31 @@ class NoiseCovariances:
     Attributes:
         measurement: (readings,) variances of the sensors' noise.
         process: disturbance → its Gauss–Markov process.
+        coefficients: disturbance → coefficient of the vehicle by which it becomes a force, at which it has that
+            deviation. What a log shows is the force: with another coefficient, the disturbance is so much smaller or
+            larger. Else the size of the disturbance would count as information on the coefficient.
+        reach: by how much it may be so, as a factor.
     """
 
     measurement: Floats
     process: Mapping[str, GaussMarkov]
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    reach: float = 2.0
+
+    def process_of(self, experiment: Experiment) -> dict[str, GaussMarkov]:
+        """Disturbance → its Gauss–Markov process on a machine."""
+        own, found = force_coefficients(experiment), dict(self.process)
+        for name, coefficient in self.coefficients.items():
+            ratio = coefficient / own[name] if coefficient > 0 and own[name] > 0 else 1.0
+            ratio = min(max(ratio, 1 / self.reach), self.reach)
+            found[name] = replace(found[name], deviation=ratio * found[name].deviation)
+        return found
+
+
+def force_coefficients(experiment: Experiment) -> dict[str, float]:
+    """Disturbance → coefficient of the vehicle by which it becomes a force."""
+    vehicle = experiment.plant.vehicle
+    return {"current": vehicle.drag_coefficient, "normal_force_variation": vehicle.friction_coefficient}
 
 
 @dataclass(frozen=True)
@@ -181,7 +203,10 @@ def predicted_system(
     hold = zero_order_hold(
         structure,
         t=given["t"],
-        torques=Torques(torques.tau_1 + disturbances.torque_1, torques.tau_2 + disturbances.torque_2),
+        torques=Torques(
+            torques.tau_1 + given["share_1"] * disturbances.torque_1,
+            torques.tau_2 + given["share_2"] * disturbances.torque_2,
+        ),
         current=disturbances.current,
         normal_force_variation=disturbances.normal_force_variation,
         force=disturbances.force,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from dualwinch.identification.log import TORQUES, Log
 from dualwinch.identification.options import DEFAULTS, ResamplingOptions
@@ -25,7 +26,7 @@ ANGLES = ("theta_1", "theta_2")
 
 @dataclass(frozen=True)
 class LogSection:
-    """A section of a log: resampled inputs (samples, 4) and readings (samples, readings)."""
+    """A section of a log: resampled inputs (samples, inputs) and readings (samples, readings)."""
 
     name: str
     inputs: Floats
@@ -70,11 +71,12 @@ def sections_of(
 def resampled(
     log: Log, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
 ) -> tuple[Floats, Floats]:
-    """Resampled inputs (samples, 4) and readings (samples, readings) of a log.
+    """Resampled inputs (samples, inputs) and readings (samples, readings) of a log.
 
     Each reading goes to the nearest sample; where samples jitter (``simulation.jitter``), the times of the samples are
-    those of the log, else multiples of the sample time. Torque commands are held until the next, and reach the motors
-    ``simulation.delay_samples`` later; the samples before the first of them arrives are left out.
+    those of the log, else multiples of the sample time. Torque commands are held until the next, or with
+    ``options.torque_rows`` at their mean between rows. They reach the motors ``simulation.delay_samples`` later; the
+    samples before the first of them arrives are left out.
 
     Raises:
         ConfigurationError: too few rows, or no torque for longer than ``options.longest_gap``.
@@ -84,7 +86,10 @@ def resampled(
     step, late = experiment.simulation.sample_time, experiment.simulation.delay_samples
     numbers = np.rint((log.t - log.t[0]) / step).astype(int)
     count = int(numbers[-1]) + 1
-    torques = np.column_stack([_held_torque(log, name, numbers, count, step, options) for name in TORQUES])
+    held = np.column_stack([_held_torque(log, name, numbers, count, step, options) for name in TORQUES])
+    torques, shares = held, np.ones_like(held)
+    if options.torque_rows:
+        torques, shares = _between_rows(held, numbers, options, step)
     readings = np.full((count, len(READINGS)), np.nan)
     for column, name in enumerate(READINGS):
         # a drum speed beside an angle is most likely that angle's difference, half a sample late
@@ -97,7 +102,7 @@ def resampled(
     t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
     durations = np.diff(t, append=t[-1] + step)
     arrived = torques[: count - late] if late else torques
-    inputs = np.column_stack([t[late:], arrived, durations[late:]])
+    inputs = np.column_stack([t[late:], arrived, durations[late:], shares[: len(arrived)]])
     return np.ascontiguousarray(inputs), np.ascontiguousarray(readings[late:])
 
 
@@ -124,6 +129,27 @@ def _held_torque(
         )
     latest = np.clip(np.searchsorted(numbers[rows], np.arange(count), side="right") - 1, 0, None)
     return values[rows[latest]]
+
+
+def _between_rows(
+    held: Floats, numbers: NDArray[np.int_], options: ResamplingOptions, step: float
+) -> tuple[Floats, Floats]:
+    """Torques that changed more often than they were logged, and the size of their chatter, (samples, 2) each.
+
+    A torque acts at the sample of its row; until the next row the mean of the last rows is expected, and what it is
+    off is unknown. Later rows are no part of that mean: in a closed loop they contain noise of later readings.
+    """
+    rows = held[numbers]
+    width = options.torque_rows
+    usual = uniform_filter1d(rows, width, axis=0, mode="nearest", origin=(width - 1) // 2)
+    latest = np.searchsorted(numbers, np.arange(len(held)), side="right") - 1
+    torques = usual[latest]
+    off = (rows - usual) ** 2
+    window = max(1, round(options.chatter_window * len(rows) / (step * len(held))))
+    size = np.sqrt(np.maximum(uniform_filter1d(off, window, axis=0, mode="nearest"), 0.0))
+    size = np.maximum(size, options.least_chatter * np.sqrt(np.mean(off)))
+    torques[numbers] = rows
+    return torques, size[latest]
 
 
 def _without_repeats(values: Floats, repeats: int) -> Floats:

@@ -25,7 +25,7 @@ def test_the_filter_begins_with_ropes_as_taut_as_the_load_cells_read() -> None:
     state, covariance = initial_state(SITE, structure, read, (30.0, 15.0), 0.0, process, DEFAULTS.initial_state)
     known = parameters_of(SITE) | {f"time.{name}": each.time for name, each in process.items()}
     parameters = [known[key] for key in parameter_names(structure)]
-    found = predicted_system(structure, ()).sense(state, [0.0, 30.0, 15.0, 1e-3], parameters)
+    found = predicted_system(structure, ()).sense(state, [0.0, 30.0, 15.0, 1e-3, 1.0, 1.0], parameters)
     first = dict(zip(READINGS, np.array(found).ravel().tolist(), strict=True))
     assert [first[name] for name in ("x", "v")] == pytest.approx([20.0, 0.5])
     assert [first[name] for name in ("F1", "F2")] == pytest.approx([1400.0, 700.0], rel=0.02)  # and drag along the rope

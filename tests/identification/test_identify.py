@@ -64,7 +64,8 @@ def test_noise_that_is_known_need_not_be_found_out() -> None:
     assert again.noise is fit.noise
     assert fitting.passes - passes < passes
     deviations = np.sqrt(np.diag(covariance_of(fit.information, unknowns)))
-    np.testing.assert_array_less(np.abs(again.values - fit.values), 0.02 * deviations)
+    # a search ends where the deviance falls by less than 0.1, which a third of a deviation more does not change
+    np.testing.assert_array_less(np.abs(again.values - fit.values), 0.1 * deviations)
 
 
 def test_several_logs_know_more_than_one() -> None:

@@ -96,3 +96,18 @@ def test_what_is_estimated_along_is_what_no_key_names_and_the_experiment_has() -
     assert "disturbance.strouhal" in [each.key for each in nuisance_parameters([], sea)]
     assert with_sea(sea) == sea
     assert with_drum_friction(believed) == believed
+
+
+@pytest.mark.slow
+def test_torques_that_chatter_and_are_logged_at_200_hz() -> None:
+    """The paper's controller makes them, from the position's noise; a few of them are logged."""
+    right = override(machine(simulation__duration=30.0), OFF)
+    log = logged(right)
+    every = log.rows(slice(None, None, 5))
+    found = identify([every], KEYS, machine(simulation__duration=30.0))
+    values = leaves(right)
+    off = (found.values - [values[key] for key in found.keys]) / found.deviations
+    assert np.abs(off).max() < 3
+    assert found.deviations[0] < 0.03 * found.values[0]
+    assert any("changed more often than they were logged" in note for note in found.notes)
+    assert any("torques act 2 samples after they are logged" in note for note in found.notes)

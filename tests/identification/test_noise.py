@@ -55,3 +55,11 @@ def test_scatter_that_filters_bear_is_not_widened() -> None:
     estimator, fitting = search(right, right)
     noise = fitting.initial_noise()
     assert estimator.tolerable(right, noise).process["torque_1"] == noise.process["torque_1"]
+
+
+def test_the_size_of_a_current_is_no_information_on_the_drag() -> None:
+    right = machine(disturbance__current_sigma=0.05)
+    _, fitting = search(right, right)
+    noise, more = fitting.initial_noise(), override(right, {"plant.vehicle.drag_coefficient": 0.6})
+    assert noise.process_of(right)["current"].deviation == pytest.approx(0.05)
+    assert noise.process_of(more)["current"].deviation == pytest.approx(0.05 * 0.3 / 0.6)

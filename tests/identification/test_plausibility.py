@@ -69,7 +69,7 @@ def test_torques_that_change_faster_than_they_are_logged_are_named() -> None:
     slow = log.rows(slice(None, None, 5))
     sections = sections_of([slow], machine())
     assert "or its torques change faster than they were logged, every 5 ms" in other_reasons(
-        [replace(sections[0], inputs=sections[0].inputs * [1, 30, 30, 1] - [0, 400, 400, 0])], machine()
+        [replace(sections[0], inputs=sections[0].inputs * [1, 30, 30, 1, 1, 1] - [0, 400, 400, 0, 0, 0])], machine()
     )
     assert other_reasons(sections_of([log], machine()), machine()) == "or its torques are late"
 

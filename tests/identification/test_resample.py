@@ -132,3 +132,21 @@ def test_torques_that_are_missing_for_long_are_refused() -> None:
     tau[50:250] = np.nan
     with pytest.raises(ConfigurationError, match=r"tau_2: none for 0.201 s after t = 0.049 s: must be <= 0.1 s"):
         resampled(log(columns(tau_2=tau)), Experiment())
+
+
+def test_torques_that_chatter_between_rows_are_expected_at_their_mean() -> None:
+    chatter = np.random.default_rng(3).normal(0, 4.0, ROWS)
+    given = columns(tau_1=20 + chatter)
+    rows = {name: values[::5] for name, values in given.items()}
+    options = ResamplingOptions(torque_rows=8, least_rows=50)
+    inputs, _ = resampled(log(rows), Experiment(), options)
+    np.testing.assert_array_equal(inputs[::5, 1:3], np.column_stack([rows["tau_1"], rows["tau_2"]]))
+    last = slice(ROWS // 10, ROWS - 5)
+    expected = np.convolve(rows["tau_1"], np.ones(8) / 8)[: len(rows["t"])]
+    np.testing.assert_allclose(inputs[3::5, 1][8:], expected[8 : len(inputs[3::5])], atol=1e-9)
+    assert inputs[last, 4] == pytest.approx(4.0, rel=0.5)
+    assert (inputs[last, 5] < 0.5).all(), "this one does not chatter"
+    later = rows["tau_1"].copy()
+    later[40:] += 30
+    others, _ = resampled(log(rows | {"tau_1": later}), Experiment(), options)
+    np.testing.assert_array_equal(others[:200, 1], inputs[:200, 1])
