@@ -83,9 +83,10 @@ class Environment(gymnasium.Env[Floats, Any]):
 class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
     """Lanes of a stepper as a vector environment; each is what `Environment` is.
 
-    A lane whose episode has ended begins the next one with the next step (``metadata["autoreset_mode"]``): its action
-    is not looked at, its reward is 0. ``reset(seed=s)`` gives lane k the seed s + k, as Gymnasium's own vector
-    environments do; a list gives each lane its own.
+    A lane whose episode has ended begins the next one with the next step: its action is not looked at, its reward is 0.
+    With ``autoreset_mode="SameStep"`` it does so at once: the observation is the next episode's first, the last one is
+    ``final_obs`` of the infos, beside ``final_info``. ``reset(seed=s)`` gives lane k the seed s + k, as Gymnasium's own
+    vector environments do; a list gives each lane its own.
 
     Attributes:
         observed: names of the elements of an observation.
@@ -123,17 +124,20 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             reward: its weights (`environments.task.Reward`).
             exact: with the operations of `simulate`, at a quarter of the speed; see `Stepper`.
             render_mode: there is none; results have figures.
-            autoreset_mode: a lane begins its next episode with its next step; there is no other.
+            autoreset_mode: when a lane begins its next episode, ``NextStep`` or ``SameStep``.
 
         Raises:
             ConfigurationError: an unknown experiment, or a number out of range.
         """
-        if autoreset_mode not in {AutoresetMode.NEXT_STEP, AutoresetMode.NEXT_STEP.value}:
-            given, only = getattr(autoreset_mode, "value", autoreset_mode), AutoresetMode.NEXT_STEP.value
+        allowed = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)}
+        given = str(getattr(autoreset_mode, "value", autoreset_mode))
+        if given not in allowed:
             raise ConfigurationError(
-                f'autoreset_mode = "{given}": must be "{only}"; for others make environments one by '
+                f'autoreset_mode = "{given}": must be "NextStep" or "SameStep"; for others make environments one by '
                 'one: gymnasium.make_vec(..., vectorization_mode="sync")'
             )
+        self._same_step = allowed[given] == AutoresetMode.SAME_STEP
+        vars(self)["metadata"] = self.metadata | {"autoreset_mode": allowed[given]}
         self.num_envs, self.render_mode = num_envs, render_mode
         self._task = task = Task(
             experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised
@@ -175,9 +179,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else np.zeros(0, np.int64)
         rewards, lost, ended = self._task.step(self._task.commands(actions))
         if stepper.under_way < stepper.batch:
-            over = np.flatnonzero(lost | ended).tolist()
-            for lane, info in zip(over, self._task.infos(over), strict=True):
-                infos = self._add_info(infos, info, lane)
+            over, last_seen = np.flatnonzero(lost | ended), self._task.observation
+            for lane, info in zip(over.tolist(), self._task.infos(over.tolist()), strict=True):
+                last = {"final_obs": last_seen[lane], "final_info": info}
+                infos = self._add_info(infos, last if self._same_step else info, lane)
+            if self._same_step:
+                begin = over
         if begin.size:
             self._episodes[begin] += 1
             self._start(begin)

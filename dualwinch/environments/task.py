@@ -155,8 +155,7 @@ class Task:
     def start(self, lanes: NDArray[np.int64], seeds: Sequence[int], episodes: Sequence[int]) -> None:
         """Begin episodes: each lane runs the scenario of its episode's number, drawn by its seed."""
         source = self.stepper.source.ensemble
-        numbers = list(zip(seeds, episodes, strict=True))
-        drawn = [source.scenario(episode, seed) for seed, episode in numbers] if source else [0] * len(numbers)
+        drawn = source.chosen(episodes, seeds) if source else [0] * len(episodes)
         self._last = self.stepper.reset(lanes=lanes, scenarios=drawn)
 
     def step(self, commands: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:

@@ -87,7 +87,7 @@ class Ensemble:
         """Draw one scenario; arguments as of `chosen`."""
         return self.chosen([index], seed, vertex=vertex)[0]
 
-    def chosen(self, indices: Sequence[int], seed: int, *, vertex: bool = False) -> list[Scenario]:
+    def chosen(self, indices: Sequence[int], seed: int | Sequence[int], *, vertex: bool = False) -> list[Scenario]:
         """Draw some scenarios.
 
         Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
@@ -95,7 +95,7 @@ class Ensemble:
 
         Args:
             indices: numbers of the scenarios, from 0.
-            seed: the ensemble's seed, a whole number from 0 to 2^64 - 1.
+            seed: the ensemble's seed, a whole number from 0 to 2^64 - 1, or one for each scenario.
             vertex: whether every value lies at an end of its distribution, by chance at the lower or the upper: a
                 vertex of the box of draws, which a few draws hardly ever come near.
 

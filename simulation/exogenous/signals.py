@@ -47,24 +47,27 @@ def stream_number(word: str) -> int:
     return int.from_bytes(hashlib.sha256(word.encode()).digest()[:8], "big")
 
 
-def named_words(seed: int, numbers: Sequence[int], names: Sequence[str]) -> Words:
+def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequence[str]) -> Words:
     """Random words of `DIGITS` binary digits, one for each name and number, (names, numbers).
 
     Args:
-        seed: a whole number from 0 to `LARGEST`.
+        seed: a whole number from 0 to `LARGEST`, or one for each of the numbers.
         numbers: likewise, such as those of scenarios.
         names: purposes of the words; streams of different names or seeds are independent of each other.
 
     Raises:
         ConfigurationError: the seed is out of its range.
     """
-    if not 0 <= seed <= LARGEST:
-        raise ConfigurationError(f"seed = {seed}: must be a whole number from 0 to 2^64 - 1")
+    seeds = [seed] if isinstance(seed, int | np.integer) else seed
+    for each in seeds:
+        if not 0 <= each <= LARGEST:
+            raise ConfigurationError(f"seed = {each}: must be a whole number from 0 to 2^64 - 1")
+    keys = np.array(seeds, np.uint64)
     half, low = np.uint64(32), np.uint64(2**32 - 1)
     counts = np.array(numbers, np.uint64)
     streams = np.array([stream_number(name) for name in names], np.uint64)[:, np.newaxis]
     counter = counts & low, counts >> half, streams & low, streams >> half
-    first, second, *_ = philox(counter, (seed % 2**32, seed >> 32))
+    first, second, *_ = philox(counter, (keys & low, keys >> half))
     return (first << half | second) >> np.uint64(64 - DIGITS)
 
 

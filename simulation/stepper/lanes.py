@@ -193,7 +193,7 @@ class Scenarios:
                 group.members.tolist(), group.vectors, states, sources, strict=True
             ):
                 lanes[place] = Lane(scenarios[place], self._command, numbers, state)
-                pages[place] = _first_of(source.pieces(length, group.experiment.samples + 1))
+                pages[place] = _first_of(source.pieces(length, group.experiment.samples + 1, SHORTEST))
         every = range(len(scenarios))
         return [lanes[place] for place in every], [pages[place] for place in every]
 

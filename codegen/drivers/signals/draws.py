@@ -19,19 +19,21 @@ KEY_STEPS = 0x9E3779B9, 0xBB67AE85
 ROUNDS = 10
 
 
-def philox(counter: tuple[Words, Words, Words, Words], key: tuple[int, int]) -> tuple[Words, Words, Words, Words]:
+def philox(
+    counter: tuple[Words, Words, Words, Words], key: tuple[int | Words, int | Words]
+) -> tuple[Words, Words, Words, Words]:
     """Blocks of Philox4x32-10, four words for each counter.
 
     Args:
         counter: its four words of 32 bits, arrays of one shape; lowest first.
-        key: its two words of 32 bits, lowest first.
+        key: its two words of 32 bits, lowest first, numbers or arrays of that shape.
 
     Source: Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
     """
     a, b, c, d = counter
     half = np.uint64(32)
     for turn in range(ROUNDS):
-        keys = [np.uint64((word + turn * step) % 2**32) for word, step in zip(key, KEY_STEPS, strict=True)]
+        keys = [(np.uint64(word) + np.uint64(turn * step)) & WORD for word, step in zip(key, KEY_STEPS, strict=True)]
         p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
         a, b, c, d = (q >> half) ^ b ^ keys[0], q & WORD, (p >> half) ^ d ^ keys[1], p & WORD
     return a, b, c, d

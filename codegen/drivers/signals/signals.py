@@ -139,12 +139,17 @@ class Signals:
         self.records["given"] = [0 if values is None else values.ctypes.data for values in self._given]
         self.records["given_from"] = first
 
-    def pieces(self, length: int, samples: int) -> Iterator[Floats]:
-        """So many samples from the first one on, (samples, signals), in tables of at most `length`."""
-        for first in range(0, samples, length):
-            table = np.empty((min(length, samples - first), len(self.records)))
+    def pieces(self, length: int, samples: int, shortest: int) -> Iterator[Floats]:
+        """So many samples from the first one on, (samples, signals), in tables that grow from `shortest` to `length`.
+
+        So the first one is there soon.
+        """
+        first, piece = 0, min(shortest, length)
+        while first < samples:
+            table = np.empty((min(piece, samples - first), len(self.records)))
             self.fill(table, first)
             yield table
+            first, piece = first + len(table), min(2 * piece, length)
 
     def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.

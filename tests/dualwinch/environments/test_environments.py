@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from typing import Any
 
 import gymnasium
@@ -46,7 +47,15 @@ def test_every_name_makes_an_environment(name: str) -> None:
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
 
 
-@pytest.mark.parametrize("form", FORMS, ids=str)
+def plain(infos: dict[str, Any]) -> dict[str, Any]:
+    """Lists in place of arrays, also of arrays of arrays."""
+    return {
+        key: plain(value) if isinstance(value, dict) else [np.asarray(each).tolist() for each in value]
+        for key, value in infos.items()
+    }
+
+
+@pytest.mark.parametrize("form", [*FORMS, {"autoreset_mode": AutoresetMode.SAME_STEP}], ids=str)
 def test_lanes_are_what_gymnasium_makes_of_single_environments(form: dict) -> None:
     """Seeds, episodes and autoreset: bit for bit its own vector environment of single ones."""
     sea = dw.load_ensemble("sea")
@@ -54,7 +63,9 @@ def test_lanes_are_what_gymnasium_makes_of_single_environments(form: dict) -> No
     ensemble = dw.Ensemble("short", "", experiment, sea.distributions)
     arguments = {"experiment": ensemble, "hold": 7, "num_envs": 3, **form}
     ours = gymnasium.make_vec("dualwinch/Sea-v0", **arguments)
-    theirs = gymnasium.make_vec("dualwinch/Sea-v0", vectorization_mode="sync", **arguments)
+    mode = {"vector_kwargs": {"autoreset_mode": arguments.pop("autoreset_mode", AutoresetMode.NEXT_STEP)}}
+    theirs = gymnasium.make_vec("dualwinch/Sea-v0", vectorization_mode="sync", **mode, **arguments)
+    assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"]
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
     for seed in (3, None, [5, None, 7]):
@@ -67,8 +78,7 @@ def test_lanes_are_what_gymnasium_makes_of_single_environments(form: dict) -> No
             for given, expected in zip(mine[:4], other[:4], strict=True):
                 np.testing.assert_array_equal(given, expected, strict=True)
             assert mine[4].keys() == other[4].keys()
-            for key, values in mine[4].items():
-                np.testing.assert_array_equal(values, other[4][key])
+            assert plain(mine[4]) == plain(other[4])
             assert mine[0] in ours.observation_space
 
 
@@ -229,9 +239,18 @@ def test_nothing_else_needs_gymnasium() -> None:
     assert done.stdout.strip() == "False"
 
 
-def test_the_mode_of_starting_anew_may_be_given_and_is_the_one() -> None:
+def test_the_mode_of_starting_anew_may_be_given() -> None:
     register()
-    for mode in (AutoresetMode.NEXT_STEP, "NextStep"):
+    for mode in (AutoresetMode.NEXT_STEP, "NextStep", "SameStep"):
         gymnasium.make_vec("dualwinch/Case1-v0", num_envs=1, autoreset_mode=mode)
-    with pytest.raises(ConfigurationError, match='autoreset_mode = "SameStep": must be "NextStep"'):
-        gymnasium.make_vec("dualwinch/Case1-v0", num_envs=1, autoreset_mode=AutoresetMode.SAME_STEP)
+    with pytest.raises(ConfigurationError, match='autoreset_mode = "Disabled": must be "NextStep" or "SameStep"'):
+        gymnasium.make_vec("dualwinch/Case1-v0", num_envs=1, autoreset_mode=AutoresetMode.DISABLED)
+
+
+def test_many_lanes_begin_anew_at_once() -> None:
+    """Processor time, ten times what it takes alone: drawing scenario by scenario took 1.7 s."""
+    lanes = VectorEnvironment(1024, "sea")
+    lanes.reset(seed=0)
+    before = time.process_time()
+    lanes.reset(seed=1)
+    assert time.process_time() - before < 0.5
