@@ -111,15 +111,15 @@ def _doubt(folder: Path) -> str:
     if POSIX and facts.st_uid != os.getuid():
         return f"{folder} belongs to another user"
     marker = folder / MARKER
-    names = {file.name for file in folder.iterdir()}
+    marked = os.path.lexists(marker)
     if POSIX and facts.st_mode & OTHERS_WRITE:
-        if MARKER in names and own(marker):
+        if marked and own(marker):
             marker.unlink()  # closing the folder later does not take back what others have left in it
         return f"others may write to {folder}"
-    if not names:
+    if not marked and not any(folder.iterdir()):
         marker.touch(mode=0o600)
         marker.write_text(TAG)
-    elif MARKER not in names or not own(marker):
+    elif not marked or not own(marker):
         return f"{folder} was open to others, or is none of dualwinch's: remove it"
     return ""
 
@@ -343,8 +343,14 @@ def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()[:32]
 
 
+def _beginning_with(folder: Path, beginning: str) -> list[Path]:
+    """Files of a folder by the beginning of their names; of thousands in a fraction of the time that a glob takes."""
+    with os.scandir(folder) as entries:
+        return [folder / entry.name for entry in entries if entry.name.startswith(beginning)]
+
+
 def _look_up(folder: Path, key: str) -> Path | None:
-    for file in folder.glob(f"{key}-*.so"):
+    for file in _beginning_with(folder, f"{key}-"):
         with contextlib.suppress(OSError):
             if not LIBRARY.fullmatch(file.name) or not own(file):
                 continue
@@ -356,7 +362,7 @@ def _look_up(folder: Path, key: str) -> Path | None:
 
 
 def _look_up_recipe(folder: Path, recipe: str) -> Path | None:
-    for file in folder.glob(f"{recipe}-*.recipe"):
+    for file in _beginning_with(folder, f"{recipe}-"):
         with contextlib.suppress(FileNotFoundError):  # another process sweeps
             if RECIPE.fullmatch(file.name) and own(file) and (found := _look_up(folder, file.stem.partition("-")[2])):
                 return found

@@ -185,11 +185,12 @@ def check_values(group: Any, prefix: str = "") -> None:
     known = describe_parts(group, prefix)
     found: dict[str, Any] = {}
     for key, value in pairs(group, prefix, whole=True):
-        if key not in known or type(value) is list:  # an array or a list has no hash, by which code is found again
-            kind = "a list" if key in known else "an array"
+        leaf = known.get(key)
+        if leaf is None or type(value) is list:  # an array or a list has no hash, by which code is found again
+            kind = "an array" if leaf is None else "a list"
             raise ConfigurationError(f"{key}: is {kind}; must be a number, or a tuple of numbers")
-        if not known[key].admits(value):
-            raise ConfigurationError(f"{key} = {shown(value)}: must be {known[key].wanted}")
+        if not leaf.admits(value):
+            raise ConfigurationError(f"{key} = {shown(value)}: must be {leaf.wanted}")
         if found.setdefault(key, value) != value:
             raise ConfigurationError(f"{key} = {shown(value)}: must be {shown(found[key])}, as another part has it")
 

@@ -403,7 +403,7 @@ class _OpenSample:
         adapting = ("controller.law.", "controller.estimator.")
         self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
         self.reference = self.loop.exogenous.index("reference.x")
-        self._function = _open_function(structure)
+        self._function = _open_function(structure, compiled)
         self.evaluate = native.compile(self._function, flags=QUICK_BUILD) if compiled else self._interpreted  # pyright: ignore[reportAttributeAccessIssue]
 
     def _interpreted(self, *vectors: Floats) -> tuple[Floats, ...]:
@@ -418,7 +418,8 @@ def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
 
 
 @built_once
-def _open_function(structure: Experiment) -> ca.Function:
+def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
+    """The sample and its derivatives; to find common subexpressions takes longer than to interpret them a few times."""
     loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, cut.sample.size1_in(name)) for name in cut.sample.name_in()]
     state, exogenous, parameters, leaving = arguments
@@ -442,7 +443,7 @@ def _open_function(structure: Experiment) -> ca.Function:
         [ca.densify(value) for value in (values, facts, slopes)],
         ["state", "exogenous", "parameters", "leaving"],
         ["values", "facts", "slopes"],
-        {"cse": True},
+        {"cse": compiled},
     )
 
 
