@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from dualwinch.tuning.constraints import default_constraints
+from dualwinch.tuning.constraints import ROBUST, default_constraints
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import prepare
@@ -19,14 +19,13 @@ ROUNDS, SEED = 8, 1
 SPREAD = 0.08
 """Standard deviation of the candidates about the start, in shares of each range."""
 
-MARGINS = ("worst.delay_margin>=5ms", "worst.disk_margin>=0.4")
-
 
 def main() -> None:
     """Evaluate and print."""
     evaluators = []
-    for count in range(len(MARGINS) + 1):
-        constraints = (*default_constraints(ensemble=True), *MARGINS[:count])
+    for count in range(len(ROBUST) + 1):
+        usual = [text for text in default_constraints(ensemble=True) if text not in ROBUST]
+        constraints = ("none", *usual, *ROBUST[:count])
         problem = tuning_problem(ensemble="sea", constraints=constraints, seed=SEED)
         evaluators.append(Evaluator(prepare(problem)))
     problem = evaluators[0].training.problem

@@ -150,6 +150,13 @@ class TuningProblem:
         bounded = (constraint.statistic for constraint in self.constraints)
         return tuple(dict.fromkeys(statistic for statistic in bounded if isinstance(statistic, MarginStatistic)))
 
+    @property
+    def margin_amplitudes(self) -> tuple[float, ...]:
+        """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small ones."""
+        if self.ensemble is None:
+            return (0.0,)
+        return tuple(sorted({self.experiment.sensors.speed_noise, *self.selection.margin_amplitudes}))
+
     def margin(self, constraint: Constraint) -> float:
         """Back-off of a constraint in training, as a share of its bound."""
         return self.selection.back_off if self.ensemble and constraint.statistic.kind == "worst" else 0.0

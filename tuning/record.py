@@ -183,6 +183,7 @@ def _attained(score: ControllerScore) -> dict[str, Any]:
         name: {
             "value": _finite(attained.worst.value),
             "machine": attained.machine,
+            "amplitude": attained.worst.amplitude,
             "x": attained.worst.x,
             "v": attained.worst.v,
             "cut": attained.worst.cut or None,

@@ -59,6 +59,8 @@ class SelectionConfig:
         leeway_beyond_authority: share by which bounds on the worst may be exceeded beyond the actuators' authority.
         margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
             (those on which the start's are least), and in validation and test.
+        margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
+            speed sensor's noise.
         back_off: distance that bounds on the worst case keep in training and after a repair, for more scenarios have
             worse cases.
         pool_size: active scenarios for the best candidates of a batch.
@@ -69,7 +71,7 @@ class SelectionConfig:
             are run in the rest; five of sixteen candidates in six scenarios nearly fill two blocks of vector lanes.
         prune_above: batches of more candidates are pruned.
         leaders, most_leaders: candidates of a batch that are run in the active scenarios at a time, and at most.
-        hopeless: violation beyond which a candidate is run in no further scenarios.
+        hopeless: violation beyond which a candidate is run in no further scenarios, and its margins are not computed.
         most_slack: share of a run with a slack rope beyond which the run is stopped, where no rope may be slack.
         penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. 2 % cost a factor
             of e; an optimum on its bounds gains a few times the share by which it gives way, which is far less.
@@ -98,7 +100,8 @@ class SelectionConfig:
     share_vertices: float = 1 / 6
     leeway_beyond_authority: float = 0.05
     margin_machines: int = 2
-    margin_machines_validated: int = 32
+    margin_machines_validated: int = 8
+    margin_amplitudes: tuple[float, ...] = (0.01, 0.1)
     back_off: float = 0.005
     pool_size: int = 16
     pool_memory: float = 0.7

@@ -47,14 +47,14 @@ class AmplitudePoint:
     margins: Margins
 
 
-def describing_gain(amplitude: float, exponent: float | Floats, smoothing: float | Floats) -> Any:
+def describing_gain(amplitude: float | Floats, exponent: float | Floats, smoothing: float | Floats) -> Any:
     """First harmonic over amplitude of ``z (z² + eps²)^((a−1)/2)`` for ``z = A sin(w t)``: a real gain.
 
     It is ``eps^(a−1) 2F1((1−a)/2, 3/2; 2; −(A/eps)²)``: the slope at zero for small amplitudes, a constant times
     ``A^(a−1)`` for large ones.
 
     Args:
-        amplitude: A, in the unit of z.
+        amplitude: A, in the unit of z; an array where the others are.
         exponent: a.
         smoothing: eps, in the unit of z; an array where it or the exponent is one.
     """

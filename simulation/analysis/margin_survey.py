@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
+from dualwinch.simulation.analysis.describing_function import describing_gain
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
@@ -31,6 +33,11 @@ INSTANTS = 1000
 TOGETHER = 16
 """Pairs of gains and machine that are worked out at once: so many that what is in hand stays in a processor's cache."""
 
+ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
+"""Keys of the sliding-mode law's odd powers of the speed error."""
+
+VALUE = attrgetter("value")
+
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
 """Why a machine has no margin at a point."""
 
@@ -47,6 +54,7 @@ class WorstMargin:
         cut: where the loop is cut, one of `LOOP_OPENINGS`, or `margins.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
         reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
+        amplitude: of the speed error in m/s; 0: motions are infinitely small.
     """
 
     value: float
@@ -56,6 +64,7 @@ class WorstMargin:
     cut: str = ""
     frequency: float = math.nan
     reason: str = ""
+    amplitude: float = 0.0
 
 
 def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
@@ -77,6 +86,11 @@ class MarginSurvey:
     A machine is an experiment, or a scenario whose controller believes in another plant than the one drawn. Sensors are
     taken as perfect and disturbances as absent, as in `linear_loop`.
 
+    Margins are those of infinitely small motions, or the least at some amplitudes of the speed error: the sliding-mode
+    law feeds back odd powers of it, whose slope at zero says little of a loop with noisy sensors. There the law is as
+    steep as its describing function (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is made such that the
+    slope of ``|e2|^(2 - p/q)`` is that one, and that of ``|e2|^(p/q)`` is then within 4 % of its own.
+
     Attributes:
         machines: what was given.
     """
@@ -87,6 +101,7 @@ class MarginSurvey:
         names: Sequence[str] = (),
         threads: int | None = None,
         cuts: Collection[str] = (*LOOP_OPENINGS, BOTH),
+        amplitudes: Collection[float] = (0.0,),
     ) -> None:
         """A survey.
 
@@ -95,6 +110,8 @@ class MarginSurvey:
             names: keys of the numbers that vary, as in `rollout`.
             threads: default: one a core.
             cuts: where the loops are cut, one at a time; `margins.BOTH` torques change alike.
+            amplitudes: of the speed error in m/s; 0: motions are infinitely small. Laws without odd powers of it have
+                the same margins at all.
         """
         self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
@@ -107,6 +124,8 @@ class MarginSurvey:
         self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
         self._columns = [loop.parameters.index(name) for name in names]
         self._length = loop.parameters.index("plant.track.length")
+        self._powers = [loop.parameters.index(key) for key in ODD_POWERS if key in loop.parameters]
+        self._amplitudes = tuple(amplitudes) if self._powers else (0.0,)
         self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self._near: list[Floats] = []
 
@@ -125,10 +144,7 @@ class MarginSurvey:
             DualwinchError: no compiler, or no usable cache folder.
         """
         kinds = tuple(kinds)
-        return [
-            {kind: min((of[kind] for of in row), key=lambda worst: worst.value) for kind in kinds}
-            for row in self.each(values, kinds)
-        ]
+        return [{kind: min((of[kind] for of in row), key=VALUE) for kind in kinds} for row in self.each(values, kinds)]
 
     def each(
         self, values: ArrayLike, kinds: Collection[str] = KINDS, machines: Sequence[int] | None = None
@@ -149,7 +165,13 @@ class MarginSurvey:
         each = [dict[str, WorstMargin]() for _ in pairs]
         if of_loops:
             self._look_near()
-            each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), pairs, self._threads)
+            everywhere = [(*pair, amplitude) for pair in pairs for amplitude in self._amplitudes]
+            found = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), everywhere, self._threads)
+            count = len(self._amplitudes)
+            each = [
+                {kind: min((of[kind] for of in found[first : first + count]), key=VALUE) for kind in of_loops}
+                for first in range(0, len(found), count)
+            ]
         if len(of_loops) < len(kinds):
             each = [
                 found | {RESONANCE: worst} for found, worst in zip(each, self._resonances(given, pairs), strict=True)
@@ -176,6 +198,14 @@ class MarginSurvey:
         parameters[:, self._columns] = values
         return parameters
 
+    def _as_steep_as_at(self, amplitudes: Floats, parameters: Floats) -> None:
+        """Make laws as steep at zero as they are at amplitudes (n,) of the speed error."""
+        large = amplitudes > 0
+        if large.any():
+            p, q, smoothing = parameters[np.ix_(large, self._powers)].T
+            slope = describing_gain(amplitudes[large], 2 - p / q, smoothing)
+            parameters[large, self._powers[-1]] = slope ** (1 / (1 - p / q))
+
     def _look_near(self) -> None:
         """Find the operating points with the machines' own gains, near which those with others are looked for."""
         if not self._near:
@@ -192,15 +222,16 @@ class MarginSurvey:
         return np.split(np.where(found.steady[:, None], found.state, np.nan), np.cumsum(counts)[:-1])
 
     def _of_pairs(
-        self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
+        self, values: Floats, pairs: Sequence[tuple[int, int, float]], kinds: Sequence[str]
     ) -> list[dict[str, WorstMargin]]:
-        """The least margins of pairs of a row of values and a machine."""
-        points = [self._points[machine] for _, machine in pairs]
+        """The least margins of a row of values and a machine at an amplitude."""
+        points = [self._points[machine] for _, machine, _ in pairs]
         family = np.repeat(np.arange(len(pairs)), [len(each) for each in points])
-        rows, machines = np.array(pairs)[family].T
+        rows, machines = np.array([pair[:2] for pair in pairs])[family].T
         parameters = self._with(values[rows], machines)
+        self._as_steep_as_at(np.array([amplitude for *_, amplitude in pairs])[family], parameters)
         x, v = np.concatenate(points).T
-        near = np.concatenate([self._near[machine] for _, machine in pairs])
+        near = np.concatenate([self._near[machine] for _, machine, _ in pairs])
         found = loop_operating_points(self._structure, parameters, x, v, near)
         steady, stable = np.flatnonzero(found.steady), found.steady.copy()
         A, B, C, D = (matrix[steady] for matrix in found.opened)
@@ -208,19 +239,19 @@ class MarginSurvey:
         stable[steady] = loops.stable
         least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
         worst_of = []
-        for number, (_, machine) in enumerate(pairs):
+        for number, (_, machine, amplitude) in enumerate(pairs):
             failed = np.flatnonzero((family == number) & ~stable)
             if len(failed):
                 index = int(failed[0])
                 reason = UNSTABLE if found.steady[index] else UNSTEADY
-                none = WorstMargin(0.0, machine, float(x[index]), float(v[index]), reason=reason)
+                none = WorstMargin(0.0, machine, float(x[index]), float(v[index]), reason=reason, amplitude=amplitude)
                 worst_of.append(dict.fromkeys(kinds, none))
                 continue
             words = {}
             for kind, worst in least[number].items():
                 index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
                 point = float(x[index]), float(v[index])
-                words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency)
+                words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency, "", amplitude)
             worst_of.append(words)
         return worst_of
 

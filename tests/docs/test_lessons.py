@@ -11,10 +11,17 @@ import pytest
 import dualwinch
 
 ROOT = Path(__file__).parents[2]
-LESSONS = {"start.md": 1, "machine.md": 1, "sensitivities.md": 1, "stepper.md": 5, "reference/python.md": 10}
+LESSONS = {
+    "start.md": 1,
+    "machine.md": 1,
+    "sensitivities.md": 1,
+    "stepper.md": 5,
+    "tuning.md": 1,
+    "reference/python.md": 10,
+}
 """Page → blocks that it has at least."""
 
-LONG = ("sensitivities.md", "stepper.md", "reference/python.md")
+LONG = ("sensitivities.md", "stepper.md", "tuning.md", "reference/python.md")
 
 
 def blocks(page: str) -> list[str]:
@@ -34,6 +41,11 @@ def test_a_lesson_runs(page: str, tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+
+
+def test_the_plainest_study_is_fifteen_lines_of_optuna() -> None:
+    (study,) = blocks("tuning.md")
+    assert len([line for line in study.splitlines() if line]) <= 15
 
 
 def test_the_reference_has_an_example_of_every_public_name() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from dualwinch.cli.tune import StudyOptions, write
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.analysis.describing_function import amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.analysis.margins import margins
@@ -110,6 +111,27 @@ def test_the_papers_gains_satisfy_it_on_heavy_drums_where_these_are_damped(dampi
     assert (constraint.violation(problem.margins[0].of(found)) <= 0) == satisfied
 
 
+def test_in_an_ensemble_margins_are_bounded_by_default_at_the_noise_and_at_larger_speed_errors() -> None:
+    problem = tuning_problem(ensemble="sea")
+    labels = [constraint.label for constraint in problem.constraints]
+    assert {"worst.disk_margin >= 0.4", "worst.delay_margin >= 0.005 s"} <= set(labels)
+    assert problem.margin_amplitudes == (problem.experiment.sensors.speed_noise, 0.01, 0.1)
+    assert not tuning_problem(case=4).margins
+    assert not tuning_problem(ensemble="sea", constraints=["none"]).margins
+
+
+@pytest.mark.parametrize("amplitude", [0.002, 0.1])
+def test_margins_at_an_amplitude_are_those_of_the_describing_functions(amplitude: float) -> None:
+    experiment = case(4)
+    (least,) = MarginSurvey([experiment], cuts=["u"], amplitudes=[amplitude]).worst([[]], ["delay", "disk"])
+    (point,) = amplitude_sweep(experiment, least["delay"].x, least["delay"].v, "u", [amplitude])
+    assert least["delay"].value == pytest.approx(point.margins.delay, rel=0.05)
+    (point,) = amplitude_sweep(experiment, least["disk"].x, least["disk"].v, "u", [amplitude])
+    assert least["disk"].value == pytest.approx(point.margins.disk, rel=0.05)
+    both = MarginSurvey([experiment], cuts=["u"], amplitudes=[amplitude, 0.01]).worst([[]], ["delay"])[0]["delay"]
+    assert both.value <= least["delay"].value
+
+
 def test_a_margin_is_no_objective() -> None:
     with pytest.raises(ConfigurationError, match=r"make it a constraint, worst\.disk_margin>="):
         objectives_from(["worst.disk_margin"])
@@ -128,7 +150,8 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert len(machines) == SelectionConfig.margin_machines
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
     every = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
-    least = MarginSurvey([bounded.experiment, *every]).worst([[]], ["delay", "disk"])[0]
+    amplitudes = bounded.margin_amplitudes
+    least = MarginSurvey([bounded.experiment, *every], amplitudes=amplitudes).worst([[]], ["delay", "disk"])[0]
     assert start.statistics["worst.delay_margin"] == pytest.approx(least["delay"].value, rel=1e-9)
     assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-9)
     label = "worst.delay_margin >= 0.005 s"

@@ -358,14 +358,22 @@ class Evaluator(Scorer):
             rows = sorted({*order[: math.ceil(self._config.kept_share * len(order))], *exempt})
             late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
             whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
-        completed = [
-            row in whole and bool((whole[row].outcomes == "completed").all()) for row in range(len(candidates))
-        ]
-        margins = self.margins(candidates, self.training.margins, completed)
         evaluations = {
-            row: self.evaluation(candidates[row], result, scenarios, training=True, margins=margins[row])
-            for row, result in whole.items()
+            row: self.evaluation(candidates[row], result, scenarios, training=True) for row, result in whole.items()
         }
+        promising = [
+            row in whole and bool((whole[row].outcomes == "completed").all()) and self._promises(evaluations[row])
+            for row in range(len(candidates))
+        ]
+        margins = self.margins(candidates, self.training.margins, promising)
+        for row in np.flatnonzero(promising).tolist():
+            evaluations[row] = self.evaluation(
+                candidates[row], whole[row], scenarios, training=True, margins=margins[row]
+            )
         return BatchEvaluation(
             candidates, [evaluations.get(row) or found[row] for row in range(len(candidates))], whole, margins
         )
+
+    def _promises(self, evaluation: Evaluation) -> bool:
+        """Whether a candidate is worth a further look: it violates the bounds by little, or is compared with others."""
+        return evaluation.violation <= self._config.hopeless or evaluation.candidate.origin in EXEMPT

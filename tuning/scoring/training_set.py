@@ -208,12 +208,12 @@ def survey(
     """
     if not problem.margins:
         return None
-    machines = [scenario for scenario in scenarios if isinstance(scenario, Scenario)]
-    machines.sort(key=lambda scenario: not scenario.vertex)
-    taken = machines[: problem.selection.margin_machines_validated]
-    return MarginSurvey(
-        [experiment or problem.experiment, *taken], () if experiment else problem.space.keys, threads_of(workers)
-    )
+    drawn = [scenario for scenario in scenarios if isinstance(scenario, Scenario)]
+    drawn.sort(key=lambda scenario: not scenario.vertex)
+    taken = drawn[: problem.selection.margin_machines_validated]
+    keys, threads = () if experiment else problem.space.keys, threads_of(workers)
+    machines = [experiment or problem.experiment, *taken]
+    return MarginSurvey(machines, keys, threads, amplitudes=problem.margin_amplitudes)
 
 
 def hardest_machines(
@@ -223,7 +223,8 @@ def hardest_machines(
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
         return []
-    surveyed = MarginSurvey([scenarios[index] for index in drawn], problem.space.keys, threads_of(workers))
+    machines, amplitudes = [scenarios[index] for index in drawn], problem.margin_amplitudes
+    surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes)
     kinds = [statistic.margin for statistic in problem.margins]
     (found,) = surveyed.each([problem.space.parameters(problem.start)], kinds)
     least = {kind: min(of[kind].value for of in found) for kind in kinds}
@@ -294,7 +295,8 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
             with_paper = _drawn(problem, [*choices, *more], problem.paper_experiment)
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
             chosen = machines if problem.ensemble else machines[:1]
-            worst = MarginSurvey(chosen, threads=threads_of(workers)).worst([[]])[0]
+            amplitudes = problem.margin_amplitudes
+            worst = MarginSurvey(chosen, threads=threads_of(workers), amplitudes=amplitudes).worst([[]])[0]
             reached = constraint.statistic.of(worst)
         bounds.append(constraint.given(reached))
     return TrainingSet(
