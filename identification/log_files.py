@@ -23,13 +23,16 @@ from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
 
+TIMES = ("time", "Time", "TIME", "timestamp", "Timestamp")
+"""Other names of the times."""
+
 OMITTED = "-"
 """In the place of a column's name: the reading is left out."""
 
 EPOCHS = {"s": (3e8, 1e10), "ms": (3e11, 1e13), "us": (3e14, 1e16), "ns": (3e17, 1e19)}
 """Unit of times without one → numbers that are the time since 1970 in it (from 1979 on), and no time of a run."""
 
-CONTENTS = ("data", "values", "Data", "Values")
+CONTENTS = ("data", "values", "Data", "Values", "signals")
 """Last names of a MATLAB structure's fields that are named after what contains them."""
 
 
@@ -68,15 +71,7 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     """
     path, columns = Path(file), columns or {}
     table = read_columns(path, csv)
-    chosen = dict[str, LogColumn]()
-    for reading in UNIT_OF:
-        if reading in columns:
-            if columns[reading] != OMITTED:
-                chosen[reading] = _named(table, columns[reading], path)
-            continue
-        found = next((each for name in (f"{reading}{READ}", reading) if (each := _found(table, name, path))), None)
-        if found:
-            chosen[reading] = LogColumn(found)
+    chosen = _chosen(table, columns, path)
     check_columns(str(path), chosen, [each.header for each in table], ("t",))
     notes, values = list[str](), {reading: _in_si(reading, each, path) for reading, each in chosen.items()}
     for reading, (column, *_) in chosen.items():
@@ -102,6 +97,26 @@ class LogColumn(NamedTuple):
     column: TableColumn
     unit: str | None = None
     times: TableColumn | None = None
+
+
+def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
+    """Reading → its column, as named or by the readings' names; times without a name are those of ``tau_1``."""
+    chosen = dict[str, LogColumn]()
+    for reading in UNIT_OF:
+        if reading in columns:
+            if columns[reading] != OMITTED:
+                chosen[reading] = _named(table, columns[reading], path)
+            continue
+        found = next((each for name in (f"{reading}{READ}", reading) if (each := _found(table, name, path))), None)
+        if found:
+            chosen[reading] = LogColumn(found)
+    if "t" not in columns and "t" not in chosen:
+        times = [each for each in table if each.name in TIMES]
+        if own := _own_times(table, chosen["tau_1"], None) if "tau_1" in chosen else None:
+            chosen["t"] = LogColumn(own)
+        elif len(times) == 1:
+            chosen["t"] = LogColumn(times[0])
+    return chosen
 
 
 def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
@@ -154,13 +169,15 @@ def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats
     return column.values * _factor(stated, "s", column, path)
 
 
-def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn) -> TableColumn | None:
+def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn | None) -> TableColumn | None:
     """The column of a reading's own times: as named, or named after it, or beside it in a structure."""
     if chosen.times or chosen is t:
         return chosen.times
-    place, name = chosen.column.header.rpartition(".")[0], chosen.column.name
-    beside = [f"{place}.{each}" for each in ("t", "time", "Time")] if place else []
-    named = [each for each in table if each.header in {f"t_{name}", f"{name}_t", *beside} and each is not t.column]
+    name, parts = chosen.column.name, chosen.column.header.split(".")
+    places = [".".join(parts[:count]) for count in range(len(parts) - 1, 0, -1)]
+    beside = [f"{place}.{each}" for place in places for each in ("t", *TIMES)]
+    spare = [each for each in table if not t or each is not t.column]
+    named = [each for header in (f"t_{name}", f"{name}_t", *beside) for each in spare if each.header == header]
     return next((each for each in named if len(each.values) == len(chosen.column.values)), None)
 
 
@@ -189,7 +206,7 @@ def _merged(
 
 def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
     """A note on the columns that were not used, each with the option that would use it."""
-    spare = [each for each in spare if each.name.removesuffix(READ) not in chosen]
+    spare = [each for each in spare if each.header and each.name.removesuffix(READ) not in chosen]
     missing = [reading for reading in UNIT_OF if reading not in chosen]
     words = []
     for column in spare:
@@ -246,9 +263,12 @@ def _numpy(path: Path) -> list[TableColumn]:
 
 def _matlab(path: Path) -> list[TableColumn]:
     from scipy.io import loadmat
-    from scipy.io.matlab import matfile_version
+    from scipy.io.matlab import MatReadError, matfile_version
 
-    is_hdf5 = matfile_version(path, appendmat=False)[0] == 2
+    try:
+        is_hdf5 = matfile_version(path, appendmat=False)[0] == 2
+    except MatReadError as error:
+        raise ConfigurationError(f"{path}: not a .mat file: {error}") from error
     arrays = _matlab_7_3(path) if is_hdf5 else loadmat(path, simplify_cells=True)
     units = arrays.pop("units", None)
     return _of_tree(arrays, {key: str(unit) for key, unit in units.items()} if isinstance(units, Mapping) else {})
@@ -291,7 +311,9 @@ def _of_tree(tree: Mapping[str, Any], units: Mapping[str, str]) -> list[TableCol
     found = []
     for header, values in chain.from_iterable(columns(name, each) for name, each in tree.items()):
         parts = header.split(".")
-        name = parts[-2] if len(parts) > 1 and parts[-1] in CONTENTS else parts[-1]
+        while len(parts) > 1 and parts[-1] in CONTENTS:
+            parts.pop()
+        name = parts[-1]
         finite = np.where(np.isfinite(values), values, np.nan)
         found.append(TableColumn(header, name, units.get(header), finite))
     return found

@@ -34,8 +34,14 @@ GAPS = frozenset((
 ))  # fmt: skip
 """Cells without a reading, in small letters."""
 
+ALSO_WORDS = frozenset(["min"])
+"""Units that end names that have none."""
+
 DIMENSIONLESS = frozenset(["", "-", "1"])
 """In the place of a unit: there is none."""
+
+DAY = 86400.0
+"""In s."""
 
 SAMPLE = 200
 """Lines by which separator, header and decimal mark are recognised."""
@@ -81,6 +87,9 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     text = _decoded(path)
     begins = re.match(r"sep=(.)\r?\n", text)  # as Excel writes it
     separator = separator or (begins[1] if begins else _separator(text))
+    if separator.isspace() and separator != "\t":
+        text = re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text)
+        text, separator = re.sub(r"[ \t]+", "\t", text), "\t"
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     try:
         rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
@@ -92,9 +101,9 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     early = enumerate(islice(rows, SAMPLE))
     first = next((number for number, (_, row) in early if len(row) == usual and not _is_data(row)), 0)
     header = [cell.strip() for cell in rows[first][1]] if rows else []
+    header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
     rows = rows[first + 1 :]
-    if rows and len(rows[-1][1]) < len(header) and not text.endswith(("\n", "\r")):
-        rows.pop()  # the logger stopped amid its last line
+    _cut_end(rows, len(header), ended=text.endswith(("\n", "\r")))
     units: list[str | None] = [None] * len(header)
     if rows and len(rows[0][1]) == len(header) and not _is_data(rows[0][1]):
         row_of_units = [cell.strip().strip("[]()").strip() for cell in rows[0][1]]
@@ -117,6 +126,14 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     return found
 
 
+def _cut_end(rows: list[tuple[int, list[str]]], width: int, *, ended: bool) -> None:
+    """Leave out words below the last row, and a last line amid which the logger stopped."""
+    while rows and len(rows[-1][1]) < width and not _is_data(rows[-1][1]):
+        rows.pop()
+    if rows and len(rows[-1][1]) < width and not ended:
+        rows.pop()
+
+
 def csv_marks(text: str) -> tuple[str, str]:
     """Separator and decimal mark of a text such as ``;,`` or ``tab.``; empty where it does not say.
 
@@ -131,12 +148,20 @@ def csv_marks(text: str) -> tuple[str, str]:
 
 
 def split_header(text: str) -> tuple[str, str | None]:
-    """Name and unit of a header such as ``F1 [kN]``, or of ``F1 (kN)`` where that is a unit."""
-    parts = re.fullmatch(r"(.*\S)\s*(?:\[(.*)\]|\((.*)\))", text)
-    if not parts or (parts[3] is not None and not is_unit(parts[3].strip())):
-        return text, None
-    unit = (parts[2] if parts[3] is None else parts[3]).strip()
-    return parts[1], None if unit in DIMENSIONLESS else unit
+    """Name and unit of a header such as ``F1 [kN]``, or ``F1 (kN)``, ``F1/kN``, ``F1_kN`` where that is a unit."""
+    if parts := re.fullmatch(r"(.*\S)\s*\[(.*)\]", text):
+        unit = parts[2].strip()
+        return parts[1], None if unit in DIMENSIONLESS else unit
+    for form in (
+        r"(.*\S)\s*[(<{](.*)[)>}]",
+        r"(.*\S)\s+in\s+(\S+)",
+        r"(.*\S)\s*/\s*(\S+)",
+        r"(.*\S)(?:\s+|_)([^\s_]+)",
+    ):
+        parts = re.fullmatch(form, text)
+        if parts and is_unit(parts[2].strip()) and parts[2] not in ALSO_WORDS:
+            return parts[1], parts[2].strip()
+    return text, None
 
 
 def csv_units(path: Path) -> dict[str, str]:
@@ -156,10 +181,13 @@ def _decoded(path: Path) -> str:
     if path.suffix.lower() == ".gz":
         data = gzip.decompress(data)
     wide = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
-    codecs = ["utf-16"] if wide else ["utf-16-le"] if data[1:20:2].count(0) > 5 else ["utf-8-sig", "latin-1"]
+    codecs = ["utf-16"] if wide else ["utf-8-sig", "latin-1"]
+    for first, codec in enumerate(("utf-16-be", "utf-16-le")):
+        if data[first:20:2].count(0) > 8 and not wide:
+            codecs = [codec]
     for codec in codecs:
         try:
-            text = data.decode(codec)
+            text = data.decode(codec).rstrip("\0").replace("\N{MINUS SIGN}", "-")
         except UnicodeDecodeError:
             continue
         if "\0" not in text:
@@ -168,14 +196,15 @@ def _decoded(path: Path) -> str:
 
 
 def _separator(text: str) -> str:
-    """The first separator that cuts most lines into one number of cells, two or more."""
+    """The first separator that cuts most lines into one number of cells, two or more; spaces are the last."""
     lines = [line for line in islice(text.splitlines(), SAMPLE) if line.strip()]
     for separator in SEPARATORS:
         widths = Counter(map(len, csv.reader(lines, delimiter=separator)))
         width, count = widths.most_common(1)[0] if widths else (0, 0)
         if width > 1 and 2 * count > len(lines):
             return separator
-    return ","
+    width, count = Counter(len(line.split()) for line in lines).most_common(1)[0] if lines else (0, 0)
+    return " " if width > 1 and 2 * count > len(lines) else ","
 
 
 def _is_data(row: Sequence[str]) -> bool:
@@ -200,6 +229,11 @@ def _number(cell: str, *, comma: bool) -> float | None:
 def _stamp(cell: str) -> float | None:
     """Seconds since 1970 of a time stamp, or since midnight of a time of day."""
     cell = cell.strip()
+    if parts := re.fullmatch(r"(\d{1,2})([./])(\d{1,2})[./](\d{4})[ T]+(.*)", cell):  # 31.12.2024, or 12/31/2024
+        first, second = int(parts[1]), int(parts[3])
+        month, day = (first, second) if parts[2] == "/" and first <= 12 else (second, first)
+        cell = f"{parts[4]}-{month:02}-{day:02}T{parts[5]}"
+    cell = re.sub(r"^(\d{4})/(\d\d)/", r"\1-\2-", cell)
     for text in (cell, f"1970-01-01T{cell}") if ":" in cell else ():
         try:
             found = datetime.fromisoformat(text)
@@ -225,4 +259,7 @@ def _numbers(cells: Sequence[str], *, comma: bool) -> tuple[Floats, list[int], b
             words.append(row)
         else:
             values[row] = value
+    if stamps and np.nanmax(values) < DAY:  # times of day, which begin anew at midnight
+        known = np.isfinite(values)
+        values[known] += DAY * np.cumsum(np.diff(values[known], prepend=0.0) < -DAY / 2)
     return values, words, stamps

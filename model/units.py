@@ -6,7 +6,7 @@ import math
 from dualwinch.model.errors import ConfigurationError
 
 UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0},
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6, "kn": 1852 / 3600, "m/min": 1 / 60},
     "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "cm/s^2": 1e-2},
@@ -19,7 +19,7 @@ UNITS: dict[str, dict[str, float]] = {
 
 OTHER_FORMS = {
     "1/min": "rpm", "min^-1": "rpm", "U/min": "rpm", "r/min": "rpm", "rev/min": "rpm", "rev/s": "Hz", "kph": "km/h",
-    "sec": "s", "msec": "ms", "kt": "kn", "kts": "kn",
+    "N.m": "Nm", "N-m": "Nm", "kN.m": "kNm", "kN-m": "kNm", "sec": "s", "msec": "ms", "kt": "kn", "kts": "kn",
 }  # fmt: skip
 """Other forms of units → theirs above."""
 

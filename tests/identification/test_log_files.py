@@ -62,6 +62,11 @@ def test_other_marks_are_refused(tmp_path: Path) -> None:
         ("t (s),tau_1 (Nm),tau_2,x (m),F1 (kN)", None),
         ("t,tau_1,tau_2,x,F1", "s,N m,N*m,m,kN"),
         ("t,tau_1,tau_2,x,F1", "[s],[],[Nm],[-],[kN]"),
+        ("t/s,tau_1/Nm,tau_2/N.m,x/m,F1/kN", None),
+        ("t in s,tau_1 in Nm,tau_2,x in m,F1 in kN", None),
+        ("t_s,tau_1_Nm,tau_2_Nm,x_m,F1_kN", None),
+        ("Time <s>,tau_1 Nm,tau_2 {Nm},x m,F1 kN", None),
+        ("# time [s],tau_1,tau_2,x,F1 kN", None),
     ],
 )
 def test_units_of_headers_and_of_a_row_of_units(tmp_path: Path, header: str, line: str | None) -> None:
@@ -99,6 +104,10 @@ def test_a_unit_of_another_quantity_names_its_column(tmp_path: Path) -> None:
         lambda at: at.isoformat(sep=" ").replace("+00:00", "Z"),
         lambda at: at.replace(tzinfo=None).isoformat().replace(".", ","),
         lambda at: at.astimezone(UTC).strftime("%H:%M:%S.%f"),
+        lambda at: (at + timedelta(hours=11, minutes=59, seconds=59.98)).strftime("%H:%M:%S.%f"),
+        lambda at: at.strftime("%d.%m.%Y %H:%M:%S,%f"),
+        lambda at: at.strftime("%m/%d/%Y %H:%M:%S.%f"),
+        lambda at: at.strftime("%Y/%m/%d %H:%M:%S.%f"),
         lambda at: f"{at.timestamp():.6f}",
         lambda at: f"{1e3 * at.timestamp():.3f}",
         lambda at: f"{1e6 * at.timestamp():.0f}",
@@ -113,7 +122,7 @@ def test_time_stamps_and_times_since_1970(tmp_path: Path, stamp: Callable[[datet
     np.testing.assert_allclose(found.from_zero().t, T, atol=1e-6)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "latin-1"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
 def test_encodings_names_with_spaces_and_colons_and_lines_before_the_header(tmp_path: Path, encoding: str) -> None:
     file = written(
         tmp_path / "rig.csv", "Prüfstand 3\n\nt;Motor: 1;Motor 2;x;Seil: Kraft [kN]", separator=";", encoding=encoding
@@ -163,6 +172,15 @@ def test_rows_of_other_lengths_are_refused_but_for_an_unfinished_last_one(tmp_pa
         read_log(file)
 
 
+def test_words_and_zeros_below_the_rows_and_columns_between_spaces(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    whole = file.read_text()
+    file.write_text(whole.replace("-20.5", "\u221220.5") + "End of log: 0 errors\n" + 512 * "\0")
+    is_as_written(read_log(file))
+    file.write_text("\n".join(line.replace(",", "   ").rjust(60) for line in whole.splitlines()))
+    is_as_written(read_log(file))
+
+
 def test_what_was_not_used_is_listed_with_the_option_that_uses_it(tmp_path: Path) -> None:
     file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,Kraft links [kN]")
     assert read_log(file).notes == ("rig.csv: not used: Kraft links [kN] (--column 'F1=Kraft links [kN]')",)
@@ -200,6 +218,15 @@ def test_columns_of_other_lengths_have_times_of_their_own(tmp_path: Path) -> Non
     rows = np.isfinite(found.columns["F1"])
     np.testing.assert_allclose(found.t[rows], slow)
     np.testing.assert_allclose(found.columns["F1"][rows], 1e3 * SLOW["F1"])
+
+
+def test_matlab_structures_of_simulink_without_a_time_of_all(tmp_path: Path) -> None:
+    values = {"tau_1": 20.5 + 0 * T, "tau_2": -20.5 + 0 * T, "x": X, "F1": 1.5 + X}
+    savemat(tmp_path / "rig.mat", {name: {"time": T, "signals": {"values": each}} for name, each in values.items()})
+    is_as_written(read_log(tmp_path / "rig.mat"))
+    (tmp_path / "rig.mat").write_text("no such file")
+    with pytest.raises(ConfigurationError, match=r"not a \.mat file"):
+        read_log(tmp_path / "rig.mat")
 
 
 def test_matlab_7_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
