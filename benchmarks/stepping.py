@@ -1,14 +1,17 @@
 """Environment steps a second, NumPy arrays of actions in and of observations out, beside JAX on the same cores.
 
 ``python -m benchmarks.stepping`` prints the table (a minute); ``--write FILE`` puts it between the file's two marks.
+``--bound`` prints what a step of a compiled plant and controller costs in a loop of one's own, called and bound.
 """
 
 import argparse
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
+from timeit import Timer
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,7 +24,10 @@ from benchmarks.case import Case
 from benchmarks.document import markdown, put, times
 from benchmarks.peers.peer import UnavailableError
 from benchmarks.report import machine
+from dualwinch.codegen.native import compile as compile_function
 from dualwinch.environments.environment import VectorEnvironment
+from dualwinch.simulation.blocks import block
+from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.simulate import simulate
 from dualwinch.simulation.stepper.stepper import Stepper
 
@@ -157,6 +163,26 @@ def measure(case: Case, count: int, rounds: int = ROUNDS, seconds: float = ROUND
     return {name: median(found) for name, found in rates.items()}
 
 
+def step_costs(seconds: float = 0.003, rounds: int = 200) -> dict[str, tuple[float, float]]:
+    """Block → least time in µs of a step of Case 4, called as a NumPy function and bound to arrays of its own."""
+    costs: dict[str, tuple[float, float]] = {}
+    for name in ("plant", "controller"):
+        made = block(name, paper_case(4))
+        state, inputs, parameters = (
+            [variable.start for variable in part] for part in (made.states, made.inputs, made.parameters)
+        )
+        step = compile_function(made.step)
+        bound = step.bind(parameters=parameters)
+        bound.inputs["state"][:], bound.inputs["input"][:] = state, inputs
+        timers = Timer(partial(step, state, inputs, parameters)), Timer(bound)
+        counts = [max(int(seconds / timer.timeit(100) * 100), 1) for timer in timers]
+        called, alone = (
+            1e6 * min(timer.repeat(rounds, count)) / count for timer, count in zip(timers, counts, strict=True)
+        )
+        costs[name] = called, alone
+    return costs
+
+
 def table(rates: dict[int, dict[str, float]]) -> str:
     """Rates in thousands a second, and how many times JAX's they are."""
     headings = ["environments", *map(str, rates), *(f"over JAX: {count}" for count in rates)]
@@ -172,7 +198,12 @@ def main() -> int:
     """Check, measure, and print or write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    parser.add_argument("--bound", action="store_true", help="cost of a step in a loop of one's own alone")
     arguments = parser.parse_args()
+    if arguments.bound:
+        rows = [[name, *(f"{cost:.2g}" for cost in costs)] for name, costs in step_costs().items()]
+        print(markdown(["block", "called (µs)", "bound (µs)"], rows))
+        return 0
     case, rates, apart = Case(), {}, 0.0
     try:
         for count in ENVIRONMENTS:

@@ -74,7 +74,8 @@ def cache_folder() -> Path:
         reason = _doubt_above(folder) or _doubt(folder) or _useless(folder)
         return _substitute(reason) if reason else folder
     except OSError as error:
-        if error.errno in {errno.EROFS, errno.EACCES, errno.EPERM}:
+        no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not given  # as of services, whose HOME is /dev/null
+        if no_home or error.errno in {errno.EROFS, errno.EACCES, errno.EPERM}:
             return _substitute(f"{folder}: {error.strerror}")
         raise CacheError(f"cannot use the cache folder {folder}: {error.strerror}; {HINT}") from error
 

@@ -290,7 +290,7 @@ def _steady(rope: RopeLaw) -> ca.Function:
 class Rope(RopeLaw):
     """One wire rope."""
 
-    area: Annotated[Positive, Quantity("m^2", "cross-section of the rope", "Table 1")] = 4.52e-4
+    area: Annotated[Positive, Quantity("m^2", "area that modulus refers to; their product counts", "Table 1")] = 4.52e-4
     modulus: Annotated[Positive, Quantity("Pa", "axial elastic modulus", "Table 1")] = 80e9
     damping: Annotated[NonNegative, Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
     loss_factor: Annotated[

@@ -178,14 +178,14 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 
 
 def say_left(experiment: Experiment) -> None:
-    """Print, on standard error, which defaults did not follow the values of an experiment."""
+    """Print, on standard error, which defaults did not follow the values of an experiment, and which need a look."""
     from dualwinch.simulation.experiment import Experiment
 
     if experiment.plant == Experiment().plant:
         return
-    from dualwinch.simulation.analysis.remarks import defaults_left
+    from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values
 
-    for words in defaults_left(experiment):
+    for words in [*defaults_left(experiment), *unusual_values(experiment)]:
         print_note(words)
 
 

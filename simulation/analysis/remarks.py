@@ -1,11 +1,13 @@
 """What a run that was completed does not say by that: slack ropes, forces at their limit, chatter, an unstable loop."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dualwinch.model.errors import DualwinchError
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.experiment import Experiment
@@ -20,16 +22,20 @@ class RemarkLimits:
         chatter: mean jump of a tension from sample to sample, as a share of half the preload; noise-free laws of the
             paper's cases are below a thousandth.
         saturated: share of the samples with the force command beyond its limit.
+        unusual: ratio of a value of the machine to its default, or of that to it.
     """
 
     chatter: float = 0.01
     saturated: float = 0.05
+    unusual: float = 300.0
 
 
 WINCHES = ("winch_1", "winch_2")
+ROPES = ("rope_1", "rope_2")
 
 DEPENDENT: dict[str, tuple[str, ...]] = {
     "plant.vehicle.drag_area": ("plant.vehicle.diameter", "plant.vehicle.height"),
+    **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPES},
     **{f"plant.{winch}.inertia": (f"plant.{winch}.drum_radius",) for winch in WINCHES},
     **{
         f"controller.{winch}.{gain}": (f"plant.{winch}.drum_radius", f"plant.{winch}.gear_ratio")
@@ -41,17 +47,55 @@ DEPENDENT: dict[str, tuple[str, ...]] = {
 
 
 def defaults_left(experiment: Experiment) -> list[str]:
-    """Say which defaults did not follow values that an experiment has in place of the defaults they were made for."""
+    """Say which defaults did not follow values that an experiment has in place of the defaults they were made for.
+
+    What is alike of both winches or ropes is said once, as ``winch_*``.
+    """
     values, usual = leaves(experiment), leaves(Experiment())
-    left = {
-        key: [other for other in others if values[other] != usual[other]]
-        for key, others in DEPENDENT.items()
-        if key in values and values[key] == usual.get(key)
-    }
+    said: dict[str, dict[str, None]] = {}
+    for key, others in DEPENDENT.items():
+        changed = [other for other in others if values.get(other) != usual[other]]
+        if changed and key in values and values[key] == usual.get(key):
+            said.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
+    alike: dict[str, list[str]] = {}
+    for others, keys in said.items():
+        both = said.get(_swapped(others))
+        if both is not None and list(map(_swapped, keys)) == list(both):
+            alike[_starred(others)] = list(map(_starred, keys))
+        else:
+            alike[others] = list(keys)
     return [
-        f"{key} = {values[key]:g} is still the default and does not follow {', '.join(others)}"
-        for key, others in left.items()
-        if others
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}"
+        for others, keys in alike.items()
+    ]
+
+
+def _swapped(words: str) -> str:
+    """Keys of the other winch or rope."""
+    return NUMBER.sub(lambda found: f"{found[1]}_{3 - int(found[2])}", words)
+
+
+def _starred(words: str) -> str:
+    """Keys of both."""
+    return NUMBER.sub(r"\1_*", words)
+
+
+NUMBER = re.compile(r"\b(winch|rope)_([12])\b")
+
+
+def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
+    """Say which values of a machine are so far from the defaults that another unit is likely, such as mm or GPa."""
+    limits, usual, described = limits or RemarkLimits(), leaves(Experiment()), describe_parts(experiment)
+    return [
+        f"{key} = {value:g} {unit} is {value / usual[key]:.2g} times the default, {usual[key]:g} {unit}: "
+        "see to its unit"
+        for key, value in leaves(experiment).items()
+        if key.startswith(("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_"))
+        and isinstance(value, float)
+        and isinstance(usual.get(key), float)
+        and min(value, usual[key]) > 0
+        and (unit := described[key].quantity.unit) not in {"", "1"}
+        and max(value / usual[key], usual[key] / value) >= limits.unusual
     ]
 
 

@@ -30,6 +30,11 @@ def test_peers_step_the_same_plant(monkeypatch: pytest.MonkeyPatch) -> None:
         stepping.check(Case(), 3)
 
 
+def test_a_bound_step_costs_little_of_a_called_one() -> None:
+    for called, bound in stepping.step_costs(1e-3, 5).values():
+        assert 0 < bound < called / 4
+
+
 def test_the_table_gives_rates_and_ratios() -> None:
     names = list(stepping.PEERS)
     rates = {1: dict.fromkeys(names, 2e4) | {names[0]: 5e4}, 64: dict.fromkeys(names, 1e6) | {names[0]: 1.25e7}}

@@ -63,7 +63,7 @@ def built_elsewhere(reason: str) -> Path:
     (warning,) = caught
     assert reason in str(warning.message)
     assert "\n" not in str(warning.message)
-    assert path.parent != Path(os.environ["DUALWINCH_CACHE_DIR"]) / NAME
+    assert path.parent != Path(os.environ.get("DUALWINCH_CACHE_DIR", os.devnull)) / NAME
     assert mode(path.parent) == 0o700
     assert answer(path) == 42
     return path
@@ -226,6 +226,13 @@ def test_a_folder_that_cannot_be_written_to_or_made(given: Path, monkeypatch: py
     with monkeypatch.context() as patched:
         patched.setattr(cache, "_doubt", refuse)
         built_elsewhere("Read-only file system")
+
+
+def test_a_home_that_is_no_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DUALWINCH_CACHE_DIR")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", os.devnull)
+    built_elsewhere("Not a directory")
 
 
 def test_a_folder_that_nothing_may_be_run_from(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:

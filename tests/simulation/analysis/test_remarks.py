@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from dualwinch.simulation.analysis.remarks import RemarkLimits, defaults_left, remarks
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.simulation.analysis.remarks import RemarkLimits, defaults_left, remarks, unusual_values
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -37,7 +38,31 @@ def test_defaults_that_do_not_follow_are_said() -> None:
         SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.4, "controller.winch_1.kp": 1e-3}
     )
     assert defaults_left(other) == [
-        "plant.vehicle.drag_area = 6 is still the default and does not follow plant.vehicle.height",
-        "plant.winch_1.inertia = 1.8 is still the default and does not follow plant.winch_1.drum_radius",
-        "controller.winch_1.ki = 0.02 is still the default and does not follow plant.winch_1.drum_radius",
+        "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height",
+        (
+            "plant.winch_1.inertia = 1.8, controller.winch_1.ki = 0.02: still the defaults, "
+            "not following plant.winch_1.drum_radius"
+        ),
     ]
+    both = override(SHORT, {f"plant.winch_{number}.gear_ratio": 20.0 for number in (1, 2)})
+    assert defaults_left(both) == [
+        (
+            "controller.winch_*.kp = 0.0005, controller.winch_*.ki = 0.02: still the defaults, "
+            "not following plant.winch_*.gear_ratio"
+        )
+    ]
+    assert defaults_left(override(SHORT, {"plant.rope_2.area": 3e-4})) == [
+        "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area"
+    ]
+
+
+def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_not() -> None:
+    wrong = {"plant.rope_1.modulus": 80.0, "plant.winch_2.drum_radius": 300.0, "plant.vehicle.mass": 3.0}
+    said = unusual_values(override(SHORT, wrong))
+    assert [words.partition(" ")[0] for words in said] == [
+        "plant.vehicle.mass",
+        "plant.rope_1.modulus",
+        "plant.winch_2.drum_radius",
+    ]
+    assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: see to its unit"
+    assert not unusual_values(load_ensemble("site").experiment)
