@@ -420,7 +420,7 @@ class LikelihoodProfile:
 def likelihood_profiles(
     method: PredictionErrorMethod, estimate: ParameterEstimate, keys: Sequence[str], workers: Workers = None
 ) -> tuple[LikelihoodProfile, ...]:
-    """The profile likelihood of each of some parameters ; an executor's workers compute them side by side."""
+    """The profile likelihood of each of some parameters; an executor's workers compute them side by side."""
     if isinstance(workers, Executor):
         tasks = ((*method.made_of, estimate, key) for key in keys)
         return tuple(in_order(spread(workers, profile_of, tasks)))

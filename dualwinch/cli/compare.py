@@ -11,11 +11,11 @@ from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
     EXPERIMENT,
+    KEEPING_WORKERS,
     WHOLE,
-    WORKERS,
     ExperimentOptions,
     Figure,
-    WorkerOptions,
+    KeepingWorkerOptions,
     say_other_machine,
 )
 from dualwinch.cli.output import (
@@ -55,7 +55,7 @@ def compare(
     given: ExperimentOptions = EXPERIMENT,
     out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
     plot: Figure = None,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
 ) -> None:
     """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
 

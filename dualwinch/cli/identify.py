@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Figure, Json, Priors, WorkerOptions
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    KEEPING_WORKERS,
+    WHOLE,
+    ExperimentOptions,
+    Figure,
+    Json,
+    KeepingWorkerOptions,
+    Priors,
+)
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
@@ -92,7 +101,7 @@ def identify(
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
     ] = None,
     plot: Figure = None,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
     json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.

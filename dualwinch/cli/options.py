@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -319,12 +319,50 @@ class WorkerOptions:
                 threads = sum(worker["nthreads"] for worker in known.values())
                 there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
                 line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
+                if not known:
+                    line.say(f"waiting for workers; one is started by: dask worker {info['address']}")
                 yield client.get_executor(pure=False)
         finally:
             EXACT.reset(before)
 
 
 WORKERS = WorkerOptions()
+"""Where no option is given."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class KeepingWorkerOptions(WorkerOptions):
+    """Where many runs are computed, and where portions are kept."""
+
+    keep: Annotated[
+        Path | None,
+        Parameter(
+            help="Folder that keeps what the cluster's workers have finished: the same call, made again after the "
+            "scheduler or this process has ended early, goes on with the rest."
+        ),
+    ] = None
+
+    @contextmanager
+    def workers(self, line: ProgressLine) -> Iterator[Workers]:
+        """As of `WorkerOptions`.
+
+        Raises:
+            ConfigurationError: as there, there is no cluster, or the folder cannot be written to.
+        """
+        from concurrent.futures import Executor
+
+        from dualwinch.config.folders import made_folder
+        from dualwinch.model.errors import ConfigurationError
+        from dualwinch.simulation.batch.workers import KeepingExecutor
+
+        if self.keep and self.cluster is None:
+            raise ConfigurationError("--keep: needs --cluster")
+        with made_folder(self.keep) if self.keep else nullcontext(), super().workers(line) as workers:
+            yield KeepingExecutor(workers, self.keep) if self.keep and isinstance(workers, Executor) else workers
+
+
+KEEPING_WORKERS = KeepingWorkerOptions()
 """Where no option is given."""
 
 

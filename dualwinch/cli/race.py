@@ -39,6 +39,7 @@ app = App(
     dualwinch race --ablations --searches 3 --rollouts 10000 --stress
     dualwinch race --plugin my_law.py --law my-law --law adrc
     dualwinch race --config mine.toml --ensemble rig --out race
+    dualwinch race --searches 5 --cluster tcp://scheduler:8786
 """,
 )
 

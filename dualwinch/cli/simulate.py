@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, WHOLE, WORKERS, ControllerOptions, Figure, Json, WorkerOptions
+from dualwinch.cli.options import (
+    CONTROLLER,
+    KEEPING_WORKERS,
+    WHOLE,
+    ControllerOptions,
+    Figure,
+    Json,
+    KeepingWorkerOptions,
+)
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -47,7 +55,7 @@ app = App(
     dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
     dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5,40] --set reference.jerk_limit=0.2
     dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
-    dualwinch simulate --ensemble rig --scenarios 1000000 --statistics-only --cluster tcp://scheduler:8786
+    dualwinch simulate --ensemble rig --scenarios 1000000 --statistics-only --cluster tcp://scheduler:8786 --keep kept
 """,
 )
 
@@ -84,7 +92,7 @@ def simulate(
             negative="",
         ),
     ] = False,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
     json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
@@ -102,14 +110,15 @@ def simulate(
         alone = {
             "scenarios": scenarios,
             "seed": seed,
-            "cluster": where.cluster,
+            "cluster": None if where.cluster == os.environ.get("DUALWINCH_CLUSTER") else where.cluster,
+            "keep": where.keep,
             "statistics-only": statistics_only or None,
         }
         for name, value in alone.items():
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
-        simulate_one(given.experiment(), stride, engine, out, plot, animate, where, json=json)
+        simulate_one(given.experiment(), stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
         return
     for name, wanted in (("stride", stride != 1), ("animate", animate)):
         if wanted:
@@ -132,7 +141,7 @@ def simulate_one(
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -225,7 +234,7 @@ def simulate_ensemble(
     seed: int | None,
     out: Path | None,
     plot: Path | None,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -251,7 +260,13 @@ def simulate_ensemble(
 
 
 def stream_ensemble(
-    asked: Ensemble, scenarios: int | None, seed: int | None, out: Path | None, where: WorkerOptions, *, json: bool
+    asked: Ensemble,
+    scenarios: int | None,
+    seed: int | None,
+    out: Path | None,
+    where: KeepingWorkerOptions,
+    *,
+    json: bool,
 ) -> None:
     """Run, print, write statistics alone."""
     from dualwinch.config.ensemble_file import ensemble_to_toml

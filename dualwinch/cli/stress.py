@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import EXPERIMENT, WHOLE, WORKERS, ExperimentOptions, Json, WorkerOptions, say_other_machine
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    KEEPING_WORKERS,
+    WHOLE,
+    ExperimentOptions,
+    Json,
+    KeepingWorkerOptions,
+    say_other_machine,
+)
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
@@ -63,7 +71,7 @@ def stress(
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
     ] = None,
-    where: WorkerOptions = WORKERS,
+    where: KeepingWorkerOptions = KEEPING_WORKERS,
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.

@@ -4,7 +4,7 @@ Scheduling, retries and the transport of data are Dask's (https://distributed.da
 configuration files and ``DASK_`` environment variables change them.
 """
 
-import re
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import module_from_spec, spec_from_file_location
@@ -17,6 +17,9 @@ from dualwinch.simulation.batch.task import WorkerError
 
 if TYPE_CHECKING:
     from distributed import Client
+
+QUIET = ("distributed.client", "distributed.core", "distributed.batched", "distributed.utils", "distributed.comm")
+"""Loggers of Dask that write, with tracebacks, what becomes a line here."""
 
 WANTED = "must be the address of a Dask scheduler, tcp://HOST:8786, or FILE.py:FUNCTION that returns a Dask client"
 
@@ -40,13 +43,17 @@ def cluster_client(where: str) -> Iterator["Client"]:
         raise MissingExtraError(
             "a cluster needs Dask's distributed; install it with: pip install 'dualwinch[cluster]'"
         ) from None
+    for name in QUIET:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     file, _, function = where.rpartition(":")
     client: Any
-    if re.match(r"[a-z]+://", where):
+    if "://" in where:
+        _check_address(where)
         try:
             client = Client(where, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise WorkerError(f"{where}: no Dask scheduler answers ({one_line(error)})") from None
+            why = one_line(error)
+            raise WorkerError(f"{where}: no Dask scheduler answers ({why}); start `dask scheduler` there") from None
     elif file.endswith(".py") and function.isidentifier():
         client = _made(Path(file), function, where)
         if not isinstance(client, Client):
@@ -60,6 +67,25 @@ def cluster_client(where: str) -> Iterator["Client"]:
         client.close()
         if own is not None:
             own.close()
+
+
+def _check_address(where: str) -> None:
+    """Raise `ConfigurationError` where an address cannot be one of a scheduler: a client would wait for a minute."""
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+    from distributed.security import Security
+
+    try:
+        scheme, place = parse_address(where)
+        get_backend(scheme)
+        parse_host_port(place)
+    except ValueError as error:
+        raise ConfigurationError(f"{where}: {one_line(error)}; {WANTED}") from None
+    if scheme in {"tls", "wss"} and not Security().get_connection_args("client").get("ssl_context"):
+        raise ConfigurationError(
+            f"{where}: needs certificates, from Dask's configuration (distributed.comm.tls), or from a client with "
+            "Security that FILE.py:FUNCTION returns"
+        )
 
 
 def _made(file: Path, function: str, where: str) -> Any:

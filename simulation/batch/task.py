@@ -41,6 +41,16 @@ class WorkerError(DualwinchError):
     """A worker cannot compute a task: it is of another version, cannot compile, or was lost again and again."""
 
 
+class WorkerCompileError(WorkerError):
+    """A worker cannot compile.
+
+    Attributes:
+        worker: its address, if it is one of Dask's.
+    """
+
+    worker = ""
+
+
 @dataclass(frozen=True)
 class ModuleSource:
     """The source of a module that a worker may not have.
@@ -103,6 +113,23 @@ class WorkerTask:
             payload=stream.getvalue(),
         )
 
+    def key(self, work: Callable[..., Any], *arguments: Any) -> str:
+        """A digest of the call that the task was made of and of what computes it, the same in every process."""
+        stream = io.BytesIO()
+        pickler = _CanonicalPickler(stream, protocol=pickle.HIGHEST_PROTOCOL)
+        pickler.fast = True
+        sources = [(source.name, source.text) for source in self.sources]
+        pickler.dump((self.versions, sources, self.digests, self.exact, work, arguments))
+        return hashlib.sha256(stream.getvalue()).hexdigest()
+
+
+class _CanonicalPickler(pickle.Pickler):
+    """Pickles sets in order; as it is used (`fast`), also without references to equal things before."""
+
+    def persistent_id(self, thing: Any) -> Any:
+        """The elements of a set."""
+        return sorted(thing, key=repr) if isinstance(thing, set | frozenset) else None
+
 
 class _Pickler(pickle.Pickler):
     """Pickles, and notes the parts of one's own that it meets."""
@@ -139,7 +166,8 @@ def run_task(task: WorkerTask) -> Any:
     """Compute a task, on a worker.
 
     Raises:
-        WorkerError: the worker is of another version, has another part, or cannot compile.
+        WorkerError: the worker is of another version, has another part, or is out of memory.
+        WorkerCompileError: it cannot compile.
         DualwinchError: as raised by the function.
     """
     where = f"worker on {socket.gethostname()}"
@@ -158,11 +186,21 @@ def run_task(task: WorkerTask) -> Any:
     try:
         return work(*arguments)
     except (CompilerNotFoundError, CompileError, CacheError) as error:
-        raise WorkerError(f"{where}: {error}") from error
+        unable = WorkerCompileError(f"{where}: {error}")
+        unable.worker = _address()
+        raise unable from error
     except MemoryError as error:
         raise WorkerError(f"{where}: out of memory") from error
     finally:
         EXACT.reset(before)
+
+
+def _address() -> str:
+    """The address of this process as a worker of Dask's; empty if it is none."""
+    try:
+        return str(sys.modules["distributed"].get_worker().address)
+    except (KeyError, ValueError):
+        return ""
 
 
 def _provide(where: str, sources: Sequence[ModuleSource]) -> None:

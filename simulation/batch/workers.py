@@ -3,10 +3,14 @@
 Everything that takes ``workers=`` takes a number of threads (compiled code runs without Python's lock) or a
 `concurrent.futures.Executor`, such as a ``ProcessPoolExecutor`` or Dask's ``client.get_executor()``. What is many runs
 is then split into portions that do not depend on the number of workers, and the portions' results are put together by
-their numbers, so that the result is the same bits for all workers and orders.
+their numbers, so that the result is the same bits for all workers and orders. A `KeepingExecutor` keeps the portions
+that are finished, so that work that has ended early goes on when it is called again.
 """
 
 import os
+import pickle
+import warnings
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -19,12 +23,16 @@ from concurrent.futures import (
 )
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeAlias, TypeVar
+from weakref import WeakKeyDictionary
 
 from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
-from dualwinch.simulation.batch.task import WorkerError, WorkerTask, run_task
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
 
 Item = TypeVar("Item")
 
@@ -106,6 +114,64 @@ def portion_of(runs: int, *, portions: int = 64, least: int = 64, most: int = 51
     return min(max(least, -(-runs // (portions * least)) * least), most)
 
 
+class WorkerWarning(UserWarning):
+    """A worker cannot do its part, and others do it."""
+
+
+class KeepingExecutor(Executor):
+    """An executor with a folder that keeps the results of its tasks: the same work, begun anew, goes on with the rest.
+
+    A result is found by a digest of function, arguments, own parts and versions, whoever computed it; what differs in
+    any of these is computed. Files are pickles: the folder must be one that nobody else can write to. It may be
+    deleted when the work is done.
+
+    Args:
+        executor: that computes; it is not shut down.
+        folder: that is made where there is none.
+
+    Raises:
+        ConfigurationError: the folder cannot be made.
+    """
+
+    def __init__(self, executor: Executor, folder: Path | str) -> None:
+        self.executor, self.folder = executor, Path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
+
+    def submit(self, fn: Callable[..., Outcome], /, *args: Any, **kwargs: Any) -> Future[Outcome]:
+        """Have the executor compute a call."""
+        return self.executor.submit(fn, *args, **kwargs)
+
+    def has(self, key: str) -> bool:
+        """Whether there is a result of a task."""
+        return self._file(key).is_file()
+
+    def find(self, key: str) -> tuple[Any] | None:
+        """The result of a task; None where there is none that can be read."""
+        try:
+            return (pickle.loads(self._file(key).read_bytes()),)  # noqa: S301  the user's own folder
+        except Exception:  # noqa: BLE001  damaged in any way: computed anew
+            return None
+
+    def keep(self, key: str, result: object) -> None:
+        """Keep the result of a task; its file appears whole or not at all.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        with atomic(self._file(key)) as unfinished:
+            unfinished.write_bytes(pickle.dumps(result, protocol=pickle.HIGHEST_PROTOCOL))
+
+    def _file(self, key: str) -> Path:
+        return self.folder / f"{key}.result"
+
+
+UNABLE: WeakKeyDictionary[Executor, dict[str, WorkerCompileError]] = WeakKeyDictionary()
+"""Executor → address of each of its workers that cannot compile, and why."""
+
+
 def spread(
     executor: Executor,
     work: Callable[..., Outcome],
@@ -115,8 +181,9 @@ def spread(
 ) -> Generator[tuple[int, Outcome], None, None]:
     """Have tasks computed by an executor's workers; numbers of tasks and their results, as they come.
 
-    To schedule, to move data, and to repeat what a lost worker had begun, is the executor's. When the iteration ends
-    early, by an error or an interrupt, tasks that are not finished are cancelled.
+    To schedule, to move data, and to repeat what a lost worker had begun, is the executor's. What a Dask worker cannot
+    compile goes to others. When the iteration ends early, by an error or an interrupt, tasks that are not finished are
+    cancelled.
 
     Args:
         executor: of the workers; it is not shut down.
@@ -125,27 +192,17 @@ def spread(
         at_once: number of tasks that the executor knows at a time, which bounds the memory here.
 
     Raises:
-        WorkerError: workers were lost again and again, ran out of memory, cannot compile, or are of another version.
+        WorkerError: workers were lost again and again, ran out of memory, are of another version, or none can compile.
         DualwinchError: as raised by the work.
     """
-    numbered, waiting = enumerate(tasks), dict[Future[Outcome], int]()
-    done: SimpleQueue[Future[Outcome]] = SimpleQueue()
-
-    def submit(count: int) -> None:
-        for number, arguments in islice(numbered, count):
-            if isinstance(executor, ThreadPoolExecutor):
-                future = executor.submit(work, *arguments)
-            else:
-                future = executor.submit(run_task, WorkerTask.of(work, *arguments))
-            waiting[future] = number
-            future.add_done_callback(done.put)
-
+    spreading = _Spreading(executor, work, tasks)
     try:
-        submit(at_once)
-        while waiting:
-            future = done.get()
-            yield waiting.pop(future), future.result()
-            submit(1)
+        spreading.submit(at_once)
+        while spreading.kept or spreading.waiting:
+            found = spreading.next_kept() if spreading.kept else spreading.next_finished()
+            if found is not None:
+                yield found
+                spreading.submit(1)
     except (CancelledError, BrokenExecutor, MemoryError) as error:
         raise WorkerError(f"workers: {_reason(error)}") from error
     except Exception as error:
@@ -153,8 +210,92 @@ def spread(
             raise
         raise WorkerError(f"workers: {_reason(error)}") from error
     finally:
-        for future in waiting:
+        for future in spreading.waiting:
             future.cancel()
+
+
+class _Spreading:
+    """The tasks of a `spread`: those the executor knows, and those whose results are kept."""
+
+    def __init__(self, executor: Executor, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> None:
+        self.waiting = dict[Future[Any], tuple[int, tuple[Any, ...], str]]()
+        self.kept = deque[tuple[int, tuple[Any, ...], str]]()
+        self._keeping = executor if isinstance(executor, KeepingExecutor) else None
+        self._executor = self._keeping.executor if self._keeping else executor
+        self._work, self._numbered = work, enumerate(tasks)
+        self._done = SimpleQueue[Future[Any]]()
+
+    def submit(self, count: int) -> None:
+        """Give the executor so many further tasks, without those whose results are kept."""
+        for number, arguments in islice(self._numbered, count):
+            key = ""
+            if self._keeping:
+                key = WorkerTask.of(self._work, *arguments).key(self._work, *arguments)
+                if self._keeping.has(key):
+                    self.kept.append((number, arguments, key))
+                    continue
+            self._send(number, arguments, key)
+
+    def _send(self, number: int, arguments: tuple[Any, ...], key: str) -> None:
+        if isinstance(self._executor, ThreadPoolExecutor):
+            future = self._executor.submit(self._work, *arguments)
+        else:
+            task = WorkerTask.of(self._work, *arguments)
+            future = self._executor.submit(run_task, task, **_elsewhere(self._executor))
+        self.waiting[future] = number, arguments, key
+        future.add_done_callback(self._done.put)
+
+    def next_kept(self) -> tuple[int, Any] | None:
+        """A result that was kept; None if its file cannot be read, and the task is computed."""
+        number, arguments, key = self.kept.popleft()
+        found = self._keeping.find(key) if self._keeping else None
+        if found:
+            return number, found[0]
+        self._send(number, arguments, key)
+        return None
+
+    def next_finished(self) -> tuple[int, Any] | None:
+        """The next result; None if a worker could not compile, and another one computes it."""
+        future = self._done.get()
+        number, arguments, key = self.waiting.pop(future)
+        try:
+            result = future.result()
+        except WorkerCompileError as error:
+            _leave_out(self._executor, error)
+            self._send(number, arguments, key)
+            return None
+        if self._keeping:
+            self._keeping.keep(key, result)
+        return number, result
+
+
+def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
+    """Have a worker that cannot compile left out, and say so once.
+
+    Raises:
+        WorkerCompileError: no worker can, or it is not one of Dask's, so that tasks cannot be kept from it.
+    """
+    if not error.worker:
+        raise error
+    unable = UNABLE.setdefault(executor, {})
+    known, unable[error.worker] = error.worker in unable, error
+    if _elsewhere(executor) and not known:
+        warnings.warn(f"{error}; its tasks go to other workers", WorkerWarning, stacklevel=3)
+
+
+def _elsewhere(executor: Executor) -> dict[str, Any]:
+    """The argument by which Dask sends a task to workers that can compile; when these have gone, to whatever there is.
+
+    Raises:
+        WorkerCompileError: no worker can compile.
+    """
+    unable = UNABLE.get(executor)
+    if not unable:
+        return {}
+    able = sorted(vars(executor)["_client"].scheduler_info(n_workers=-1)["workers"].keys() - unable.keys())
+    if not able:
+        raise next(reversed(unable.values()))
+    return {"workers": able, "allow_other_workers": True}
 
 
 def _reason(error: BaseException) -> str:
@@ -162,7 +303,10 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, MemoryError):
         return "a worker ran out of memory"
     if isinstance(error, CancelledError):
-        return "the scheduler has dropped a task: it was stopped or started anew, or the client lost it"
+        return (
+            "the scheduler has dropped a task: it was stopped or started anew, or the client lost it; start scheduler "
+            "and workers, and call the same again"
+        )
     if type(error).__name__ in {"KilledWorker", "BrokenProcessPool"}:
         return "each worker that began a task died of it: killed, or out of memory (their logs say which)"
     return one_line(f"{type(error).__name__}: {error}")

@@ -66,6 +66,10 @@ def table_of(text: str) -> str:
         ("{file}:absent", r"cluster\.py has no function absent"),
         ("{file}:make", r"returned int; must return a distributed\.Client"),
         ("{file}:fail", r"cluster\.py:fail: ZeroDivisionError: division by zero$"),
+        ("tcp://127.0.0.1", r"missing port number .*; must be the address of a Dask scheduler"),
+        ("tcp://127.0.0.1:port", r"invalid literal .*; must be the address of a Dask scheduler"),
+        ("http://127.0.0.1:8787", r"unknown address scheme 'http' .*; must be the address of a Dask scheduler"),
+        ("tls://127.0.0.1:8786", r"^tls://127\.0\.0\.1:8786: needs certificates"),
     ],
 )
 def test_what_is_no_cluster_is_refused_in_one_line(where: str, message: str, tmp_path: Path) -> None:
@@ -76,10 +80,16 @@ def test_what_is_no_cluster_is_refused_in_one_line(where: str, message: str, tmp
         pass
 
 
-def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str]) -> None:
+def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The option; the environment variable is for those commands that can use it."""
     with pytest.raises(SystemExit):
         main(["simulate", "--cluster", "tcp://127.0.0.1:1"])
     assert "--cluster: needs --ensemble" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["simulate", "--ensemble", "sea", "--keep", "kept"])
+    assert "--keep: needs --cluster" in capsys.readouterr().err
+    monkeypatch.setenv("DUALWINCH_CLUSTER", "tcp://127.0.0.1:1")
+    main(["simulate", "--set", "simulation.duration=0.1"])
 
 
 @pytest.mark.slow
@@ -120,6 +130,44 @@ def test_a_worker_that_cannot_compile_is_named_in_one_line(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
+def test_what_a_worker_cannot_compile_another_one_does(tmp_path: Path) -> None:
+    words = ["simulate", "--ensemble", "sea", "--scenarios", "200", "--set", "simulation.duration=1", "--json"]
+    with dask_processes(tmp_path, workers=1) as dask:
+        dask.start_worker(
+            environment={"DUALWINCH_CC": "/nowhere/cc", "DUALWINCH_CACHE_DIR": str(tmp_path / "empty-cache")}
+        )
+        with cluster_client(dask.address) as client:
+            client.wait_for_workers(2, timeout=60)
+        ran = command(*words, "--cluster", dask.address)
+        found, said = ran.communicate(timeout=120)
+    assert ran.returncode == 0, said
+    (line,) = said.splitlines()[1:]
+    assert line.startswith("dualwinch: warning: worker on ")
+    assert line.endswith("; its tasks go to other workers")
+    assert found == command(*words).communicate(timeout=120)[0]
+
+
+@pytest.mark.slow
+def test_an_ensemble_whose_client_was_killed_goes_on_with_what_is_kept(dask: DaskProcesses, tmp_path: Path) -> None:
+    words = ["simulate", "--ensemble", "sea", "--scenarios", "2000", "--set", f"simulation.duration={LASTING}"]
+    there = [*words, "--cluster", dask.address, "--keep", str(tmp_path / "kept"), "--out", str(tmp_path / "there.csv")]
+    ran = command(*there)
+    for _ in range(1200):
+        if len(list(tmp_path.glob("kept/*.result"))) >= 5:
+            break
+        time.sleep(0.05)
+    ran.kill()
+    ran.communicate()
+    kept = {file: file.stat().st_mtime_ns for file in tmp_path.glob("kept/*.result")}
+    assert 5 <= len(kept) < 2000 // 64
+    main(there)
+    assert len(list(tmp_path.glob("kept/*.result"))) == -(-2000 // 64)
+    assert all(file.stat().st_mtime_ns == time for file, time in kept.items())
+    main([*words, "--out", str(tmp_path / "here.csv")])
+    assert (tmp_path / "there.csv").read_bytes() == (tmp_path / "here.csv").read_bytes()
+
+
+@pytest.mark.slow
 def test_a_worker_out_of_memory_is_one_line(tmp_path: Path) -> None:
     """Its nanny ends it; after a few workers Dask gives the task up."""
     with dask_processes(tmp_path, workers=0) as dask:
@@ -138,13 +186,15 @@ def greedy(gigabytes: int) -> int:
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_away_is_one_line(dask: DaskProcesses) -> None:
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_a_scheduler_that_goes_away_is_one_line(end: signal.Signals, dask: DaskProcesses) -> None:
     ran = command("simulate", "--ensemble", "sea", "--scenarios", "200000", "--cluster", dask.address)
     time.sleep(12)
     assert dask.scheduler is not None
-    dask.scheduler.kill()
+    dask.scheduler.send_signal(end)
     said = ran.communicate(timeout=120)[1]
     assert ran.returncode == 1
+    assert len(said.splitlines()) <= 3, said
     assert said.splitlines()[-1].startswith("dualwinch: error: workers: the scheduler has dropped a task")
 
 

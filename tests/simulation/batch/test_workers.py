@@ -16,12 +16,13 @@ import pytest
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.config.plugins import load_plugin
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import PLUGIN
 from dualwinch.simulation.batch import task as tasks
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.batch.task import WorkerError, WorkerTask, run_task
-from dualwinch.simulation.batch.workers import in_order, portion_of, spread
+from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
+from dualwinch.simulation.batch.workers import KeepingExecutor, WorkerWarning, in_order, portion_of, spread
 from dualwinch.simulation.ensembles.comparison import compare, paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
@@ -131,6 +132,87 @@ def test_results_come_in_order_and_an_interrupt_cancels_the_rest() -> None:
     assert len(executor.futures) == 3
     found.close()
     assert [future.cancelled() for future in executor.futures] == [False, True, True]
+
+
+def test_what_was_finished_is_kept_and_the_rest_is_computed(tmp_path: Path) -> None:
+    """The same bits, whoever computed them and when; what differs in a seed, and what is damaged, is computed."""
+    here = run_ensemble(lasting(0.1), 200, 4, workers=2)
+    first, second, third = Remote(), Remote(), Remote()
+    executor = KeepingExecutor(first, tmp_path / "kept")
+
+    def end(done: float) -> None:
+        if done > 0.5:
+            raise ConnectionError
+
+    with pytest.raises(ConnectionError):
+        run_ensemble(lasting(0.1), 200, 4, workers=executor, progress=end)
+    assert len(first.sent) == 4
+    files = sorted((tmp_path / "kept").iterdir())
+    assert len(files) == 2
+    files[0].write_bytes(b"damaged")
+    there = run_ensemble(lasting(0.1), 200, 4, workers=KeepingExecutor(second, tmp_path / "kept"))
+    assert len(second.sent) == 3
+    assert equal(here.metrics, there.metrics)
+    assert equal(here.draws, there.draws)
+    again = run_ensemble(lasting(0.1), 200, 4, workers=KeepingExecutor(third, str(tmp_path / "kept")))
+    assert third.sent == []
+    assert equal(here.metrics, again.metrics)
+    run_ensemble(lasting(0.1), 64, 5, workers=KeepingExecutor(third, tmp_path / "kept"))
+    assert len(third.sent) == 1
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigurationError, match="file: cannot be made"):
+        KeepingExecutor(third, tmp_path / "file")
+
+
+def test_the_key_of_a_task_is_that_of_equal_arguments_in_every_process() -> None:
+    """Whatever the order of a set, and whichever strings are one object."""
+    word = "plant.vehicle.mass"
+    copy = "".join(list(word))
+    first, second = frozenset([1, 9, 17]), frozenset([17, 9, 1])
+    assert list(first) != list(second)
+    calls = [(first, (word, word)), (second, (word, copy))]
+    keys = {WorkerTask.of(max, *arguments).key(max, *arguments) for arguments in calls}
+    assert len(keys) == 1
+    task = WorkerTask.of(max, *calls[0])
+    assert task.key(min, *calls[0]) not in keys
+    assert replace(task, exact=True).key(max, *calls[0]) not in keys
+    assert replace(task, versions={**task.versions, "numpy": "1.0"}).key(max, *calls[0]) not in keys
+
+
+class Mixed(Executor):
+    """As Dask's: workers by their addresses, some of which cannot compile; they are asked first."""
+
+    def __init__(self, **can_compile: bool) -> None:
+        self.can_compile, self.asked = can_compile, list[str]()
+        self._client = self
+
+    def scheduler_info(self, n_workers: int) -> dict[str, Any]:  # noqa: ARG002
+        return {"workers": dict.fromkeys(self.can_compile)}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        able = kwargs.get("workers", self.can_compile)
+        worker = min(able, key=lambda name: self.can_compile[name])
+        self.asked.append(worker)
+        if self.can_compile[worker]:
+            future.set_result(fn(*args))
+        else:
+            error = WorkerCompileError(f"worker on {worker}: no C compiler found")
+            error.worker = worker
+            future.set_exception(pickle.loads(pickle.dumps(error)))  # noqa: S301
+        return future
+
+
+def test_what_a_worker_cannot_compile_goes_to_another_and_one_line_says_so() -> None:
+    executor = Mixed(a=False, b=True)
+    with pytest.warns(WorkerWarning) as said:
+        assert dict(spread(executor, abs, ((-number,) for number in range(4)), at_once=2)) == {0: 0, 1: 1, 2: 2, 3: 3}
+    assert list(spread(executor, abs, [(-9,)])) == [(0, 9)]
+    (line,) = [str(each.message) for each in said]
+    assert line == "worker on a: no C compiler found; its tasks go to other workers"
+    assert executor.asked == ["a", "a", "b", "b", "b", "b", "b"]
+    with pytest.warns(WorkerWarning), pytest.raises(WorkerCompileError, match=r"^worker on d: no C compiler found$"):
+        list(spread(Mixed(c=False, d=False), abs, [(-1,)]))
 
 
 def test_another_version_of_the_product_or_of_a_part_is_refused(
