@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,23 @@ def command(*words: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
         [sys.executable, "-m", "dualwinch", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
+
+
+def ensemble_under_way(dask: DaskProcesses) -> "subprocess.Popen[str]":
+    """An ensemble that takes minutes, of which a portion is finished."""
+    kept = dask.folder / "kept"
+    words = ("--scenarios", "200000", "--cluster", dask.address, "--keep", str(kept))
+    ran = command("simulate", "--ensemble", "sea", *words)
+    until(lambda: any(kept.glob("*.result")))
+    return ran
+
+
+def until(happened: Callable[[], bool], seconds: float = 60.0) -> None:
+    """Wait until something has happened."""
+    end = time.monotonic() + seconds
+    while not happened():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def without_time(record: Any) -> Any:
@@ -152,10 +169,7 @@ def test_an_ensemble_whose_client_was_killed_goes_on_with_what_is_kept(dask: Das
     words = ["simulate", "--ensemble", "sea", "--scenarios", "2000", "--set", f"simulation.duration={LASTING}"]
     there = [*words, "--cluster", dask.address, "--keep", str(tmp_path / "kept"), "--out", str(tmp_path / "there.csv")]
     ran = command(*there)
-    for _ in range(1200):
-        if len(list(tmp_path.glob("kept/*.result"))) >= 5:
-            break
-        time.sleep(0.05)
+    until(lambda: len(list(tmp_path.glob("kept/*.result"))) >= 5)
     ran.kill()
     ran.communicate()
     kept = {file: file.stat().st_mtime_ns for file in tmp_path.glob("kept/*.result")}
@@ -188,8 +202,7 @@ def greedy(gigabytes: int) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_goes_away_is_one_line(end: signal.Signals, dask: DaskProcesses) -> None:
-    ran = command("simulate", "--ensemble", "sea", "--scenarios", "200000", "--cluster", dask.address)
-    time.sleep(12)
+    ran = ensemble_under_way(dask)
     assert dask.scheduler is not None
     dask.scheduler.send_signal(end)
     said = ran.communicate(timeout=120)[1]
@@ -214,8 +227,7 @@ def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: Da
             time.sleep(0.1)
             processing = client.processing()
         assert not any(processing.values())
-    ran = command("simulate", "--ensemble", "sea", "--scenarios", "200000", "--cluster", dask.address)
-    time.sleep(8)
+    ran = ensemble_under_way(dask)
     ran.send_signal(signal.SIGINT)
     assert "interrupted" in ran.communicate(timeout=60)[1].splitlines()[-1]
     assert ran.returncode == 1
