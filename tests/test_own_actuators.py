@@ -192,8 +192,10 @@ def test_many_run_side_by_side() -> None:
 
 @pytest.mark.parametrize(
     ("actuator", "name", "value"),
-    [(Motor(), LAG, 5e-3), (TwoLags(), "actuator.two_lags.lag", 4e-3)],
-    ids=["motor", "own"],
+    [
+        pytest.param(Motor(), LAG, 5e-3, id="motor", marks=pytest.mark.slow),
+        pytest.param(TwoLags(), "actuator.two_lags.lag", 4e-3, id="own"),
+    ],
 )
 def test_runs_can_be_differentiated_by_their_numbers(actuator: Actuator, name: str, value: float) -> None:
     smooth = override(experiment(actuator), {"controller.coordination.preload": 5000})

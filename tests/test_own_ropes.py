@@ -45,10 +45,10 @@ def stiffening(stretch: float, rate: float, length: float) -> float:
     ("number", "slack", "substeps", "position", "force"),
     [
         (4, True, 5, 1e-8, 0.1),
-        (4, False, 5, 1e-8, 0.1),
         (1, False, 5, 2e-8, 0.1),
         (1, True, 5, 5e-6, 8.0),
-        (1, True, 32, 1e-7, 0.5),
+        pytest.param(4, False, 5, 1e-8, 0.1, marks=pytest.mark.slow),
+        pytest.param(1, True, 32, 1e-7, 0.5, marks=pytest.mark.slow),
     ],
 )
 def test_a_run_equals_that_of_the_independent_implementation(
@@ -185,6 +185,11 @@ def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
         assert np.array_equal(batch.columns["F1"][:, index], alone.columns["F1"][:, 0])
     assert shares == sorted(shares)
     assert shares[-1] == 1
+
+
+@pytest.mark.slow
+def test_scenarios_of_sensitivities_take_the_sub_steps_of_their_own() -> None:
+    soft, stiff = EXPERIMENT, override(EXPERIMENT, {SOFT: 4e8, "plant.rope_2.soft": 4e8})
     slopes = sensitivities(["controller.nftsm.beta"], [[0.05]], [stiff, soft], stride=0)
     assert slopes.metrics["mse"][0] == pytest.approx([simulate(each).metrics.mse for each in (stiff, soft)], rel=1e-6)
     assert slopes.gradients["mse"].shape == (1, 2, 1)

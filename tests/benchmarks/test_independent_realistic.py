@@ -39,6 +39,7 @@ def test_what_the_machine_does_not_know_is_refused(paper: Judge) -> None:
         paper.run(STILL, [1], lambda _: {"rope_colour": 1.0})
 
 
+@pytest.mark.slow
 def test_the_implicit_method_goes_where_the_explicit_one_does(paper: Judge) -> None:
     """Paper's gains and a little mass in the ropes: RMS errors with half the step, and of the plant without mass."""
     coarse, fine, none = (

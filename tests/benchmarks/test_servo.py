@@ -47,6 +47,7 @@ def test_a_known_drive_is_found(tmp_path: Path) -> None:
     assert found.converged
 
 
+@pytest.mark.slow
 def test_in_units_in_which_torques_are_a_hundred_times_as_large_it_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,6 +18,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.settings import known_keys, override
+from tests.tiers import pairwise
 
 
 @pytest.mark.parametrize("number", CASES)
@@ -27,9 +28,7 @@ def test_what_is_printed_is_read_back(number: int, tmp_path: Path) -> None:
     assert load(file) == load(str(file)) == case(number)
 
 
-@pytest.mark.parametrize("coordination", COORDINATIONS)
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-@pytest.mark.parametrize("law", POSITION_LAWS)
+@pytest.mark.parametrize(("law", "estimator", "coordination"), pairwise(POSITION_LAWS, ESTIMATORS, COORDINATIONS))
 def test_every_controller_is_read_back(law: str, estimator: str, coordination: str, tmp_path: Path) -> None:
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     file = tmp_path / "own.toml"

@@ -143,13 +143,14 @@ def test_all_keys_are_settable_where_they_count() -> None:
             continue
         choice, kinds = owners(Experiment, key)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
+        before = leaves(base)
         kinds_of_parts = [leaf.choices] if Mark.PARTS in leaf.marks else leaf.choices
         for value in [*kinds_of_parts, True, False, 3, 7, 0.25, 0.05, (3.0, 7.0), "km"]:
-            if leaf.admits(value) and value != leaves(base)[key]:
+            if leaf.admits(value) and value != before[key]:
                 changed = leaves(override(base, {key: value}))
                 assert changed[key] == value
                 if not leaf.choices:
-                    assert {name for name in changed if changed[name] != leaves(base)[name]} == {key}
+                    assert {name for name in changed if changed[name] != before[name]} == {key}
                 break
         else:
             pytest.fail(f"{key}: nothing to set it to")

@@ -91,7 +91,13 @@ def test_without_a_compiler_the_error_says_what_would_help(capsys: pytest.Captur
 
 
 @pytest.mark.usefixtures("no_compiler")
-@pytest.mark.parametrize("words", [("simulate", *SHORT), ("reproduce", "--cases", "1", "--controllers", "nftsm")])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("simulate", *SHORT),
+        pytest.param(("reproduce", "--cases", "1", "--controllers", "nftsm"), marks=pytest.mark.slow),
+    ],
+)
 def test_without_a_compiler_the_interpreter_runs_and_a_line_says_so(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,7 +17,7 @@ from dualwinch.simulation.blocks import BLOCKS, block
 def compiled(source: Path) -> str:
     """The shared library of a file, by the system's compiler; its path."""
     library = source.with_suffix(".so")
-    command = [*find_compiler().command, "-O1", "-ffp-contract=off", "-shared", "-fPIC", source, "-o", library, "-lm"]
+    command = [*find_compiler().command, "-O0", "-ffp-contract=off", "-shared", "-fPIC", source, "-o", library, "-lm"]
     subprocess.run(command, check=True)
     return str(library)
 

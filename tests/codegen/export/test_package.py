@@ -28,6 +28,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
 from tests.stepping import interpreted, plausible, values
+from tests.tiers import all_but
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 
@@ -358,7 +359,7 @@ def test_frozen_block_has_its_parameters_inside() -> None:
     assert not made.parameters
 
 
-@pytest.mark.parametrize("precision", ["double", "float"])
+@pytest.mark.parametrize("precision", all_but(["float"], ["double", "float"]))
 def test_a_sensor_may_be_silent_where_the_estimator_does_without_it(tmp_path: Path, precision: Precision) -> None:
     made = block("controller", case(4, estimator=ESTIMATORS["self-calibrating-kalman"]()))
     assert made.silent == {"x"}

@@ -8,13 +8,14 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.source.loops import Loop, _distances, loops, rolled_statements
 from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.statements import statements
+from tests.tiers import examples
 
 BUILD = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off", "-shared", "-fPIC")
 
@@ -49,7 +50,7 @@ def recurrence(body: list[tuple[int, int, int]], rounds: int, taken: list[int]) 
     return ca.Function("recurrence", [x], [ca.vertcat(values[-1], *results)], ["x"], ["y"])
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.tuples(st.integers(0, 2), st.integers(0, 99), st.integers(0, 99)), min_size=12, max_size=30),
     st.integers(3, 40),

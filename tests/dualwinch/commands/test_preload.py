@@ -30,6 +30,7 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
     assert plot.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_the_energy_decides_where_it_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     main(["preload", "--case", "2", "--least", "energy"])
     assert "of the energy of the best constant preload" in capsys.readouterr().out

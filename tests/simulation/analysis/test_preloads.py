@@ -20,6 +20,10 @@ def found() -> Preloads:
 def test_the_runs_are_those_of_the_experiment_with_other_preloads(found: Preloads) -> None:
     assert found.scheduled.metrics == simulate(SCHEDULED).metrics
     assert found.constant.metrics == simulate(case(4)).metrics
+
+
+@pytest.mark.slow
+def test_the_least_is_that_of_the_experiment(found: Preloads) -> None:
     assert found.least.continuous_load == pytest.approx(least_preload(SCHEDULED).continuous_load)
 
 

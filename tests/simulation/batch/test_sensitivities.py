@@ -139,7 +139,7 @@ EXTRA = [
 def test_sensors_that_read_in_steps_are_differentiated_as_if_they_did_not() -> None:
     """The derivative of a step is zero almost everywhere: along it, feedback would vanish."""
     sea = load_ensemble("sea")
-    calm = {"simulation.duration": 4.0, "controller.estimator": "kalman", "sensors.position_resolution": 1e-6}
+    calm = {"simulation.duration": 2.0, "controller.estimator": "kalman", "sensors.position_resolution": 1e-6}
     fine = replace(sea, experiment=override(sea.experiment, calm | {"sensors.encoder_counts": 0}))
     stepped = replace(sea, experiment=override(sea.experiment, calm))
     reading, stepping = (

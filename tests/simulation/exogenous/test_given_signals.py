@@ -25,6 +25,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem
 from tests.oracle.sampled import Scenario, run
+from tests.tiers import all_but
 
 SHORT = Simulation(duration=4.0, integrator="exponential", substeps=8)
 STEP = Signal.from_arrays([0.0, 2.0, 3.0], [0.0, 0.6, 0.0], unit="kN", interpolation="previous")
@@ -54,7 +55,7 @@ def test_a_lasting_force_is_carried_by_the_ropes(calm: Result) -> None:
     assert net - without == pytest.approx(-250, abs=1)
 
 
-@pytest.mark.parametrize("kind", ["fando-nftsm", "pid-cascade"])
+@pytest.mark.parametrize("kind", all_but(["fando-nftsm"], ["fando-nftsm", "pid-cascade"]))
 def test_a_force_is_the_rail_load_of_the_independent_implementation(kind: str) -> None:
     """Above walking pace dry friction is its coefficient times the load: 0.1 times -6 kN pushes with 600 N."""
     ours = simulate(replace(case(2, kind), disturbance=Disturbance(force=STEP), simulation=SHORT))

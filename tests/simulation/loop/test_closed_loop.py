@@ -47,7 +47,7 @@ RUNS = [
 ]
 
 
-BEGINNING = 1500
+BEGINNING = 800
 """Samples of a run that the independent implementation goes along with in the quick tier; slow tests have them all."""
 
 

@@ -1,5 +1,6 @@
 """The compiled loop, that of CasADi's code generator and CasADi's interpreter run the same step."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -23,7 +24,7 @@ from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import ENGINES, Experiment, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop, initial_state_of
-from dualwinch.simulation.loop.engine import engine_of
+from dualwinch.simulation.loop.engine import Engine, engine_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
@@ -44,6 +45,17 @@ def vectors(experiment: Experiment) -> tuple[ClosedLoop, Array, Array, Array]:
     return closed_loop(structure_of(experiment)), parameters, exogenous_signals(experiment), state
 
 
+def along(
+    run: Engine, parameters: Array, exogenous: Array, start: Array, samples: Iterable[int]
+) -> Iterator[tuple[int, Array]]:
+    """The states of a run at some samples."""
+    state, reached = start.copy(), 0
+    for sample in sorted(samples):
+        run(parameters, exogenous[reached:sample], state, 0)
+        reached = sample
+        yield sample, state.copy()
+
+
 @pytest.mark.parametrize(("kind", "number"), each_choice(POSITION_LAWS, [3, 4]))
 def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
     """From states all along a run, the first samples with their slack rope among them.
@@ -56,9 +68,7 @@ def test_one_step_from_the_same_state_agrees(kind: str, number: int) -> None:
     compiled, interpreted = engine_of(loop, "compiled"), engine_of(loop, "interpreter")
     anywhere = np.random.default_rng(3).integers(20, len(exogenous) - 1, 40)
     pairs: list[tuple[Array, Array]] = []
-    for sample in (*range(20), *anywhere.tolist()):
-        state = start.copy()
-        compiled(parameters, exogenous[:sample], state, 0)
+    for sample, state in along(engine_of(loop), parameters, exogenous, start, (*range(20), *anywhere.tolist())):
         ours, theirs, now = state.copy(), state.copy(), exogenous[sample : sample + 1]
         _, _, our_row = compiled(parameters, now, ours, 1)
         _, _, their_row = interpreted(parameters, now, theirs, 1)
@@ -253,9 +263,7 @@ def test_the_step_has_jacobians_all_along_a_run(kind: str, integrator: Any) -> N
     loop, parameters, exogenous, start = vectors(experiment)
     blocks = [f"jac:next_state:{name}" for name in ("state", "exogenous", "parameters")]
     jacobian = loop.step.factory("jacobian", loop.step.name_in(), blocks)
-    for sample in (*range(20), 100, 1000, 10_000, 20_000):
-        state = start.copy()
-        engine_of(loop)(parameters, exogenous[:sample], state, 0)
+    for sample, state in along(engine_of(loop), parameters, exogenous, start, (*range(20), 100, 1000, 10_000, 20_000)):
         for block in jacobian(state, exogenous[sample], parameters):
             assert np.isfinite(np.array(block)).all(), f"at sample {sample}"
 

@@ -24,6 +24,7 @@ from dualwinch.simulation.loop.structure import (
 )
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from tests.tiers import pairwise
 
 FILTER_TIME, NOISE = "controller.speed_filter_time", "sensors.speed_noise"
 
@@ -83,9 +84,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
     }
 
 
-@pytest.mark.parametrize("coordination", COORDINATIONS)
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-@pytest.mark.parametrize("law", POSITION_LAWS)
+@pytest.mark.parametrize(("law", "estimator", "coordination"), pairwise(POSITION_LAWS, ESTIMATORS, COORDINATIONS))
 def test_all_experiments_of_a_structure_have_its_parameters(law: str, estimator: str, coordination: str) -> None:
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     experiment = override(Experiment(controller=controller), {"controller.nominal.mass": 9e3})

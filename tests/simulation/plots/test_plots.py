@@ -239,7 +239,7 @@ def test_a_subset_and_a_run_that_diverged(case_4: Results, tmp_path: Path) -> No
     plots.save(plots.steady_state_bars({"fando-nftsm": bad, "nftsm": case_4["nftsm"]}), tmp_path / "figure.png")
 
 
-@pytest.mark.parametrize("duration", all_but([1e-3, 20.0], [1e-3, 3e-3, 20.0, 30.0]))
+@pytest.mark.parametrize("duration", all_but([1e-3], [1e-3, 3e-3, 20.0, 30.0]))
 def test_runs_of_any_length(duration: float, tmp_path: Path) -> None:
     experiment = case(4, "nftsm")
     result = simulate(replace(experiment, simulation=replace(experiment.simulation, duration=duration)))
