@@ -78,7 +78,7 @@ class Compiler:
 
     @property
     def is_clang(self) -> bool:
-        """Whether it is clang, under whatever name."""
+        """Whether it is clang, under any name."""
         return self.name == "zig" or "clang" in self.version
 
     @property

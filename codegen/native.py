@@ -20,7 +20,7 @@ from dualwinch.codegen.source.c_source import c_source
 Floats = NDArray[np.float64]
 
 NON_FINITE = ("-fno-finite-math-only",)
-"""A single function is called with whatever its caller has; infinities and NaN come out as in the interpreter."""
+"""A single function is called with any values; infinities and NaN come out as in the interpreter."""
 
 RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 """The compiled function by its address."""

@@ -92,7 +92,7 @@ class NoiseEstimator:
     """Estimates R and Q for a machine that is known well enough."""
 
     def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
-        """An estimator whose least deviations are those that an experiment describes."""
+        """An estimator whose least deviations are the ones that an experiment describes."""
         self._filters, self._options = filters, options
         self._least = {name: each.deviation for name, each in described_disturbances(experiment, options).items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)

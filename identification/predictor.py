@@ -88,7 +88,7 @@ class GaussMarkov:
 
 
 def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dict[str, GaussMarkov]:
-    """The disturbances as an experiment describes them; those that it does not describe have the least deviation.
+    """The disturbances as an experiment describes them; others have the least deviation.
 
     No deviation of these is exactly zero: then no reading could ever correct the state.
     """

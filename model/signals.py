@@ -46,7 +46,7 @@ def _numbers(name: str, given: Iterable[Any]) -> Floats:
 class Signal:
     """A signal given as numbers over the time; without any it is zero throughout.
 
-    A file is read when the signal is made, once: whatever is run with the signal afterwards, also a copy with other
+    A file is read when the signal is made, once: every run with the signal afterwards, also with a copy with other
     values, has the numbers that were read. Two signals are equal where their numbers are.
     """
 

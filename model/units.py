@@ -42,7 +42,7 @@ def factor(unit: str, si: str) -> float:
     """What a number in a unit is multiplied by to be in an SI unit; ``-kN`` is a reading of the opposite sign.
 
     Raises:
-        ConfigurationError: the unit is not one of that quantity; the message lists those that are.
+        ConfigurationError: the unit is not one of that quantity; the message lists the units that are.
     """
     plain = _plain(unit)
     found = KNOWN[si].get(plain.removeprefix("-"))

@@ -1,4 +1,4 @@
-"""A study: batches of candidates are asked for, evaluated side by side, kept and told, until the budget is spent."""
+"""A study: batches of candidates are proposed, evaluated side by side, kept and reported, until the budget is spent."""
 
 import math
 import time
@@ -34,10 +34,10 @@ def search(
 
     Args:
         method: name of the optimiser, kept as the origin of its candidates.
-        optimiser: proposes candidates; it is told first what the storage holds.
+        optimiser: proposes candidates; it first learns what the storage has.
         store: where trials are kept.
         evaluator: evaluates them.
-        watch: told of each batch.
+        watch: shows the progress after each batch.
         progress: where to count; what is in there stands after an interrupt too.
 
     Returns:

@@ -56,7 +56,7 @@ def tune(
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s of that which the caller needs for what comes after it.
         keep: whether an interrupt keeps the best so far; else it is raised.
-        watch: told of every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
+        watch: shows every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
 
     Raises:
         ConfigurationError: an unknown method, or a budget that is none.

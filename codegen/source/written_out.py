@@ -1,4 +1,4 @@
-"""Functions that Structured Text lacks, as expressions of those that every language of controllers has.
+"""Functions that Structured Text lacks, as expressions of functions that every language of controllers has.
 
 C packages take them too, so that both are the same operations in the same order. Beside + − × / and comparisons they
 need `sqrt`, `exp`, `log` and `atan` alone; each docstring states the largest relative error in units of the last

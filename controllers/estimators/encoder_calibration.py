@@ -136,7 +136,7 @@ NAMES = ("scale", "layers", "zero", "excess", "give", "sag_excess", "sine", "cos
 """What may be learnt of an encoder; what may be known best stands first, for round-off's sake."""
 
 UNSHRUNK = ("excess", "give", "sag_excess")
-"""Those that may well be far from what is nominal."""
+"""Errors that may well be far from their nominal values."""
 
 
 def learnt_names(gains: DrumGains) -> tuple[str, ...]:

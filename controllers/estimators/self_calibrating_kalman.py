@@ -121,7 +121,7 @@ PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
 """What the estimate says of what was learnt of an encoder."""
 
 FIRST = 0.5
-"""`SensorWatch.started` is 0 at the first sample and 1 then; whatever solves for a steady state may leave round-off."""
+"""`SensorWatch.started` is 0 at the first sample and 1 then; a solver for the steady state may leave round-off."""
 
 LEAST_INFORMATION = 1e-6
 """Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""

@@ -1,7 +1,7 @@
 """Equivalent-input-disturbance control: a state observer, a filtered estimate of the disturbance, a state feedback.
 
 After She, Fang, Ohyama, Hashimoto and Wu, "Improving disturbance-rejection performance based on an
-equivalent-input-disturbance approach" (IEEE Trans. Ind. Electron. 55 (2008) 380). Whatever acts on a plant, some
+equivalent-input-disturbance approach" (IEEE Trans. Ind. Electron. 55 (2008) 380). For any disturbance of a plant, some
 disturbance at its input has the same effect on the output. Their observer believes in a plant without disturbance::
 
     dx̂/dt = A x̂ + B u_f + L (y - C x̂)

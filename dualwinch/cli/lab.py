@@ -106,7 +106,7 @@ def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | N
     text = page.encode()
 
     class Handler(BaseHTTPRequestHandler):
-        """Gives the page, whatever is asked for at the root."""
+        """Answer every request at the root with the page."""
 
         def do_GET(self) -> None:
             """Answer a request."""

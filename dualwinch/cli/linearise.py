@@ -274,7 +274,7 @@ def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[Fig
 
     Args:
         names: of the numbers.
-        point: which has them; default: those that every one has.
+        point: which has them; default: the points that every system has.
     """
     from dualwinch.model.linear.operating_point import OperatingPoint
     from dualwinch.model.quantities.description import describe, describe_parts

@@ -221,7 +221,7 @@ BEYOND = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension", "energy
 
 
 def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> FigureTable:
-    """Figures of merit of runs; those that were not completed say how they ended.
+    """Figures of merit of runs; runs that were not completed say how they ended.
 
     Args:
         title: of the table.

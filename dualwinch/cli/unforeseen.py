@@ -27,4 +27,4 @@ def unforeseen(error: Exception, *, printed: bool) -> str:
             file.write(text)
     except OSError:
         return f"{what}; a fault of dualwinch, please report it with what --traceback prints"
-    return f"{what}; a fault of dualwinch, please report it with {path} to whoever you have dualwinch from"
+    return f"{what}; a fault of dualwinch, please report it with {path} to your supplier of dualwinch"

@@ -45,7 +45,7 @@ class Claim:
 
 
 def claims(runs: Runs, observer_gains: Mapping[float, float] | None = None) -> list[Claim]:
-    """Every claim that these runs can tell something of; those that did not reach their end tell nothing.
+    """Every claim that these runs can confirm or refute; runs that were not completed do neither.
 
     Args:
         runs: (case, controller) → result.

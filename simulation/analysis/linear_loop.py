@@ -138,7 +138,7 @@ def linear_broken_loop(
 def whole_broken_loop(
     experiment: Experiment, x: float, v: float, cut: str, nominal: Plant | None = None
 ) -> LinearSystem:
-    """`linear_broken_loop` with all states, also those that move nothing: the same for all values of the gains."""
+    """`linear_broken_loop` with all states, also the ones that move nothing: the same for all values of the gains."""
     if cut not in LOOP_OPENINGS:
         raise ConfigurationError(unknown("cut", cut, LOOP_OPENINGS))
     point = loop_operating_point(experiment, x, v, nominal)

@@ -154,7 +154,7 @@ class MarginSurvey:
         Args:
             values: (n, names).
             kinds: which margins.
-            machines: indices of those that are looked at; default: all.
+            machines: indices of the machines to be evaluated; default: all.
 
         Returns:
             Kind → its least for each of the machines, for each of the n.

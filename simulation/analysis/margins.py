@@ -198,7 +198,7 @@ class ComplementarySensitivity:
     def _parts(self) -> tuple[Complex, Floats]:
         """Residues and echoes, by right and left eigenvectors of the poles that last.
 
-        Residues (s, elements, n) of the elements of T at the poles are 0 at those that are forgotten within few samples
+        Residues (s, elements, n) of the elements of T at the poles are 0 where these are forgotten within few samples
         (`FORGOTTEN`). Echoes (j, s, elements) are what those come to, j samples after an impulse.
         """
         poles, right = self._modes

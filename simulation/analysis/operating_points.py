@@ -354,7 +354,7 @@ def neighbours(state: Floats) -> tuple[Floats, Floats]:
 
 
 def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
-    """Derivatives with zeros for those that are zero at a point but for round-off, whatever units they are in.
+    """Derivatives with zeros for elements that are zero at a point but for round-off, in any units.
 
     At an operating point errors and innovations are zero, and so is the derivative by what they are multiplied by, such
     as the information of an estimator that learns. In double precision it is 1e-26 here and 0 there. It is taken as

@@ -157,7 +157,7 @@ def run_grid(
     workers: Workers = None,
     progress: Callable[[float], None] | None = None,
 ) -> BatchResult:
-    """Run experiments, side by side in vector lanes those that are of one structure, length and sample time.
+    """Run experiments, side by side in vector lanes where they are of one structure, length and sample time.
 
     Args:
         experiments: an `Experiment` each, or a `Scenario`, in any shape.

@@ -185,7 +185,7 @@ def doubtful(group: ScenarioGroup) -> Flags:
 
 
 def _doubts(group: ScenarioGroup) -> Iterator[Any]:
-    """What cannot be told from one column alone: rules, sub-steps, states to start from."""
+    """What one column alone does not determine: rules, sub-steps, states to start from."""
     parts = symbolic_parts(group.experiment, group.columns)
     for name in ("plant", "sensors", "actuator", "disturbance"):
         for _, owner, rule in rules(getattr(parts, name), f"{name}."):

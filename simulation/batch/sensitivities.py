@@ -96,7 +96,7 @@ Floats = NDArray[np.float64]
 
 
 class TangentSeeds:
-    """Numbers that vary, of sets (n) in scenarios (m): those the loop takes, and those that shape signals ahead of it.
+    """Numbers that vary, of sets (n) in scenarios (m): parameters of the loop, and what shapes signals ahead of it.
 
     Attributes:
         names: keys of the numbers, p of them.

@@ -121,7 +121,7 @@ class WorkerWarning(UserWarning):
 class KeepingExecutor(Executor):
     """An executor with a folder that keeps the results of its tasks: the same work, begun anew, goes on with the rest.
 
-    A result is found by a digest of function, arguments, own parts and versions, whoever computed it; what differs in
+    A result is found by a digest of function, arguments, own parts and versions, on any machine; what differs in
     any of these is computed. Files are pickles: the folder must be one that nobody else can write to. It may be
     deleted when the work is done.
 
@@ -284,7 +284,7 @@ def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
 
 
 def _elsewhere(executor: Executor) -> dict[str, Any]:
-    """The argument by which Dask sends a task to workers that can compile; when these have gone, to whatever there is.
+    """The argument by which Dask sends a task to workers that can compile; when these have gone, to any worker.
 
     Raises:
         WorkerCompileError: no worker can compile.

@@ -292,7 +292,7 @@ class ResultFolder:
 
         Args:
             stem: the name.
-            definition: what it has to be the result of, JSON-ready; ``None``: whatever it is.
+            definition: what it has to be the result of, JSON-ready; ``None``: of anything.
 
         Raises:
             ConfigurationError: it is the result of something else.
@@ -451,7 +451,7 @@ def paper(
         problem: any of the race; ensemble, constraints and seed are those of all.
         terms: how many scenarios.
         workers: of this machine, or an executor; default: one thread a core.
-        watch: told of what is done.
+        watch: shows the progress.
 
     Raises:
         DualwinchError: no compiler, no usable cache folder, or no optimum found.
@@ -593,7 +593,7 @@ class RaceJob:
         return record is None or (self.breaking is not None and record["stress"] is None)
 
     def watch(self, number: int, count: int, told: Told | None) -> TuningProgress:
-        """What tells how far it is, as the entry of a number of those that have to be run."""
+        """Progress of this entry among the entries that have to be run."""
         if self.entrant is None:
             return EntryProgress(self.name, 0, 1, lambda _, words: told(0.0, words) if told else None)
         return EntryProgress(self.name, number, count, told)

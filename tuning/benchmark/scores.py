@@ -148,7 +148,7 @@ class SearchRecord:
     """How the gains of an entry were found.
 
     Attributes:
-        trials, rollouts: what the search had, the rollouts with those that gradients stand for.
+        trials, rollouts: what the search had, the rollouts including the equivalents of gradients.
         gains: number of gains that were searched for.
         seconds: wall time of all, preparing and scoring included.
         improved: whether the best is better than what the search began with.

@@ -34,7 +34,7 @@ class Optimiser(Protocol):
         ...
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn from evaluations, whoever proposed them."""
+        """Learn from evaluations, of own proposals and of others."""
         ...
 
 

@@ -121,7 +121,7 @@ class CmaSearch:
         return [self._space.decoded(self._random.random(len(self._space.dimensions))) for _ in range(count)]
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn, a generation at a time, from whatever has been evaluated by now."""
+        """Learn, a generation at a time, from all evaluations so far."""
         self._waiting += evaluations
         while len(self._waiting) >= self.population:
             generation, self._waiting = self._waiting[: self.population], self._waiting[self.population :]

@@ -180,7 +180,7 @@ class GradientSearch:
         return stepped | {name: point[name] for name in fixed}
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Go to the best, whoever asked for it, and try larger steps next; else smaller ones or another kind."""
+        """Go to the best, by any optimiser, and try larger steps next; else smaller ones or another kind."""
         if not evaluations:
             return
         if self._scouting is not None:

@@ -23,7 +23,7 @@ HARDEST = 3
 
 
 def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | Scenario]:
-    """The scenarios that count in the objective or in a mean, and those that decide what is worst, in their order.
+    """The scenarios that count in the objective or in a mean, and the ones that decide what is worst, in their order.
 
     Args:
         prepared: gives scenarios, objectives and constraints.
@@ -198,7 +198,7 @@ def _bounded(
 
 
 def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
-    """Slopes, those that are no guide set to 0."""
+    """Slopes, with 0 where they are no guide."""
     return np.where(np.abs(slopes) < steepest, slopes, 0.0)
 
 

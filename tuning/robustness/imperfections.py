@@ -56,7 +56,7 @@ def union(base: Ensemble, ensemble: Ensemble) -> Ensemble:
     """The ensemble on top of a base: what the base draws and the ensemble does not say is drawn as well.
 
     Raises:
-        ConfigurationError: gains are drawn; both are to have those that are asked about.
+        ConfigurationError: gains are drawn; both are to have the values that are asked about.
     """
     together = {**base.distributions, **ensemble.distributions}
     for key in together:

@@ -28,7 +28,7 @@ def draws_needed(violation: float, confidence: float, candidates: int) -> int:
     Args:
         violation: ε, the largest probability of a violation.
         confidence: 1 − β.
-        candidates: K, those that are looked at.
+        candidates: K, how many are evaluated.
     """
     return math.ceil(math.log(candidates / (1 - confidence)) / violation)
 
@@ -40,7 +40,7 @@ class ChanceConstraint:
     Attributes:
         violation: ε asked for.
         confidence: 1 − β asked for.
-        candidates: K, those that may be looked at.
+        candidates: K, how many may be evaluated.
         draws: M, fresh ones of the chosen candidate.
         violations: in how many of them a bound on the worst case is violated, or the run is not completed.
     """

@@ -164,7 +164,7 @@ class Scorer:
     def margins(
         self, candidates: Sequence[Candidate], machines: MarginSurvey | None, chosen: Sequence[bool] | None = None
     ) -> list[Margins | None]:
-        """The worst margins of candidates on some machines; ``None`` for those that are not chosen.
+        """The worst margins of candidates on some machines; ``None`` for machines that are not chosen.
 
         Raises:
             KeyboardInterrupt: interrupted.

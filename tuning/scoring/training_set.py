@@ -144,7 +144,7 @@ def typical_draws(demands: Sequence[ForceDemand], count: int) -> list[ScenarioCh
 def hardest_draws(
     demands: Sequence[ForceDemand], count: int, others: set[int], config: SelectionConfig
 ) -> list[ScenarioChoice]:
-    """Draws with the largest authority ratio without some others; those that fall behind too far come last."""
+    """Draws with the largest authority ratio without some others; draws that fall behind too far come last."""
     waiting = [index for index in range(len(demands)) if index not in others]
     waiting.sort(key=lambda index: (demands[index].shortfall > config.largest_lag, -demands[index].share))
     return [ScenarioChoice(index, hard=True) for index in waiting[:count]]

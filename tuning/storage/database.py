@@ -140,7 +140,7 @@ class DatabaseStudy(StudyStorage):
         return [evaluation_of(trial) for trial in trials if trial.user_attrs.get(WORKER) != self._name]
 
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take trials: those that are queued with points, of dead workers and the first ones, and proposed ones."""
+        """Take trials: queued ones with points, of dead workers and the first ones, and proposed ones."""
         patient(self._url, self._revive)
         if budget.trials is not None:
             patient(self._url, self._requeue)
@@ -274,7 +274,7 @@ class DatabaseStudy(StudyStorage):
         finish(self._study, optuna.Trial(self._study, self._id_of(number)), evaluation)
 
     def release(self, claims: Sequence[TrialClaim]) -> None:
-        """Queue trials again that will not be evaluated here; not those that were finished after all."""
+        """Queue trials again that will not be evaluated here; not the ones that were finished after all."""
         for claim in claims:
             self._held.discard(claim.trial)
             patient(self._url, lambda number=claim.trial: self._queue_again(number))

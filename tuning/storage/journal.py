@@ -48,7 +48,7 @@ class BufferedJournalFile(JournalFileBackend):
         self._waiting += logs
 
     def read_logs(self, log_number_from: int) -> Generator[dict[str, Any], None, None]:
-        """Logs of the file, then those that wait."""
+        """Logs of the file, then the waiting ones."""
         if log_number_from < self._written:
             yield from super().read_logs(log_number_from)
         for log in self._waiting[max(log_number_from - self._written, 0) :]:
@@ -243,7 +243,7 @@ def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
 
 
 def _locked(path: Path, *, shared: bool = False) -> IO[bytes]:
-    """The file, locked until it is closed or the process ends: for this process alone, or for those that share it."""
+    """The file, locked until it is closed or the process ends: for this process alone, or for all that share it."""
     try:
         handle = path.open("ab")
     except OSError as error:

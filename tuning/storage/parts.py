@@ -32,7 +32,7 @@ def part_records(*holders: Any) -> list[PartRecord]:
     """What is noted of the parts that some objects hold, without the built-in ones.
 
     Raises:
-        ConfigurationError: a part has no source that could be told from another.
+        ConfigurationError: a part has no source by which it could be identified.
     """
     parts = {type(part) for holder in holders for part in _parts(holder)}
     return sorted(
@@ -44,7 +44,7 @@ def part_record(part: type[Part]) -> PartRecord:
     """What is noted of a part.
 
     Raises:
-        ConfigurationError: it has no source that could be told from another.
+        ConfigurationError: it has no source by which it could be identified.
     """
     sha256 = digest(part)
     if not sha256:

@@ -30,7 +30,7 @@ class SearchBudget:
     Attributes:
         trials: number of finished trials; ``None``: no limit.
         until: time in s since the epoch; ``None``: no limit.
-        rollouts: number of rollouts of the trials, those that were given up early with what they ran; ``None``: no
+        rollouts: number of rollouts of the trials, of trials that were given up early what they ran; ``None``: no
             limit.
     """
 
