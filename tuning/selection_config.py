@@ -71,7 +71,7 @@ class SelectionConfig:
             are run in the rest; five of sixteen candidates in six scenarios nearly fill two blocks of vector lanes.
         prune_above: batches of more candidates are pruned.
         leaders, most_leaders: candidates of a batch that are run in the active scenarios at a time, and at most.
-        hopeless: violation beyond which a candidate is run in no further scenarios, and its margins are not computed.
+        hopeless: violation beyond which a candidate is run in no further scenarios.
         most_slack: share of a run with a slack rope beyond which the run is stopped, where no rope may be slack.
         penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. 2 % cost a factor
             of e; an optimum on its bounds gains a few times the share by which it gives way, which is far less.

@@ -74,7 +74,7 @@ def tune(
     method = method or default_method(len(problem.objectives))
     check_method(method, len(problem.objectives))
     quiet()
-    began, built = clock.now(), build_seconds()
+    began, allowed, built = clock.now(), clock.without_compiling(), build_seconds()
     training = prepare(problem, workers, watch)
     if seconds is not None and seconds >= WORTH_COMPILING:
         compile_ahead(method, training)
@@ -83,10 +83,10 @@ def tune(
     proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
     watch.phase(SEARCHING)
     searched, config = clock.now(), problem.selection
-    end = None if seconds is None else began + config.time_of_all(seconds) - afterwards
-    compiling, until = build_seconds() - built, None
-    if seconds is not None and end is not None:
-        until = searched + config.time_of_search(seconds, end + compiling - searched)
+    until = None
+    if seconds is not None:
+        evaluator.until = allowed + config.time_of_all(seconds) - afterwards
+        until = searched + config.time_of_search(seconds, evaluator.until - clock.without_compiling())
     store.set_budget(SearchBudget(trials, until, rollouts))
     progress, interrupted = SearchStatus(), False
     try:
@@ -101,8 +101,6 @@ def tune(
     if not finished:
         raise KeyboardInterrupt
     sizes = config.sizes if held_out is None else replace(config.sizes, test=held_out)
-    compiling = build_seconds() - built
-    evaluator.until = None if end is None else end + compiling
     verdict = select(evaluator, finished, sizes, watch)
     cost = TuningCost(
         rollouts=evaluator.rollouts,
@@ -112,6 +110,6 @@ def tune(
         judging=clock.now() - judged,
         overhead=progress.overhead,
         margin_seconds=evaluator.margin_seconds,
-        compiling=compiling,
+        compiling=build_seconds() - built,
     )
     return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted, seconds)

@@ -90,7 +90,7 @@ class Scorer:
         rollouts: number of rollouts so far.
         seconds: their wall time in s.
         margin_seconds: wall time in s of stability margins.
-        until: when validation and test are to end, in s since the epoch; ``None``: they take what they take.
+        until: when validation and test are to end, by `clock.without_compiling`; ``None``: they take what they take.
     """
 
     until: float | None = None
@@ -116,7 +116,7 @@ class Scorer:
         """As much of some sizes as there is time for."""
         if self.until is None:
             return sizes
-        return self.training.problem.selection.affordable(sizes, self.until - clock.now(), self.pace)
+        return self.training.problem.selection.affordable(sizes, self.until - clock.without_compiling(), self.pace)
 
     def affords(self, sizes: SampleSizes) -> bool:
         """Whether there is time for all of some sizes."""
@@ -358,22 +358,14 @@ class Evaluator(Scorer):
             rows = sorted({*order[: math.ceil(self._config.kept_share * len(order))], *exempt})
             late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
             whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
-        evaluations = {
-            row: self.evaluation(candidates[row], result, scenarios, training=True) for row, result in whole.items()
-        }
-        promising = [
-            row in whole and bool((whole[row].outcomes == "completed").all()) and self._promises(evaluations[row])
-            for row in range(len(candidates))
+        completed = [
+            row in whole and bool((whole[row].outcomes == "completed").all()) for row in range(len(candidates))
         ]
-        margins = self.margins(candidates, self.training.margins, promising)
-        for row in np.flatnonzero(promising).tolist():
-            evaluations[row] = self.evaluation(
-                candidates[row], whole[row], scenarios, training=True, margins=margins[row]
-            )
+        margins = self.margins(candidates, self.training.margins, completed)
+        evaluations = {
+            row: self.evaluation(candidates[row], result, scenarios, training=True, margins=margins[row])
+            for row, result in whole.items()
+        }
         return BatchEvaluation(
             candidates, [evaluations.get(row) or found[row] for row in range(len(candidates))], whole, margins
         )
-
-    def _promises(self, evaluation: Evaluation) -> bool:
-        """Whether a candidate is worth a further look: it violates the bounds by little, or is compared with others."""
-        return evaluation.violation <= self._config.hopeless or evaluation.candidate.origin in EXEMPT
