@@ -1,7 +1,8 @@
 """What narrower vector registers cost: the kernels built for another processor beside those for this one, in turns.
 
 ``python -m benchmarks.vector_width`` builds everything by gcc for ``haswell``, which has AVX2 and no more, and for this
-processor, each in a process of its own, and prints ratios of rates: batches over the hand-written scalar loop of the
+processor, each in a process of its own, and prints ratios of rates (``--write FILE`` puts them between the file's two
+marks): batches over the hand-written scalar loop of the
 same algorithm on one core, built for the same processor; ensembles over the batch of Case 4; gradients by twelve gains
 over plain rollouts. Times are the processor's, the least of all rounds. A last column says whether both gave the same
 bits.
@@ -13,8 +14,9 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from benchmarks.document import markdown
+from benchmarks.document import markdown, put
 from benchmarks.peers.gcc import MARCH
 from benchmarks.peers.peer import Peer, Run
 
@@ -97,6 +99,7 @@ def main() -> int:
     parser.add_argument("--march", default="haswell", metavar="NAME", help="the other processor (haswell)")
     parser.add_argument("--rounds", type=int, default=15, metavar="N", help="number of interleaved rounds (15)")
     parser.add_argument("--duration", type=float, default=50.0, metavar="S", help="simulated time (50 s)")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     if chosen.child:
@@ -109,7 +112,10 @@ def main() -> int:
                 build.run(key)
     for build in builds:
         build.process.communicate()
-    print(table(builds))
+    text = table(builds)
+    print(text)
+    if chosen.write:
+        put(chosen.write, "vector width", text)
     return 0
 
 
