@@ -1,8 +1,8 @@
 """What a search is worth by its rollouts, with stability margins and without, and how much seeds differ.
 
 ``python -m benchmarks.searches`` prints the table; ``--write FILE`` puts it between the file's two marks. For each seed
-there is one search of the most rollouts; a shorter one is what it had found by then, chosen and scored likewise, in fewer
-draws than `dualwinch tune` takes. Gains do not depend on the machine or on what else it does.
+there is one search of the most rollouts; a shorter one is what it had found by then, chosen and scored likewise, in
+fewer draws than `dualwinch tune` takes. Gains do not depend on the machine or on what else it does.
 """
 
 import argparse
