@@ -230,11 +230,6 @@ class WhitenessTest:
         return max(abs(self.correlation), abs(self.torque_correlation)) <= self.bound
 
     @property
-    def follows_torques(self) -> bool:
-        """Whether the correlation with changes of the torques is beyond the bound."""
-        return abs(self.torque_correlation) > self.bound
-
-    @property
     def words(self) -> str:
         """The verdict in words."""
         if self.white:

@@ -15,7 +15,6 @@ Precision: TypeAlias = Literal["double", "float"]
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 
 Generator: TypeAlias = Literal["dualwinch", "casadi"]
-GENERATORS: tuple[Generator, ...] = get_args(Generator)
 """What writes C: the emitter of `codegen.source`, or CasADi's ``CodeGenerator``."""
 
 

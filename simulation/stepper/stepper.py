@@ -152,7 +152,7 @@ class Stepper:
         self,
         experiment: Experiment | Ensemble,
         batch: int = 256,
-        seed: int = 1,
+        seed: int = 0,
         *,
         command: CommandName = "torques",
         hold: int = 1,
