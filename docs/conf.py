@@ -17,7 +17,7 @@ suppress_warnings = [
     "mystnb.unknown_mime_type",  # progress bars of notebooks
 ]
 
-myst_enable_extensions = ["dollarmath", "attrs_inline", "attrs_block", "deflist"]
+myst_enable_extensions = ["dollarmath", "attrs_inline", "attrs_block", "deflist", "tasklist"]
 myst_fence_as_directive = ["math"]  # as code hosts write formulas
 myst_heading_anchors = 4
 html_math_renderer = "mathml"

@@ -279,7 +279,7 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
         "structures": entries,
         "keys": chosen(structures) | keys,
         "metrics": [
-            {"name": name, "unit": quantity.unit, "meaning": quantity.meaning}
+            {"name": name, "unit": quantity.unit, "label": quantity.label, "meaning": quantity.meaning}
             for name, quantity in metric_quantities().items()
         ],
         "cases": cases(structures[0], structures),

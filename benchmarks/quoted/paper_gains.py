@@ -60,13 +60,14 @@ def reproduces() -> str:
     own, other = (converged_at(found[1, law], BAND) for law in (LAW, PID))
     third = 100 * (1 - found[3, LAW].metrics.steady_mae / found[3, WITHOUT].metrics.steady_mae)
     return f"""\
-- **What reproduces.** In the steady state of Case 4 the observer takes {less["mae"]} % off the mean error (the
-  paper: 76 %), {less["max_abs_error"]} % off the largest (67 %) and {less["mse"]} % off the mean square (93.5 %):
-  {without:.1f} mm become {steady:.1f} mm. The paper does not print the observer's gains. These figures rest on L₀ =
-  K_f = 5 1/s; {others}.
-- **What does not.** In Case 1 the paper's controller is not the faster one: it stays within ±{BAND:g} m after
-  {own:.1f} s, the PID cascade after {other:.1f} s. In Case 3 the observer takes only {third:.0f} % off. [Eleven
-  errata and fifteen assumptions](docs/errata.md) say where the paper is wrong or silent."""
+- **What reproduces.** While the vehicle cruises and vortices push it (Case 4), the disturbance observer takes
+  {less["mae"]} % off the mean position error (the paper: 76 %), {less["max_abs_error"]} % off the largest (67 %) and
+  {less["mse"]} % off the mean square (93.5 %): {without:.1f} mm become {steady:.1f} mm. The paper does not print the
+  observer's gains L₀ and K_f. These figures rest on 5 1/s for both; {others}.
+- **What does not.** Where the reference moves at full speed from the first moment (Case 1), the paper's controller is
+  not the faster one: it stays within ±{BAND:g} m after {own:.1f} s, the PID cascade after {other:.1f} s. With vortices
+  as well (Case 3) the observer takes only {third:.0f} % off. [Eleven errata and fifteen
+  assumptions](docs/errata.md) say where the paper is wrong or silent."""
 
 
 def forces() -> str:

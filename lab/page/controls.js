@@ -1,7 +1,7 @@
 // Numbers and parts of an experiment, to be changed: a slider for the usual range, a field for whatever the bounds allow.
 
 import {baseValue, choices, SEED, structureOf, valueOf} from "./experiment.js";
-import {digits, plain, unitText} from "./numbers.js";
+import {digits, plain, unitHtml, unitText} from "./numbers.js";
 import {SLIDER_STEPS, sliderRange, toPosition, toValue} from "./range.js";
 import {label, OPEN, sections} from "./sections.js";
 
@@ -56,7 +56,7 @@ export class Controls {
     if (about.kind === "choice") return this.#select(row, id, about.choices, (index) => this.onValue(key, index),
       () => [valueOf(this.catalogue, this.experiment, key), key in this.experiment.values], key);
     row.insertAdjacentHTML("beforeend", `<input type="range" min="0" max="${SLIDER_STEPS}" step="1" aria-label="${escaped(about.meaning)}">
-      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit" title="${unitText(about.unit)}">${unitText(about.unit)}</span>
+      <input type="text" inputmode="decimal" id="${id}" autocomplete="off" aria-describedby="${id}-about"><span class="unit" title="${unitText(about.unit)}">${unitHtml(about.unit)}</span>
       <button type="button" class="reset" title="Back to the case’s value" aria-label="Reset ${label(key)}">↺</button>
       <p class="about" id="${id}-about">${escaped(about.meaning)}${boundsText(about)} <code>${key}</code></p>`);
     const [slider, field] = row.querySelectorAll("input");

@@ -140,7 +140,7 @@ export class Machine {
   #pushes(view, at, largest) {
     if (!(largest > 1e-4)) return;
     const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
-    [["d_true", "ink", 0.3], ["d_hat", "vermilion", 0.66]].forEach(([name, tint, share]) => {
+    [["d_true", "ink", 0.3, "disturbance"], ["d_hat", "vermilion", 0.66, "as estimated"]].forEach(([name, tint, share, words]) => {
       const length = 44 * Math.min(Math.max(at(name) / largest, -1.4), 1.4), y = top + share * Math.min(view.vehicle.height, 60);
       if (Math.abs(length) < 2) return;
       const start = view.spot(at("x")) + Math.sign(length) * (view.vehicle.width / 2 + 4), tip = start + length, back = 5 * Math.sign(length);
@@ -152,6 +152,8 @@ export class Machine {
       this.pen.lineTo(tip - back / 2, y - 3.5);
       this.pen.lineTo(tip - back / 2, y + 3.5);
       this.pen.fill();
+      this.pen.textAlign = length > 0 ? "left" : "right";
+      this.pen.fillText(words, tip + 2 * back, share < 0.5 ? y - 4 : y + 6);
     });
   }
 
@@ -174,6 +176,8 @@ export class Machine {
     pen.lineTo(spot - 5, top - 3);
     pen.lineTo(spot + 5, top - 3);
     pen.fill();
+    pen.textAlign = "center";
+    pen.fillText("reference", spot, top - 7);
   }
 
   // The error, magnified: a millimetre is nothing on a rail of 50 m.
@@ -212,7 +216,7 @@ export class Machine {
     }
     pen.fillStyle = colour("ink-soft");
     pen.textAlign = "right";
-    pen.fillText("0", left - 5, 14);
+    pen.fillText("tension 0", left - 5, 14);
     pen.textAlign = "left";
     pen.fillText(`${digits(plant.tensionMax / 1000, 2)} kN`, left + width + 5, 14);
     if (!(view.enlarged >= 1)) return;

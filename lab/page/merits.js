@@ -15,15 +15,15 @@ function row(metric, values, compared) {
   const {unit, factor} = share ? {unit: "%", factor: 100} : scaleFor(metric.unit, values.map((value) => value ?? NaN));
   const cells = values.map((value) => `<td>${digits(value == null ? NaN : value * factor, 4)}</td>`);
   const last = compared ? `<td class="change">${change((values[1] ?? NaN) * factor, (values[0] ?? NaN) * factor)}</td>` : "";
-  return `<tr><th scope="row" title="${metric.meaning}">${metric.name.replaceAll("_", " ")}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
+  return `<tr><th scope="row" title="${metric.meaning}">${metric.label}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
 }
 
 // What the paper says that its observer changes, beside what it changes here; of its controller on its machine alone.
 export function claims(catalogue, experiment, run) {
   const {case: id, without, with: law, change: said} = catalogue.claims, changed = [...Object.keys(experiment.values), ...Object.keys(experiment.settings)];
   if (experiment.case !== id || run.outcome !== "completed" || changed.some((key) => !/^controller\.(observer|nftsm|auxiliary)\./.test(key))) return "";
-  const before = catalogue.paper[id][without];
-  const words = Object.entries(said).map(([name, share]) => `${name.replaceAll("_", " ")} ${percent(run.metrics[name] / before[name] - 1)} (${percent(share)})`);
+  const before = catalogue.paper[id][without], labels = Object.fromEntries(catalogue.metrics.map((metric) => [metric.name, metric.label]));
+  const words = Object.entries(said).map(([name, share]) => `${labels[name]} ${percent(run.metrics[name] / before[name] - 1)} (${percent(share)})`);
   return `The observer’s part, against ${without} (in brackets what the paper reports for ${law}): ${words.join(", ")}.`;
 }
 

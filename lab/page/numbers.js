@@ -13,6 +13,11 @@ export function unitText(unit) {
   return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u202f");
 }
 
+// The same with powers raised, as HTML.
+export function unitHtml(unit) {
+  return unitText(unit).replace(/\^\(([^)]*)\)/g, (_, power) => `<sup>${power.replaceAll("-", "−")}</sup>`);
+}
+
 // Unit and factor in which the largest of some values is easily read.
 export function scaleFor(unit, values) {
   const largest = Math.max(0, ...values.filter(Number.isFinite).map(Math.abs));

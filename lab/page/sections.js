@@ -30,7 +30,8 @@ export function sections(keys, catalogue) {
 
 const SYMBOLS = {
   "controller.observer.l0": "L₀", "controller.observer.kf": "K_f", "controller.nftsm.beta": "β", "controller.nftsm.eta": "η",
-  "controller.nftsm.phi": "φ", "controller.auxiliary.gamma": "γ", "controller.auxiliary.k_a": "k_a",
+  "controller.nftsm.phi": "φ", "controller.auxiliary.gamma": "γ", "controller.auxiliary.gamma_force": "γ of forces",
+  "controller.auxiliary.k_a": "k_a",
 };
 
 // The last part of a key, as words, with what it belongs to where there are two of it.
