@@ -3,6 +3,7 @@
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.force_position import ForcePosition
 from dualwinch.controllers.coordinations.master_slave import MasterSlave
+from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.controllers.estimators.kalman import Kalman
@@ -30,5 +31,5 @@ ESTIMATORS: Registry[Estimator] = Registry(
 )
 
 COORDINATIONS: Registry[Coordination] = Registry(
-    "coordination", DifferentialTension, ScheduledPreload, MasterSlave, ForcePosition
+    "coordination", DifferentialTension, ProportionalTension, ScheduledPreload, MasterSlave, ForcePosition
 )

@@ -12,6 +12,7 @@ from .controllers.controller import controller_function as controller_function
 from .controllers.coordinations.differential_tension import DifferentialTension as DifferentialTension
 from .controllers.coordinations.force_position import ForcePosition as ForcePosition
 from .controllers.coordinations.master_slave import MasterSlave as MasterSlave
+from .controllers.coordinations.proportional_tension import ProportionalTension as ProportionalTension
 from .controllers.coordinations.scheduled_preload import ScheduledPreload as ScheduledPreload
 from .controllers.estimators.calibrating_kalman import CalibratingKalman as CalibratingKalman
 from .controllers.estimators.kalman import Kalman as Kalman

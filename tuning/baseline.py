@@ -5,11 +5,13 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.limits import Limits
 from dualwinch.model.plant import Plant, is_distributed
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import tangent_rope
+from dualwinch.model.scalar import present
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -70,30 +72,44 @@ CALIBRATING = "calibrating-kalman"
 
 RESERVE = "controller.coordination.reserve"
 
+SMOOTHING = "controller.nftsm.smoothing"
+
 
 def default_estimator(ensemble: Ensemble) -> str:
     """The kind of filter for noisy sensors and inexact ropes, and maybe drums that nobody knows exactly."""
     return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else CALIBRATING
 
 
+def default_coordination(ensemble: Ensemble) -> str | None:
+    """The kind that shares fast forces in proportion to the tensions, where ropes sag; ``None``: as it is."""
+    sags = any(present(side.rope.submerged_weight) for side in ensemble.experiment.plant.sides)
+    return ProportionalTension.kind if sags else None
+
+
 def default_reserve(ensemble: Ensemble) -> float:
-    """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain."""
+    """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain.
+
+    Where drums swing, a third more, for what the tensions swing.
+    """
     if not _uncertain(ensemble, FORCES):
         return 0.0
-    limit = ensemble.experiment.controller.limits.tension_max
+    plant, limit = ensemble.experiment.plant, ensemble.experiment.controller.limits.tension_max
     shares = (_largest(ensemble, key) for key in FORCES if "zero" not in key and "ripple" not in key)
     zeros = (_largest(ensemble, key) for key in FORCES if "zero" in key)
-    return limit * max(shares) + max(zeros)
+    off = limit * max(shares) + max(zeros)
+    return off * SWING if swings(plant) else off
 
 
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
     Where ropes have mass, gears give or winches are heavy: damping of the drums that nearly matches the wave impedance
-    of the ropes (`controllers.coordinations.winch_pid`), more preload, a thinner boundary layer, and the filter's
-    estimate of the disturbance in place of the law's observer. The observer's gain stands in the loop gain at the
-    drums' resonance (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance
-    there. Beside these, deviations for what the self-calibrating filter learns.
+    of the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance
+    and of its rate in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
+    (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. The law is
+    stiffer, by a thinner boundary layer, and smoother: below the speed error where its odd powers are smoothed they
+    damp in proportion to the speed. Unsmoothed they damp small motions so much that an error of half a millimetre
+    takes a second to fade. Beside these, deviations for what the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
@@ -103,7 +119,10 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
             beliefs |= {
                 "controller.kalman.compensation": 1.0,
                 "controller.observer.l0": SLOW_OBSERVER,
+                "controller.kalman.ramp": RAMP,
                 "controller.nftsm.phi": THIN_LAYER,
+                "controller.nftsm.beta": STEEP,
+                SMOOTHING: SMOOTH,
             }
     for side in plant.sides if swings(plant) else ():
         length = plant.track.length / 2 + plant.track.rope_offset
@@ -127,14 +146,20 @@ STEEL_ROPE = 2.36
 MATCHED = 0.85
 """Share of the damping that matches the ropes' impedance: with all of it, slow drives make stiff gearboxes swing."""
 
-MORE_PRELOAD = 1.75
+MORE_PRELOAD = 1.9
 """Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
 
 SLOW_OBSERVER = 0.2
 """Constant part of the gain in 1/s of an observer to which the filter leaves nothing to observe."""
 
-THIN_LAYER = 0.05
-"""Boundary layer in m of a law to which the filter passes hardly any noise: ten times as steep as the paper's."""
+RAMP = 0.2
+"""How fast the filter follows the rate of a disturbance, over its bandwidth."""
+
+THIN_LAYER, STEEP, SMOOTH = 0.018, 0.15, 1e-3
+"""Boundary layer in m, beta and smoothing in m/s of a law to which the filter passes hardly any noise."""
+
+SWING = 4 / 3
+"""Factor on the reserve for what the tensions of swinging drums overshoot."""
 
 SAG_DEVIATION = 0.7
 """Share by which sags are believed to differ: spacings of rollers by a third."""
@@ -153,7 +178,7 @@ def swings(plant: Plant) -> bool:
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for beside the standard ones, as entries of a space.
 
-    Where drums swing on their ropes, the damping of the winches is searched for.
+    Where drums swing on their ropes, the damping of the winches and the smoothing of the law are searched for.
 
     Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
     again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
@@ -161,7 +186,8 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """
     off, damps = default_reserve(ensemble), any(key.endswith(".damping") for key in default_beliefs(ensemble))
     reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
-    return reserve | ({"controller.winch.damping": {}} if damps else {})
+    smoothed = {SMOOTHING} & set(leaves(ensemble.experiment)) if damps else ()
+    return reserve | ({"controller.winch.damping": {}} if damps else {}) | {key: {} for key in smoothed}
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:

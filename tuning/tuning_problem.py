@@ -18,6 +18,7 @@ from dualwinch.tuning.baseline import (
     CALIBRATING,
     RESERVE,
     default_beliefs,
+    default_coordination,
     default_estimator,
     default_reserve,
     further_gains,
@@ -40,6 +41,7 @@ SCENARIOS = 12
 """Scenarios a candidate is tuned on where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"
+COORDINATION = "controller.coordination.kind"
 
 
 def tuning_problem(
@@ -103,11 +105,8 @@ def tuning_problem(
             drawn = ensemble
         else:
             drawn = ensemble.controlled_as(base)
-        if experiment is None and ESTIMATOR not in values and not _names_estimator(config):
-            usual = default_estimator(drawn)
-            drawn = reset(drawn, {ESTIMATOR: usual})
-            misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
-            chosen.append(f"estimator {usual}: none is named, and in '{drawn.name}' sensors are noisy{misled}")
+        if experiment is None:
+            drawn, chosen = _with_usual_parts(drawn, {*values, *_named(config)})
         drawn = reset(drawn, values)
         if config is None and experiment is None:
             drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | default_beliefs(drawn) | values)
@@ -150,9 +149,24 @@ def _chance_constrained(config: SelectionConfig, violation: float | None, confid
     return replace(config, sizes=replace(config.sizes, chance=draws))
 
 
-def _names_estimator(config: Path | None) -> bool:
-    """Whether a configuration file names an estimator."""
-    return config is not None and ESTIMATOR in dict(flattened(read_source(config).table()))
+def _named(config: Path | None) -> Collection[str]:
+    """Keys that a configuration file names."""
+    return () if config is None else dict(flattened(read_source(config).table()))
+
+
+def _with_usual_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensemble, list[str]]:
+    """An ensemble with the estimator and the coordination that suit it, where none is named, and why, in words."""
+    chosen = list[str]()
+    if ESTIMATOR not in named:
+        usual = default_estimator(ensemble)
+        ensemble = reset(ensemble, {ESTIMATOR: usual})
+        misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
+        chosen.append(f"estimator {usual}: none is named, and in '{ensemble.name}' sensors are noisy{misled}")
+    sharing = default_coordination(ensemble)
+    if sharing and COORDINATION not in named:
+        ensemble = reset(ensemble, {COORDINATION: sharing})
+        chosen.append(f"coordination {sharing}: none is named, and in '{ensemble.name}' ropes sag between rollers")
+    return ensemble, chosen
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

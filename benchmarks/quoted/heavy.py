@@ -114,12 +114,15 @@ def resonance() -> str:
 PRELOADS = (2000.0, 2600.0, 3000.0, 3500.0, 4000.0)
 """In N."""
 
+SHARING = ("differential-tension", "proportional-tension")
+"""Kinds of coordination: fast force by halves, and in proportion to the tensions."""
+
 DRAWS, DRAWN_WITH = 400, 6
 """Draws of `site` and their seed."""
 
 
 def preloads() -> str:
-    """How stiff sagging ropes are under a preload, and how often one goes all but slack.
+    """How stiff sagging ropes are under a preload, and how often one goes all but slack with either way to share.
 
     Spans of s swing at sqrt(T/m)/2s, with the rope's mass and that of the water that moves with it.
     """
@@ -133,19 +136,22 @@ def preloads() -> str:
     load, rows = np.nanmean(reference.metrics["continuous_load"]), []
     for preload in PRELOADS:
         gains = dw.override(own, {"controller.coordination.preload": preload})
-        result = dw.run_ensemble(replace(problem.ensemble, experiment=gains), DRAWS, seed=DRAWN_WITH)
+        shared = [dw.override(gains, {"controller.coordination.kind": kind}) for kind in SHARING]
+        results = [
+            dw.run_ensemble(replace(problem.ensemble, experiment=each), DRAWS, seed=DRAWN_WITH) for each in shared
+        ]
         stiff = [ernst_factor(rope.submerged_weight, span, preload / 2, rope.modulus * rope.area) for span in (1, 2)]
         across = rope.mass_per_length + rope.added_mass_per_length
         swing = math.sqrt(preload / 2 / across) / (2 * 2)
-        slack = int((np.asarray(result.metrics["min_tension"]) < allowed).sum())
-        error = 1e3 * math.sqrt(np.nanmedian(result.metrics["mse"]))
-        more = np.nanmean(result.metrics["continuous_load"]) / load
+        slack = [int((np.asarray(result.metrics["min_tension"]) < allowed).sum()) for result in results]
+        error = 1e3 * math.sqrt(np.nanmedian(results[-1].metrics["mse"]))
+        more = np.nanmean(results[-1].metrics["continuous_load"]) / load
         rows.append(
             [
                 f"{preload:g}",
                 *(f"{share:.2f}" for share in stiff),
                 f"{swing:.1f}",
-                str(slack),
+                *map(str, slack),
                 f"{error:.2f}",
                 f"{more:.2f}",
             ]
@@ -154,6 +160,7 @@ def preloads() -> str:
         "stiffness left, rollers of 1 m",
         "of 2 m",
         "spans of 2 m swing at (Hz)",
-        f"of {DRAWS} draws below {allowed:g} N",
+        f"of {DRAWS} draws below {allowed:g} N, force shared by halves",
+        "in proportion",
     ]
     return markdown(["preload (N)", *heading, "median RMS (mm)", "continuous load over the paper's"], rows)

@@ -32,7 +32,11 @@ class NftsmGains:
         TunableRatio("q", ("11/9", "9/7", "7/5", "5/3", "9/5")),
     ] = 5
     q: Annotated[int, at.Ge(1), Quantity("1", "denominator of the surface's power, odd", "paper 4.1")] = 3
-    smoothing: Annotated[Positive, Quantity("m/s", "speed error below which the odd power is smoothed", "A7")] = 1e-5
+    smoothing: Annotated[
+        Positive,
+        Quantity("m/s", "speed error below which the odd power is smoothed", "A7"),
+        Tunable(1e-5, 1e-2, standard=False),
+    ] = 1e-5
 
     rules: ClassVar = (
         Rule(("p",), lambda gains: gains.p % 2 == 1, lambda *_: "must be odd"),

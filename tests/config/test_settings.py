@@ -106,7 +106,7 @@ def test_a_part_and_its_gains_may_be_set_at_once_in_any_order() -> None:
             {"controller.coordination.kind": "master-slave", "controller.winch_1.kp": 1e-3},
             (
                 'controller.winch_1.kp: belongs to controller.coordination.kind = "differential-tension" or '
-                '"scheduled-preload" or "force-position", here it is "master-slave"'
+                '"proportional-tension" or "scheduled-preload" or "force-position", here it is "master-slave"'
             ),
         ),
     ],

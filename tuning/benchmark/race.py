@@ -31,7 +31,7 @@ from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.baseline import default_estimator
+from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
     COORDINATION,
     ESTIMATOR,
@@ -154,7 +154,7 @@ def race(
             raise ConfigurationError(f"{text}: give {OPTIONS[key]}, for all kinds that are to take part")
     method = method or default_method(1)
     check_method(method, 1)
-    usual = default_estimator(drawn), Controller().coordination.kind
+    usual = default_estimator(drawn), default_coordination(drawn) or Controller().coordination.kind
     entries = combinations(
         kinds(laws, POSITION_LAWS, list(POSITION_LAWS)),
         kinds(estimators, ESTIMATORS, [usual[0]]),

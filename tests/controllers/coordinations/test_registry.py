@@ -52,6 +52,7 @@ def test_at_rest_without_a_force_the_preload_is_held(kind: str) -> None:
 
 COSTS = {
     "differential-tension": (4800, 151e3),
+    "proportional-tension": (4800, 151e3),
     "scheduled-preload": (5080, 176e3),
     "master-slave": (5600, 215e3),
     "force-position": (5600, 215e3),

@@ -34,11 +34,12 @@ def test_reproduce_compares_what_is_beyond_the_paper(tmp_path: Path, capsys: pyt
         "mpc",
         "master-slave",
         "force-position",
+        "proportional-tension",
         "scheduled-preload",
     } <= set(said.split())
     extended = json.loads((tmp_path / "metrics.json").read_text())["extended"]
     found = {(run["controller"], run["coordination"]): run["steady_mae"] for run in extended}
-    assert len(found) == len(extended) == 12
+    assert len(found) == len(extended) == 13
     for law in ("adrc", "lqi", "eid", "rbf-sliding-mode", "mpc"):
         assert found[law, "differential-tension"] < found["fando-nftsm", "differential-tension"]
     assert found["fando-nftsm", "master-slave"] == pytest.approx(3.7e-3, rel=0.03)

@@ -47,6 +47,7 @@ OWN_OF_COORDINATIONS = {
     "differential-tension": {},
     "force-position": {},
     "master-slave": {},
+    "proportional-tension": {},
     "scheduled-preload": {"preload": "N"},
 }
 
