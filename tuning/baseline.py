@@ -103,7 +103,7 @@ def default_reserve(ensemble: Ensemble) -> float:
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
-    Where ropes have mass, gears give or winches are heavy: damping of the drums that nearly matches the wave impedance
+    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance
     of the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance
     and of its rate in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
     (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. The law is
@@ -129,8 +129,9 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
         impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
         beliefs[f"controller.winch_{side.number}.damping"] = (
-            MATCHED * impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
+            impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
         )
+        beliefs[f"controller.winch_{side.number}.kp"] = TENSION_GAIN * side.winch.drum_radius / side.winch.gear_ratio
         if side.winch.gear_stiffness:
             beliefs["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
@@ -143,10 +144,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
 STEEL_ROPE = 2.36
 """Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""
 
-MATCHED = 0.85
-"""Share of the damping that matches the ropes' impedance: with all of it, slow drives make stiff gearboxes swing."""
-
-MORE_PRELOAD = 1.9
+MORE_PRELOAD = 1.8
 """Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
 
 SLOW_OBSERVER = 0.2
@@ -155,10 +153,13 @@ SLOW_OBSERVER = 0.2
 RAMP = 0.2
 """How fast the filter follows the rate of a disturbance, over its bandwidth."""
 
-THIN_LAYER, STEEP, SMOOTH = 0.018, 0.15, 1e-3
+THIN_LAYER, STEEP, SMOOTH = 0.015, 0.2, 1e-3
 """Boundary layer in m, beta and smoothing in m/s of a law to which the filter passes hardly any noise."""
 
-SWING = 4 / 3
+TENSION_GAIN = 0.0135
+"""Proportional gain of the tension loop over the lever of torque to tension: more of it makes swinging drums swing."""
+
+SWING = 1.6
 """Factor on the reserve for what the tensions of swinging drums overshoot."""
 
 SAG_DEVIATION = 0.7

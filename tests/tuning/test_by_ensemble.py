@@ -2,7 +2,7 @@ import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.tuning.baseline import RESERVE, assumptions, default_estimator, default_reserve
+from dualwinch.tuning.baseline import RESERVE, assumptions, default_coordination, default_estimator, default_reserve
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tuning_problem import tuning_problem
 
@@ -56,3 +56,20 @@ def test_what_was_gained_says_what_it_rests_on() -> None:
     assert assumptions(load_ensemble("rig")) == "this holds for machines within the tolerances of 'rig'"
     assert "assumes exact drums, encoder zeros and position sensor, as 'sea' does" in assumptions(load_ensemble("sea"))
     assert "match the model exactly" in assumptions(None)
+
+
+def test_where_ropes_sag_fast_force_is_shared_by_tension_unless_another_way_is_named() -> None:
+    assert default_coordination(load_ensemble("rig")) is None
+    problem = tuning_problem(ensemble="site")
+    assert problem.experiment.controller.coordination.kind == "proportional-tension"
+    assert any(line.startswith("coordination proportional-tension: none is named") for line in problem.choices)
+    assert {"controller.proportional_tension.slow_time", "controller.nftsm.smoothing"} <= set(problem.space.names)
+    given = tuning_problem(ensemble="site", settings=["controller.coordination.kind=differential-tension"])
+    assert given.experiment.controller.coordination.kind == "differential-tension"
+
+
+def test_the_drums_damping_matches_the_impedance_of_the_ropes() -> None:
+    """sqrt(EA mu) R^2/G with the tangent of a rope that does not sag, as the textbook has it."""
+    found = leaves(tuning_problem(ensemble="site").experiment)
+    assert found["controller.winch_1.damping"] == pytest.approx((8e10 * 0.000452 * 2.36) ** 0.5 * 0.8**2 / 36, rel=0.02)
+    assert found["controller.winch_1.kp"] == pytest.approx(3e-4, rel=0.01)
