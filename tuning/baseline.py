@@ -89,7 +89,7 @@ def default_coordination(ensemble: Ensemble) -> str | None:
 def default_reserve(ensemble: Ensemble) -> float:
     """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain.
 
-    Where drums swing, a third more, for what the tensions swing.
+    Where drums swing, more, for what the tensions overshoot (`SWING`).
     """
     if not _uncertain(ensemble, FORCES):
         return 0.0
@@ -115,15 +115,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     plant, beliefs = experiment.plant, dict[str, float]()
     if swings(plant):
         beliefs["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
-        if "controller.kalman.compensation" in known:
-            beliefs |= {
-                "controller.kalman.compensation": 1.0,
-                "controller.observer.l0": SLOW_OBSERVER,
-                "controller.kalman.ramp": RAMP,
-                "controller.nftsm.phi": THIN_LAYER,
-                "controller.nftsm.beta": STEEP,
-                SMOOTHING: SMOOTH,
-            }
+        beliefs |= STIFF if "controller.kalman.compensation" in known else {}
     for side in plant.sides if swings(plant) else ():
         length = plant.track.length / 2 + plant.track.rope_offset
         rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
@@ -131,7 +123,8 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
         beliefs[f"controller.winch_{side.number}.damping"] = (
             impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
         )
-        beliefs[f"controller.winch_{side.number}.kp"] = TENSION_GAIN * side.winch.drum_radius / side.winch.gear_ratio
+        lever = side.winch.drum_radius / side.winch.gear_ratio
+        beliefs |= {f"controller.winch_{side.number}.{gain}": value * lever for gain, value in TENSION_LOOP.items()}
         if side.winch.gear_stiffness:
             beliefs["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
@@ -147,17 +140,23 @@ STEEL_ROPE = 2.36
 MORE_PRELOAD = 1.8
 """Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
 
-SLOW_OBSERVER = 0.2
-"""Constant part of the gain in 1/s of an observer to which the filter leaves nothing to observe."""
+STIFF = {
+    "controller.kalman.compensation": 1.0,
+    "controller.kalman.ramp": 0.2,
+    "controller.kalman.speed_noise": 3e-3,
+    "controller.kalman.encoder_noise": 2e-4,
+    "controller.observer.l0": 0.2,
+    "controller.nftsm.phi": 0.01,
+    "controller.nftsm.beta": 0.3,
+    SMOOTHING: 2e-3,
+}
+"""Gains of a stiff and smooth law whose filter compensates the disturbance, where drums swing.
 
-RAMP = 0.2
-"""How fast the filter follows the rate of a disturbance, over its bandwidth."""
+Wheel and encoders are believed less than their own noise says: they see the vehicle through ropes that stretch and sag.
+"""
 
-THIN_LAYER, STEEP, SMOOTH = 0.015, 0.2, 1e-3
-"""Boundary layer in m, beta and smoothing in m/s of a law to which the filter passes hardly any noise."""
-
-TENSION_GAIN = 0.0135
-"""Proportional gain of the tension loop over the lever of torque to tension: more of it makes swinging drums swing."""
+TENSION_LOOP = {"kp": 0.009, "ki": 0.45}
+"""Gains of the tension loops over the lever of torque to tension: stronger ones make swinging drums swing more."""
 
 SWING = 1.6
 """Factor on the reserve for what the tensions of swinging drums overshoot."""
