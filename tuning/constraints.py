@@ -205,7 +205,8 @@ def default_constraints(
     late, motors have to bear hardly more load than with the paper's gains: there a higher preload gains next to
     nothing, and gains that rest on one fail on kinder machines. Where drums swing on ropes that sag, more load is
     allowed, for a preload that makes the ropes stiff. Margins are bounded in an ensemble alone: in a run without noise
-    they would be those of infinitely small motions.
+    they would be those of infinitely small motions. Where drums swing that of the drums' resonance stands for them: a
+    filter that learns the speed wheel's scale has no linear loop at rest, where the wheel says nothing of it.
 
     Args:
         ensemble: whether the tuning is in one.
@@ -213,7 +214,7 @@ def default_constraints(
         swinging: whether drums swing on their ropes.
         resonance: whether they do, and the law is one that the rule for it is about.
     """
-    damped = (*(ROBUST if ensemble else ()), *((DAMPED,) if resonance else ()))
+    damped = (*(ROBUST if ensemble and not swinging else ()), *((DAMPED,) if resonance else ()))
     if ensemble and lag:
         return NO_SLACK, NO_PEAK, NO_LOUDER, STIFFER if swinging else NO_HEAVIER, *damped
     if ensemble:

@@ -93,6 +93,8 @@ def test_where_drums_swing_on_their_ropes_their_resonance_has_to_be_damped() -> 
     assert label in bounds(ensemble="site")
     assert label in bounds(case=4, settings=["plant.rope_1.mass_per_length=2.36"])
     assert label in bounds(case=4, settings=heavy)
+    assert not any("disk" in each or "delay" in each for each in bounds(ensemble="site"))
+    assert any("delay_margin" in each for each in bounds(ensemble="rig"))
     assert label not in bounds(case=4)
     assert label not in bounds(case=4, settings=[*heavy, "controller.kind=pid-cascade"])
     with pytest.raises(ConfigurationError, match=r'resonance_margin>=2: must be "fando-nftsm" or'):
