@@ -21,7 +21,6 @@ from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
     NoiseCovariances,
     described_disturbances,
-    force_coefficients,
     parameter_names,
     predicted_system,
     predictor_structure,
@@ -118,7 +117,7 @@ class PredictionErrorMethod:
         readings = np.concatenate([section.readings for section in self.filters.sections])
         variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
         process = described_disturbances(self._experiment, self.options.noise)
-        return NoiseCovariances(variances, process, force_coefficients(self._experiment))
+        return NoiseCovariances(variances, process, self._experiment.plant.vehicle.drag_coefficient)
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""

@@ -4,6 +4,7 @@ What hardly any user knows is then estimated along, with wide priors: inertia of
 Strouhal number, delay of the torques, and a sea that no experiment describes.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -25,6 +26,7 @@ from dualwinch.identification.unknowns import (
     with_sea,
 )
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.ropes import rope_lengths
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, part
 
@@ -170,6 +172,9 @@ class ModelChoice:
         """The choice and the experiment by which torques between rows, and their delay, are likeliest at the start.
 
         None in the place of the experiment: torques are held from row to row.
+
+        Raises:
+            ConfigurationError: torques change between rows that are too far apart.
         """
         search, coarse, step = self.options.search, self.options.search.coarse, experiment.simulation.sample_time
         if all(np.median(np.diff(log.t)) < coarse.spacing * step for log in self.logs):
@@ -187,7 +192,28 @@ class ModelChoice:
             delayed = replace(experiment, simulation=replace(experiment.simulation, delay_samples=late))
             found.append((other.deviance_at_start(delayed), delayed))
         least, delayed = min(found, key=lambda each: each[0])
-        return (other, delayed) if least < held else (self, None)
+        if least >= held:
+            return self, None
+        self._check_spacing(experiment)
+        return other, delayed
+
+    def _check_spacing(self, experiment: Experiment) -> None:
+        """Refuse logs with torques that change between rows, and rows too far apart to see the drums' resonance.
+
+        Load cells alias the resonance then, and masses come out too large by several standard deviations.
+        """
+        plant = experiment.plant
+        least = min(
+            side.winch.drum_radius * math.sqrt(float(side.rope.tangent(1.0, length)[0]) / side.winch.inertia) / math.tau
+            for x in (0.0, plant.track.length)
+            for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True)
+        )
+        for log in self.logs:
+            if (spacing := float(np.median(np.diff(log.t)))) > 1 / (2 * least):
+                raise ConfigurationError(
+                    f"{log.name}: has a row every {1e3 * spacing:.3g} ms, its torques change in between, and its drums "
+                    f"swing on the ropes at {least:.3g} Hz or more: must have a row every {500 / least:.2g} ms or less"
+                )
 
     def deviance_at_start(self, experiment: Experiment) -> float:
         """Of an experiment whose drums rub, where the search for the unknowns begins, with the likeliest Q."""

@@ -7,7 +7,7 @@ are constant.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
 import casadi as ca
@@ -112,31 +112,22 @@ class NoiseCovariances:
     Attributes:
         measurement: (readings,) variances of the sensors' noise.
         process: disturbance → its Gauss–Markov process.
-        coefficients: disturbance → coefficient of the vehicle by which it becomes a force, at which it has that
-            deviation. What a log shows is the force: with another coefficient, the disturbance is so much smaller or
-            larger. Else the size of the disturbance would count as information on the coefficient.
+        drag_coefficient: at which the current has that deviation. What a log shows is the current's force; with another
+            coefficient the current is so much smaller or larger. Else its size would count as information on drag.
         reach: by how much it may be so, as a factor.
     """
 
     measurement: Floats
     process: Mapping[str, GaussMarkov]
-    coefficients: Mapping[str, float] = field(default_factory=dict)
+    drag_coefficient: float = 0.0
     reach: float = 2.0
 
     def process_of(self, experiment: Experiment) -> dict[str, GaussMarkov]:
         """Disturbance → its Gauss–Markov process on a machine."""
-        own, found = force_coefficients(experiment), dict(self.process)
-        for name, coefficient in self.coefficients.items():
-            ratio = coefficient / own[name] if coefficient > 0 and own[name] > 0 else 1.0
-            ratio = min(max(ratio, 1 / self.reach), self.reach)
-            found[name] = replace(found[name], deviation=ratio * found[name].deviation)
-        return found
-
-
-def force_coefficients(experiment: Experiment) -> dict[str, float]:
-    """Disturbance → coefficient of the vehicle by which it becomes a force."""
-    vehicle = experiment.plant.vehicle
-    return {"current": vehicle.drag_coefficient, "normal_force_variation": vehicle.friction_coefficient}
+        current, own = self.process["current"], float(experiment.plant.vehicle.drag_coefficient)
+        ratio = self.drag_coefficient / own if own > 0 and self.drag_coefficient > 0 else 1.0
+        ratio = min(max(ratio, 1 / self.reach), self.reach)
+        return {**self.process, "current": replace(current, deviation=ratio * current.deviation)}
 
 
 @dataclass(frozen=True)

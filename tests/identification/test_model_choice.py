@@ -10,6 +10,7 @@ from dualwinch.identification.model_choice import torque_lags
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
 from dualwinch.identification.vortices import with_vortex_origin
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -111,3 +112,5 @@ def test_torques_that_chatter_and_are_logged_at_200_hz() -> None:
     assert found.deviations[0] < 0.03 * found.values[0]
     assert any("changed more often than they were logged" in note for note in found.notes)
     assert any("torques act 2 samples after they are logged" in note for note in found.notes)
+    with pytest.raises(ConfigurationError, match=r"has a row every 10 ms, its torques change in between"):
+        identify([log.rows(slice(None, None, 10))], KEYS, machine(simulation__duration=30.0))
