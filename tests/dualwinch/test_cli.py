@@ -149,6 +149,7 @@ main({words!r})
 """Interrupted when the report is written, but not yet where it belongs."""
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
     words = ["reproduce", "--cases", "2", "--controllers", "nftsm", "--out", str(tmp_path)]
     program = [sys.executable, "-c", INTERRUPTED.format(words=words)]

@@ -68,6 +68,7 @@ def test_noise_that_is_known_need_not_be_found_out() -> None:
     np.testing.assert_array_less(np.abs(again.values - fit.values), 0.1 * deviations)
 
 
+@pytest.mark.slow
 def test_several_logs_know_more_than_one() -> None:
     logs = [logged(machine(simulation__seed=seed)) for seed in (1, 2)]
     right, key = machine(), "plant.vehicle.mass"
@@ -173,6 +174,7 @@ def test_a_log_without_load_cells_does_without() -> None:
     assert "F1" not in found.noise
 
 
+@pytest.mark.slow
 def test_sensors_without_noise_are_not_taken_for_perfect() -> None:
     """The model of the filter, too, is right only to the size of its steps."""
     names = ("position_noise", "position_resolution", "speed_noise", "position_drift", "encoder_counts")
