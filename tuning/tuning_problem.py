@@ -76,9 +76,9 @@ def tuning_problem(
             of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
-        constraints: such as ``mean.chatter<=0.25*paper``, beside the default ones, which are no slack, no peak and
-            little chatter, or in the place of one on the same statistic. ``none`` among them, or an empty list,
-            leaves the default ones out.
+        constraints: such as ``mean.chatter<=0.25*paper``, beside the default ones, which are no slack, no peak,
+            little chatter and, in an ensemble, stability margins, or in place of one on the same statistic. ``none``
+            among them, or an empty list, leaves the default ones out.
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.

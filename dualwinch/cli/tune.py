@@ -142,7 +142,7 @@ def tune(
         Parameter(
             help="e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%, "
             "worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Beside the default ones: no slack, "
-            "no peak beyond tension_max, little chatter; none leaves these out.",
+            "no peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.",
             negative="",
         ),
     ] = None,
