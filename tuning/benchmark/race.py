@@ -631,6 +631,8 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, tol
                     if not isinstance(workers, Executor):
                         break
             finished = count - sum(job.entrant is not None for job in waiting)
+            if told and not ours:
+                told(0.0, f"another process has claimed what is left, {len(waiting)} searches and scores")
             if isinstance(workers, Executor):
                 _spread_jobs(ours, kept, workers, told)
             else:
@@ -644,7 +646,7 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, tol
 
 def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, told: Told | None) -> None:
     """Do jobs side by side on an executor's workers; what is finished is kept at once."""
-    if told:
+    if told and jobs:
         told(0.0, f"{len(jobs)} searches and scores on the cluster")
     tasks = ((job, kept.find(job.stem)) for job in jobs)
     for done, (number, result) in enumerate(spread(executor, RaceJob.run, tasks), 1):
