@@ -58,6 +58,8 @@ def cluster_client(where: str) -> Iterator["Client"]:
         client = _made(Path(file), function, where)
         if not isinstance(client, Client):
             raise ConfigurationError(f"{where}: returned {type(client).__name__}; must return a distributed.Client")
+        if client.status != "running":
+            raise WorkerError(f"{where}: returned a client that is {client.status}; must be one that is connected")
     else:
         raise ConfigurationError(f"{where}: {WANTED}")
     try:
@@ -100,7 +102,7 @@ def _made(file: Path, function: str, where: str) -> Any:
         spec.loader.exec_module(module)
         make = getattr(module, function, None)
         found = make() if make else None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise WorkerError(f"{where}: {type(error).__name__}: {one_line(error)}") from error
     if make is None:
         raise ConfigurationError(f"{where}: {file.name} has no function {function}")

@@ -75,6 +75,30 @@ def table_of(text: str) -> str:
     return text[text.index("Race:") :]
 
 
+FUNCTIONS = """
+from distributed import Client
+
+class Closed(Client):
+    def __init__(self):
+        self.status = "closed"
+
+    def __del__(self):
+        pass
+
+def make():
+    return 1
+
+def fail():
+    return 1 / 0
+
+def leave():
+    raise SystemExit(3)
+
+def closed():
+    return Closed()
+"""
+
+
 @pytest.mark.parametrize(
     ("where", "message"),
     [
@@ -83,6 +107,8 @@ def table_of(text: str) -> str:
         ("{file}:absent", r"cluster\.py has no function absent"),
         ("{file}:make", r"returned int; must return a distributed\.Client"),
         ("{file}:fail", r"cluster\.py:fail: ZeroDivisionError: division by zero$"),
+        ("{file}:leave", r"cluster\.py:leave: SystemExit: 3$"),
+        ("{file}:closed", r"cluster\.py:closed: returned a client that is closed; must be one that is connected$"),
         ("tcp://127.0.0.1", r"missing port number .*; must be the address of a Dask scheduler"),
         ("tcp://127.0.0.1:port", r"invalid literal .*; must be the address of a Dask scheduler"),
         ("http://127.0.0.1:8787", r"unknown address scheme 'http' .*; must be the address of a Dask scheduler"),
@@ -92,7 +118,7 @@ def table_of(text: str) -> str:
 def test_what_is_no_cluster_is_refused_in_one_line(where: str, message: str, tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     file = tmp_path / "cluster.py"
-    file.write_text("def make():\n    return 1\n\ndef fail():\n    return 1 / 0\n")
+    file.write_text(FUNCTIONS)
     with pytest.raises((ConfigurationError, WorkerError), match=message), cluster_client(where.format(file=file)):
         pass
 
