@@ -1,11 +1,13 @@
 """What a race keeps: files that are gone on with on the same terms, and on no others."""
 
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.benchmark.race import ResultFolder
+from dualwinch.tuning.benchmark import race
+from dualwinch.tuning.benchmark.race import RaceJob, ResultFolder
 
 TERMS = {"seed": 1, "rollouts": 300, "configuration": "a = 1\nb = 2\n", "constraints": ("x<=1",)}
 
@@ -48,3 +50,19 @@ def test_another_definition_and_what_is_no_entry_are_refused(tmp_path: Path) -> 
         (tmp_path / "entries" / "torn.json").write_text(text)
         with pytest.raises(ConfigurationError, match=r"torn.json: is nothing that a race has left; remove it"):
             ResultFolder(tmp_path, TERMS)
+
+
+def test_what_another_process_has_claimed_is_left_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(race, "PAUSE", 0.01)
+    ours, theirs = ResultFolder(tmp_path, TERMS), ResultFolder(tmp_path, TERMS)
+    said = list[str]()
+
+    def tell(done: float, words: str) -> None:  # noqa: ARG001
+        said.append(words)
+        theirs.keep("adrc", {}, {"value": 1})
+
+    nothing = cast("Any", None)
+    with theirs.claimed("adrc"):
+        race._run_jobs([RaceJob("adrc", "ADRC", nothing, nothing)], ours, 1, tell)  # pyright: ignore[reportPrivateUsage]
+    assert said == ["another process has claimed what is left, 1 searches and scores"]
+    assert ours.find("adrc") == {"value": 1}
