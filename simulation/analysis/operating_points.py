@@ -361,7 +361,7 @@ def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
     zero where it changes its sign from one neighbour of the point to the other, or by half of itself to both.
     """
     change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
-    return np.where((above * below < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
+    return np.where((np.sign(above) * np.sign(below) < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
 
 
 class _OpenSample:

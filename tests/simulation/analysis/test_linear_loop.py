@@ -156,3 +156,9 @@ def test_an_experiment_is_linearised_amid_its_own_track() -> None:
     system = dw.linearise(long, v=0.5)
     assert system.operating_point["x"] == 60
     assert system.A.tolist() == dw.linearise(60.0, 0.5, experiment=long).A.tolist()
+
+
+def test_slopes_of_any_size_are_told_from_round_off_without_overflow() -> None:
+    """Their product would overflow; warnings are errors here."""
+    slopes = np.array([1e200, 1e-200])
+    assert (without_round_off(slopes, slopes * [1.1, -1.0], slopes * [0.9, 1.0]) != 0).tolist() == [True, False]
