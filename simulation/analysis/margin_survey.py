@@ -165,13 +165,7 @@ class MarginSurvey:
         each = [dict[str, WorstMargin]() for _ in pairs]
         if of_loops:
             self._look_near()
-            everywhere = [(*pair, amplitude) for pair in pairs for amplitude in self._amplitudes]
-            found = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), everywhere, self._threads)
-            count = len(self._amplitudes)
-            each = [
-                {kind: min((of[kind] for of in found[first : first + count]), key=VALUE) for kind in of_loops}
-                for first in range(0, len(found), count)
-            ]
+            each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), pairs, self._threads)
         if len(of_loops) < len(kinds):
             each = [
                 found | {RESONANCE: worst} for found, worst in zip(each, self._resonances(given, pairs), strict=True)
@@ -198,13 +192,15 @@ class MarginSurvey:
         parameters[:, self._columns] = values
         return parameters
 
-    def _as_steep_as_at(self, amplitudes: Floats, parameters: Floats) -> None:
-        """Make laws as steep at zero as they are at amplitudes (n,) of the speed error."""
-        large = amplitudes > 0
-        if large.any():
-            p, q, smoothing = parameters[np.ix_(large, self._powers)].T
-            slope = describing_gain(amplitudes[large], 2 - p / q, smoothing)
-            parameters[large, self._powers[-1]] = slope ** (1 / (1 - p / q))
+    def _as_steep_as_at(self, amplitude: float, parameters: Floats) -> Floats:
+        """Parameters (n, parameters) of laws that are as steep at zero as they are at an amplitude."""
+        if not amplitude:
+            return parameters
+        p, q, smoothing = parameters[:, self._powers].T
+        slope = describing_gain(amplitude, 2 - p / q, smoothing)
+        changed = parameters.copy()
+        changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
+        return changed
 
     def _look_near(self) -> None:
         """Find the operating points with the machines' own gains, near which those with others are looked for."""
@@ -222,16 +218,35 @@ class MarginSurvey:
         return np.split(np.where(found.steady[:, None], found.state, np.nan), np.cumsum(counts)[:-1])
 
     def _of_pairs(
-        self, values: Floats, pairs: Sequence[tuple[int, int, float]], kinds: Sequence[str]
+        self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
     ) -> list[dict[str, WorstMargin]]:
-        """The least margins of a row of values and a machine at an amplitude."""
-        points = [self._points[machine] for _, machine, _ in pairs]
+        """The least margins of pairs of a row of values and a machine, at all amplitudes."""
+        points = [self._points[machine] for _, machine in pairs]
         family = np.repeat(np.arange(len(pairs)), [len(each) for each in points])
-        rows, machines = np.array([pair[:2] for pair in pairs])[family].T
-        parameters = self._with(values[rows], machines)
-        self._as_steep_as_at(np.array([amplitude for *_, amplitude in pairs])[family], parameters)
+        rows, machines = np.array(pairs)[family].T
+        parameters, found = self._with(values[rows], machines), []
+        near = np.concatenate([self._near[machine] for _, machine in pairs])
+        for amplitude in self._amplitudes:
+            steep = self._as_steep_as_at(amplitude, parameters)
+            worst, states = self._at_amplitude(amplitude, steep, near, points, family, pairs, kinds)
+            near = np.where(np.isfinite(states), states, near)  # the steady motion is hardly another one
+            found.append(worst)
+        return [
+            {kind: min((of[kind] for of in each), key=VALUE) for kind in kinds} for each in zip(*found, strict=True)
+        ]
+
+    def _at_amplitude(
+        self,
+        amplitude: float,
+        parameters: Floats,
+        near: Floats,
+        points: Sequence[Floats],
+        family: NDArray[np.intp],
+        pairs: Sequence[tuple[int, int]],
+        kinds: Sequence[str],
+    ) -> tuple[list[dict[str, WorstMargin]], Floats]:
+        """The least margins of pairs at an amplitude, and the states at their points; NaN without a steady motion."""
         x, v = np.concatenate(points).T
-        near = np.concatenate([self._near[machine] for _, machine, _ in pairs])
         found = loop_operating_points(self._structure, parameters, x, v, near)
         steady, stable = np.flatnonzero(found.steady), found.steady.copy()
         A, B, C, D = (matrix[steady] for matrix in found.opened)
@@ -239,7 +254,7 @@ class MarginSurvey:
         stable[steady] = loops.stable
         least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
         worst_of = []
-        for number, (_, machine, amplitude) in enumerate(pairs):
+        for number, (_, machine) in enumerate(pairs):
             failed = np.flatnonzero((family == number) & ~stable)
             if len(failed):
                 index = int(failed[0])
@@ -253,7 +268,7 @@ class MarginSurvey:
                 point = float(x[index]), float(v[index])
                 words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency, "", amplitude)
             worst_of.append(words)
-        return worst_of
+        return worst_of, np.where(found.steady[:, None], found.state, np.nan)
 
 
 def _in_chunks(

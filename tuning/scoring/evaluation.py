@@ -136,12 +136,17 @@ class Scorer:
         *,
         training: bool = False,
         constraints: Sequence[Constraint] | None = None,
+        machines: MarginSurvey | None = None,
     ) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios; arguments as of `evaluation`."""
+        """Evaluate candidates in all of some scenarios; arguments as of `evaluation`.
+
+        Their margins are those on the machines of the scenarios, unless others are given.
+        """
         if not candidates:
             return []
         result = self.run(candidates, scenarios)
-        margins = self.margins(candidates, self.training.margins if training else self.survey(scenarios))
+        known = self.training.margins if training else machines
+        margins = self.margins(candidates, known or self.survey(scenarios))
         return [
             self.evaluation(
                 candidate, result, scenarios, row, training=training, margins=margins[row], constraints=constraints

@@ -142,7 +142,8 @@ def _validated(
     Where none is feasible before the rollouts for it are spent, some of all groups that improve on the start.
     """
     config = evaluator.training.problem.selection
-    (reference,) = evaluator.over([start.candidate], validation.scenarios, constraints=validation.constraints)
+    constraints, machines = validation.constraints, validation.machines
+    (reference,) = evaluator.over([start.candidate], validation.scenarios, constraints=constraints, machines=machines)
     waiting = _by_training_objective([trial for trial in trials if trial.point != start.point], config.back_off)
     if waiting and len(waiting[0].objectives) > 1:
         front = [waiting[index] for index in pareto_front(waiting)] or waiting
@@ -162,7 +163,7 @@ def _validated(
         back_off |= {label: 2 * back_off.get(label, config.back_off) for label in violated}
     some = tried[:: -(-len(tried) // sizes.candidates) or 1]
     candidates = [trial.candidate for trial in some]
-    results = evaluator.over(candidates, validation.scenarios, constraints=validation.constraints)
+    results = evaluator.over(candidates, validation.scenarios, constraints=constraints, machines=machines)
     order = rarest_violations_first(results, [each.violated / each.scenarios for each in results], config.penalty)
     return [Validated(some[index], results[index]) for index in order if improves_on(results[index], reference)]
 

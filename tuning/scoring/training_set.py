@@ -219,11 +219,14 @@ def survey(
 def hardest_machines(
     problem: TuningProblem, scenarios: Sequence[Experiment | Scenario], workers: Workers = None
 ) -> list[int]:
-    """Indices of the scenarios on whose machines the start has the least margins, of any kind that is bounded."""
+    """Indices of the scenarios on whose machines the start has the least margins, of any kind that is bounded.
+
+    At the largest amplitude: which machines they are hardly depends on it.
+    """
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
         return []
-    machines, amplitudes = [scenarios[index] for index in drawn], problem.margin_amplitudes
+    machines, amplitudes = [scenarios[index] for index in drawn], problem.margin_amplitudes[-1:]
     surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes)
     kinds = [statistic.margin for statistic in problem.margins]
     (found,) = surveyed.each([problem.space.parameters(problem.start)], kinds)

@@ -67,12 +67,13 @@ class ValidationSet:
     Attributes:
         scenarios: of the set.
         constraints: with bounds that are numbers there.
+        machines: of the scenarios, on which stability margins are computed.
     """
 
     def __init__(self, scorer: Scorer, scenarios: Sequence[Scenario]) -> None:
         """Run the baseline controller, which bounds may refer to."""
         self.scenarios, self.constraints = list(scenarios), scorer.bounds(scenarios)
-        self._scorer, self._machines = scorer, scorer.survey(scenarios)
+        self._scorer, self.machines = scorer, scorer.survey(scenarios)
         self._first = scorer.training.problem.selection.first_screened
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
@@ -93,7 +94,7 @@ class ValidationSet:
             for row, more in zip(kept, further, strict=True):
                 found[row] = Screened(None, {label: max(value, more[label]) for label, value in missing[row].items()})
         feasible, scenarios = [found[row].excess <= 0 for row in kept], self._chosen(order)
-        margins = self._scorer.margins(going_on, self._machines, feasible)
+        margins = self._scorer.margins(going_on, self.machines, feasible)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
             result = self._scorer.evaluation(
