@@ -54,7 +54,8 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
-    assert [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")] == [
+    said_of_it = [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")]
+    assert [words for words in said_of_it if " trials" not in words] == [  # a slow machine says how far it is
         "reading the problem",
         *PHASES,
         "writing best.toml, study.json and report.html",
