@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -258,13 +258,15 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
         ]
         rows = [("here", *change.values()), ("paper", *(REDUCTIONS[key] for key in change))]
         found.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
-    if variants:
+    for case in dict.fromkeys(number for number, *_ in variants):
         beyond = {
             (number, law if coordination == PAPERS_COORDINATION else coordination): result
             for (number, law, coordination), result in variants.items()
+            if number == case
         }
-        title = "Beyond the paper: position laws, and coordinations with fando-nftsm"
-        found.append(runs_table(title, beyond, BEYOND))
+        title = f"Beyond the paper, Case {case}: position laws, and coordinations with {PAPERS_LAW}"
+        table = runs_table(title, beyond, BEYOND)
+        found.append(replace(table, columns=table.columns[1:], rows=[row[1:] for row in table.rows]))
     return found
 
 

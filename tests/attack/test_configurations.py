@@ -23,7 +23,7 @@ from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
-FIRST = 5
+FIRST = 6
 """Seed of the first configuration; each is compiled twice."""
 
 CALM = 1e-10

@@ -134,7 +134,7 @@ def test_a_file_gives_entries(tmp_path: Path) -> None:
         (f"{BETA}=1", "must be NAME=LOWER:UPPER"),
         (f"{BETA}=1:inf", "bounds must be finite numbers"),
         (f"{BETA}=1:2:cubic", "the scale must be log or linear"),
-        ("controller.nftsm.smoothing", "has no bounds of its own"),
+        ("controller.coordination.tension_min", "has no bounds of its own"),
         (f"{POWER}=4/3", "'4/3' must be two odd numbers"),
         (f"{POWER}=3/5", "'3/5' must be two odd numbers"),
         ("controller.pid_cascade", "space: is empty"),

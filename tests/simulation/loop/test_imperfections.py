@@ -54,7 +54,7 @@ VALUES = {"drums": DRUMS, "motors": MOTORS, "ropes": ROPES, "sensors": SENSORS, 
 SOLVERS = {"exponential": (16, True), "rk4": (32, False)}
 """Integrator → its sub-steps, and whether ropes go slack."""
 
-NUMBER, DURATION = 3, 1.0
+NUMBER, DURATION = 3, 1.5
 FINE = {"integrator": "exponential", "substeps": 16}
 
 
