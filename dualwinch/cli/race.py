@@ -62,7 +62,10 @@ class BenchmarkEntries:
     ] = None
     coordination: Annotated[
         list[str] | None,
-        Parameter(help=choice("coordination", ", or all; may be repeated. Default: the paper's"), negative=""),
+        Parameter(
+            help=choice("coordination", ", or all; may be repeated. Default: the ensemble's, as of `dualwinch tune`"),
+            negative="",
+        ),
     ] = None
 
 
