@@ -178,7 +178,7 @@ def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def _attained(score: ControllerScore) -> dict[str, Any]:
-    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere."""
+    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere (SI, Hz)."""
     return {
         name: {
             "value": _finite(attained.worst.value),
@@ -187,7 +187,7 @@ def _attained(score: ControllerScore) -> dict[str, Any]:
             "x": attained.worst.x,
             "v": attained.worst.v,
             "cut": attained.worst.cut or None,
-            "frequency": _finite(attained.worst.frequency),
+            "frequency": _finite(attained.worst.frequency / (2 * math.pi)),
             "reason": attained.worst.reason or None,
         }
         for name, attained in score.attained.items()

@@ -565,7 +565,8 @@ def _newton(
         last, sizes = excess[active], np.maximum(np.abs(values), 1.0)
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
         at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
-        beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
+        with np.errstate(invalid="ignore"):  # where a search diverges both are infinite: `excess` is, then
+            beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
         excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
         points[active] = at
         going = np.isfinite(excess[active])

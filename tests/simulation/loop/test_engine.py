@@ -205,7 +205,7 @@ def test_three_engines_agree(law: str, estimator: str, coordination: str, rope: 
     """Over half a second with its slack rope, within 1e-9 of the largest value of each column.
 
     The emitter rewrites and contracts products, which moves last bits; laws that switch amplify them. An estimated
-    scale is an error of 2e-3 or so that is 0 on these exact drums.
+    scale of a drum, or excess of a rope, is an error of 2e-3 or more that is 0 on these exact machines.
     """
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     simulation = Simulation(duration=0.5)
@@ -214,7 +214,7 @@ def test_three_engines_agree(law: str, estimator: str, coordination: str, rope: 
     assert ours.outcome == casadi.outcome == interpreted.outcome
     for name, column in interpreted.columns.items():
         scale = max(np.abs(column).max(), np.abs(interpreted["F1"]).max() * (".winch_" in name))
-        scale = max(scale, 2e-3 * name.startswith("scale_"))
+        scale = max(scale, 2e-3 * name.startswith(("scale_", "excess_")))
         for result in (ours, casadi):
             assert np.abs(result[name] - column).max() <= 1e-9 * scale, name
 
