@@ -12,12 +12,13 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Registry
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR
 
 ALL = "all"
 """Stands for every kind of a registry."""
 
-LAW, ESTIMATOR, COORDINATION = "controller.kind", "controller.estimator", "controller.coordination.kind"
-"""Keys of the three parts."""
+LAW = "controller.kind"
+"""Key of the law; those of the other two parts are `tuning_problem.ESTIMATOR` and `COORDINATION`."""
 
 
 @dataclass(frozen=True)

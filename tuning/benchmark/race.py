@@ -33,8 +33,6 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
-    COORDINATION,
-    ESTIMATOR,
     HELD_OUT,
     LAW,
     ROLLOUTS,
@@ -76,7 +74,7 @@ from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.test_set import TestSet
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuning_problem import configuration, definition_of, tuning_problem
+from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 
 Breaking = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
 """Tells what breaks the gains of an experiment first, the first first; by some workers."""

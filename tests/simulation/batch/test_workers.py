@@ -135,7 +135,7 @@ def test_results_come_in_order_and_an_interrupt_cancels_the_rest() -> None:
 
 
 def test_what_was_finished_is_kept_and_the_rest_is_computed(tmp_path: Path) -> None:
-    """The same bits, whoever computed them and when; what differs in a seed, and what is damaged, is computed."""
+    """The same bits, on any worker and at any time; what differs in a seed, and what is damaged, is computed."""
     here = run_ensemble(lasting(0.1), 200, 4, workers=2)
     first, second, third = Remote(), Remote(), Remote()
     executor = KeepingExecutor(first, tmp_path / "kept")
