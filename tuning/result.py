@@ -185,7 +185,9 @@ def headline(tuned: TuningResult) -> str:
 def worth(tuned: TuningResult) -> str:
     """What was gained, with which probability the bounds are satisfied, and on which assumptions."""
     verdict = tuned.verdict
-    gained = comparison(tuned) if verdict.improved else "no improvement: the start is kept"
+    gained = comparison(tuned)
+    if not verdict.improved:
+        gained = f"no improvement: the start is kept{'' if verdict.start_is_papers else f', {gained}'}"
     if verdict.contradiction:
         gained = f"{verdict.contradiction}: {gained}"
     chance = [verdict.chance.words] if verdict.chance else []

@@ -8,9 +8,10 @@
 3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
    group without a feasible one those of the next keep twice the back-off in training from each bound that it violated.
-   The feasible ones that improve on the start there are validated; where there are none,
-   some of all groups, by an exact penalty on the share of scenarios in which they violate bounds. One repair: a peak
-   beyond its bound is taken back by the reserve.
+   The feasible ones that improve on the start there are validated; where there are none, some of all groups. The start
+   is one of them where it satisfies the bounds on means: they are ordered by an exact penalty on the share of scenarios
+   that violate a bound, and what comes after the start is dropped. One repair: a peak beyond its bound is taken back by
+   the reserve.
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
    in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). One that violates a peak is
    repaired by a line search on the reserve and counts as another candidate. If none passes, one is chosen by an exact
@@ -27,6 +28,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dualwinch.simulation.analysis.authority import within_authority
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import CHANCE, TEST
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -44,7 +47,7 @@ PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more
 
 @dataclass(frozen=True)
 class Validated:
-    """A candidate that is feasible in the validation set and improves on the start there.
+    """A candidate that improves on the start in the validation set, or the start.
 
     Attributes:
         trial: in the training set; a repaired one has the number of the trial that it was.
@@ -137,7 +140,7 @@ def _validated(
     start: Evaluation,
     sizes: SampleSizes,
 ) -> list[Validated]:
-    """The first group with candidates that improve on the start in the validation set, the best first (step 3).
+    """The first group with candidates that improve on the start in the validation set, the best first, the start last.
 
     Where none is feasible before the rollouts for it are spent, some of all groups that improve on the start.
     """
@@ -158,14 +161,37 @@ def _validated(
         found, violated = _screened(evaluator, validation, group)
         found = [each for each in found if improves_on(each.result, reference)]
         if found:
-            return [found[index] for index in best_first([each.result for each in found])]
+            return _to_the_start(found, Validated(start, reference), constraints, config.penalty)
         waiting, tried = [trial for trial in waiting if trial not in group], [*tried, *group]
         back_off |= {label: 2 * back_off.get(label, config.back_off) for label in violated}
     some = tried[:: -(-len(tried) // sizes.candidates) or 1]
     candidates = [trial.candidate for trial in some]
     results = evaluator.over(candidates, validation.scenarios, constraints=constraints, machines=machines)
-    order = rarest_violations_first(results, [each.violated / each.scenarios for each in results], config.penalty)
-    return [Validated(some[index], results[index]) for index in order if improves_on(results[index], reference)]
+    found = [
+        Validated(trial, result) for trial, result in zip(some, results, strict=True) if improves_on(result, reference)
+    ]
+    return _to_the_start(found, Validated(start, reference), constraints, config.penalty)
+
+
+def _to_the_start(
+    found: Sequence[Validated], start: Validated, constraints: Sequence[Constraint], penalty: float
+) -> list[Validated]:
+    """Candidates by an exact penalty on their share of violations, and the start, behind which none counts.
+
+    The start takes part where it violates nothing but bounds on single scenarios, and objectives have an order.
+    """
+    result, single = start.result, len(start.result.objectives) == 1
+    margins = (each.label for each in constraints if not isinstance(each.statistic, Statistic))
+    if not single or result.violation_of_means > 0 or any(result.violations[label] > 0 for label in margins):
+        return _by_penalty(found, penalty)
+    ordered = _by_penalty([*found, start], penalty)
+    return ordered[: next(place for place, each in enumerate(ordered) if each is start) + 1]
+
+
+def _by_penalty(found: Sequence[Validated], penalty: float) -> list[Validated]:
+    results = [each.result for each in found]
+    shares = [result.violated / result.scenarios for result in results]
+    return [found[index] for index in rarest_violations_first(results, shares, penalty)]
 
 
 def _keeps(trial: Evaluation, back_off: Mapping[str, float], at_first: float) -> bool:
@@ -220,7 +246,7 @@ def _confirmed(
         found.append((int((excess > 0).sum()), candidate))
         if not found[-1][0] or not evaluator.affords(sizes.after_validation):
             break
-        worst = float(excess[excess <= config.repair_most].max())
+        worst = float(excess[excess <= config.repair_most].max(initial=-np.inf))
         steps = [repaired(candidate.trial.candidate, worst, problem, share) for share in config.repair_steps]
         results = validation.screen([step for step in steps if step])
         feasible = [each.feasible for each in results if each.feasible]

@@ -275,3 +275,25 @@ def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothi
     verdict = select(evaluator, trials, SMALL)
     assert verdict.chance is not None
     assert verdict.chance.violations == 1, "of those that all violate something the fewest"
+
+
+@pytest.mark.parametrize(
+    ("violated", "of_means", "kept"),
+    [(1, 0.0, [0]), (20, 0.0, [7, 8, 0]), (1, 0.1, [7, 8])],
+    ids=["rarely", "often", "a mean"],
+)
+def test_a_far_better_start_that_rarely_violates_a_bound_is_not_given_up_for_a_feasible_trial(
+    bounded: Evaluator, violated: int, of_means: float, kept: list[int]
+) -> None:
+    start = replace(
+        trial(0, 0, violation=0.02),
+        objectives=(0.5,),
+        violations={LABEL: 0.02, "mean.chatter <= 4 N": of_means},
+        scenarios=100,
+        violated=violated,
+    )
+    found = [selection.Validated(each, each) for each in (trial(180, 7), replace(trial(180, 8), objectives=(2.0,)))]
+    ordered = selection._to_the_start(
+        found, selection.Validated(start, start), bounded.training.constraints, SelectionConfig.penalty
+    )
+    assert [each.trial.number for each in ordered] == kept
