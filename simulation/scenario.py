@@ -24,7 +24,6 @@ class Scenario:
         draws: key → drawn value, ``simulation.seed`` among them.
         vertex: whether it is a vertex of the box of draws, not a draw like the others.
         hard: whether it was picked because it is hard: it counts in the worst of the scenarios, and not in a mean.
-        beyond_authority: whether it needs more force than actuators have: bounds on the worst have some leeway.
     """
 
     index: int
@@ -33,7 +32,6 @@ class Scenario:
     draws: dict[str, Value]
     vertex: bool = False
     hard: bool = False
-    beyond_authority: bool = False
 
     @cached_property
     def experiment(self) -> Experiment:

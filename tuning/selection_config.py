@@ -54,9 +54,7 @@ class SelectionConfig:
         hard_training: further hard scenarios of the training set, for the best candidates of a batch.
         demand_among: draws and vertices among which hard ones are looked for.
         largest_lag: distance in m by which the vehicle falls behind at most in hard draws, for lack of force.
-        lags_beyond_authority: distances in m by which it falls behind in vertices beyond the actuators' authority.
-        share_beyond_authority, share_vertices: of the further hard scenarios.
-        leeway_beyond_authority: share by which bounds on the worst may be exceeded beyond the actuators' authority.
+        share_vertices: of the further hard scenarios.
         margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
             (those on which the start's are least), and in validation and test.
         margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
@@ -95,10 +93,7 @@ class SelectionConfig:
     hard_training: int = 48
     demand_among: int = 600
     largest_lag: float = 0.01
-    lags_beyond_authority: tuple[float, ...] = (0.025, 0.015, 0.035)
-    share_beyond_authority: float = 1 / 3
     share_vertices: float = 1 / 6
-    leeway_beyond_authority: float = 0.05
     margin_machines: int = 2
     margin_machines_validated: int = 8
     margin_amplitudes: tuple[float, ...] = (0.01, 0.1)

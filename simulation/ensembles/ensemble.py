@@ -1,5 +1,6 @@
 """An ensemble: an experiment some of whose values are drawn anew in every scenario."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,8 +16,12 @@ from dualwinch.simulation.scenario import Scenario, Value
 SEED_KEY = "simulation.seed"
 """Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
 
-EDGE = 0.02
-"""Share of all draws that lie beyond the box of draws, on either side of every value."""
+VERTEX = 0.5 - 0.5 / math.sqrt(3)
+"""Quantile of a vertex, and as much from above: of a uniform distribution one standard deviation from the middle.
+
+These are the nodes of the two-point Gauss-Legendre rule. With every value at an end of its range a scenario would lie
+twice as far from the middle as any draw of many values ever does.
+"""
 
 AT_ONCE = 64
 """Scenarios that are drawn together: enough that each of them costs little."""
@@ -96,8 +101,8 @@ class Ensemble:
         Args:
             indices: numbers of the scenarios, from 0.
             seed: the ensemble's seed, a whole number from 0 to 2^64 - 1, or one for each scenario.
-            vertex: whether every value lies at an end of its distribution, by chance at the lower or the upper: a
-                vertex of the box of draws, which a few draws hardly ever come near.
+            vertex: whether every value lies at one of two shares of its distribution, by chance (`VERTEX`): a vertex of
+                the box of standard deviations, where all values differ at once.
 
         Raises:
             ConfigurationError: a number or a seed that is too large.
@@ -130,7 +135,7 @@ class Ensemble:
             else:
                 share = word * 2.0**-DIGITS
                 if vertex:
-                    share = EDGE if share < 0.5 else 1 - EDGE
+                    share = VERTEX if share < 0.5 else 1 - VERTEX
                 draws[key] = drawn.value(share, nominal)
         return draws
 

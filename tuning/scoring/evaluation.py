@@ -13,8 +13,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers
@@ -25,7 +23,6 @@ from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
 from dualwinch.tuning.scoring.rollouts import (
-    beyond_authority_of,
     joined,
     keeps_tight,
     over,
@@ -239,11 +236,9 @@ class Scorer:
             found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
         bounds = self.training.constraints if constraints is None else constraints
-        leeway = problem.selection.leeway_beyond_authority
         for constraint in bounds:
             margin, value = problem.margin(constraint) if training else 0.0, found.get(constraint.statistic.name)
-            violation = 0.0 if value is None else constraint.violation(value, margin)
-            violations[constraint.label] = max(violation, self._beyond_authority(constraint, result, scenarios, row))
+            violations[constraint.label] = 0.0 if value is None else constraint.violation(value, margin)
         return Evaluation(
             candidate=candidate,
             objectives=tuple(found[statistic.name] for statistic in problem.objectives),
@@ -252,17 +247,9 @@ class Scorer:
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
-            violated=int((worst_of(row_of(result, row), bounds, scenarios, leeway) > 0).sum()),
+            violated=int((worst_of(row_of(result, row), bounds) > 0).sum()),
             units=self._units,
         )
-
-    def _beyond_authority(
-        self, constraint: Constraint, result: BatchResult, scenarios: Sequence[Experiment | Scenario], row: int
-    ) -> float:
-        """Violation of a bound beyond the actuators' authority, where it has some leeway; -inf without a scenario."""
-        leeway = self.training.problem.selection.leeway_beyond_authority
-        beyond = worst_of(row_of(result, row), [constraint], scenarios, leeway)[0, beyond_authority_of(scenarios)]
-        return float(beyond[np.isfinite(beyond)].max(initial=-math.inf))
 
 
 EXEMPT = ("paper", "start")

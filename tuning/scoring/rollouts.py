@@ -13,7 +13,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint, measured
-from dualwinch.tuning.selection_config import SelectionConfig
 
 LEAST_TENSION = "worst.min_tension"
 """The statistic whose lower bound forbids slack ropes."""
@@ -38,10 +37,8 @@ def run_pairs(
 
 
 def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
-    """Whether a scenario counts in a statistic: a hard one in the worst only, one beyond authority in none."""
-    if not isinstance(scenario, Scenario):
-        return True
-    return not scenario.beyond_authority if statistic.kind == "worst" else not scenario.hard
+    """Whether a scenario counts in a statistic: a hard one in the worst only."""
+    return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.hard)
 
 
 def keeps_tight(constraints: Sequence[Constraint]) -> bool:
@@ -52,31 +49,19 @@ def keeps_tight(constraints: Sequence[Constraint]) -> bool:
     )
 
 
-def beyond_authority_of(scenarios: Sequence[Experiment | Scenario]) -> NDArray[np.bool_]:
-    """Whether each scenario (n,) needs more force than the actuators deliver."""
-    return np.array([isinstance(scenario, Scenario) and scenario.beyond_authority for scenario in scenarios], bool)
-
-
-def worst_of(
-    result: BatchResult,
-    constraints: Sequence[Constraint],
-    scenarios: Sequence[Experiment | Scenario],
-    leeway: float = SelectionConfig.leeway_beyond_authority,
-) -> NDArray[np.float64]:
+def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
     """The largest violation of each run, as a share of the bound; infinite where it was not completed.
 
     Args:
         result: of (candidates, scenarios).
         constraints: those on the worst case count.
-        scenarios: of the result.
-        leeway: share by which bounds may be exceeded in scenarios beyond the actuators' authority.
     """
     worst = np.full(result.outcomes.shape, -np.inf)
     for constraint in constraints:
         statistic = constraint.statistic
         if isinstance(statistic, Statistic) and statistic.kind == "worst":
             beyond = [[constraint.violation(value) for value in row] for row in result.metrics[statistic.metric]]
-            worst = np.maximum(worst, np.array(beyond) - leeway * beyond_authority_of(scenarios))
+            worst = np.maximum(worst, beyond)
     return np.where(result.outcomes == "completed", worst, np.inf)
 
 

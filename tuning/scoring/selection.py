@@ -242,7 +242,7 @@ def _confirmed(
     while waiting and len(found) < config.confirmed:
         candidate, first = waiting.pop(0), len(found) * sizes.chance
         draws = ensemble.chosen(range(first, first + sizes.chance), problem.stream(CHANCE))
-        excess = worst_of(evaluator.run([candidate.trial.candidate], draws), validation.constraints, draws)[0]
+        excess = worst_of(evaluator.run([candidate.trial.candidate], draws), validation.constraints)[0]
         found.append((int((excess > 0).sum()), candidate))
         if not found[-1][0] or not evaluator.affords(sizes.after_validation):
             break

@@ -9,17 +9,14 @@ Every candidate is run in the same scenarios (Shapiro, Dentcheva and Ruszczyńsk
 2. Hard draws, for the worst case: those with the largest authority ratio. Where force is short the vehicle falls behind
    and has to recover without a peak and without a slack rope; how far does not depend on gains
    (`simulation.analysis.authority`).
-3. Vertices of the box of draws within the actuators' authority: where several values lie at the ends of their ranges
-   the loop may be unstable.
-4. Vertices beyond the actuators' authority, where the vehicle falls behind as in one draw of some hundreds. Tensions
-   are higher there than in any draw, so bounds have some leeway.
+3. Vertices: all values differ at once, each by its standard deviation, with signs by chance. Of twice as many those
+   within the actuators' authority.
 
 Of the hard scenarios every candidate is run in a few, the active ones (`ActiveScenarios`).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import cycle, islice
 
 import numpy as np
 
@@ -49,14 +46,12 @@ class ScenarioChoice:
         index: the number.
         vertex: whether it is a vertex.
         hard: whether it counts in the worst case only.
-        beyond_authority: whether it needs more force than the actuators deliver.
         nominal_hardware: whether machine and sensors are without errors.
     """
 
     index: int
     vertex: bool = False
     hard: bool = False
-    beyond_authority: bool = False
     nominal_hardware: bool = False
 
 
@@ -67,7 +62,7 @@ def drawn(choices: Sequence[ScenarioChoice], ensemble: Ensemble, seed: int) -> l
         alike = [choice for choice in choices if (choice.vertex, choice.nominal_hardware) == (vertex, nominal)]
         scenarios = ensemble.chosen([choice.index for choice in alike], seed, vertex=vertex)
         marked = (
-            replace(scenario, hard=choice.hard, beyond_authority=choice.beyond_authority)
+            replace(scenario, hard=choice.hard)
             for choice, scenario in zip(alike, nominal_hardware(scenarios) if nominal else scenarios, strict=True)
         )
         found |= zip(alike, marked, strict=True)
@@ -102,7 +97,7 @@ def training_choices(
 
     Args:
         ensemble: is drawn from.
-        count: number of scenarios: half of them hard, of these half draws and half vertices, the last beyond authority.
+        count: number of scenarios: half of them hard, of these half draws and half vertices.
         seed: of the draws.
         config: hyper-parameters.
 
@@ -112,16 +107,12 @@ def training_choices(
     more, number, few = config.hard_training, count // 2, count // 4
     further = round(config.share_vertices * more)
     corners = vertices(ensemble, few + further, seed)
-    further_beyond = round(config.share_beyond_authority * more)
-    beyond = beyond_authority(ensemble, seed, corners, config, 1 + further_beyond) if few else []
-    within = few - len(beyond[:1])
     demands = force_demands(ensemble.chosen(range(max(config.demand_among, count + more)), seed))
     plain = typical_draws(demands, count - number)
     draws = hardest_draws(demands, number + more, {choice.index for choice in plain}, config)
-    ours = _in_turns(draws[: number - few], [*corners[:within], *beyond[:1]])
-    more_corners = corners[within:][:further]
-    more_draws = draws[number - few :][: more - len(beyond[1:]) - len(more_corners)]
-    return _in_turns(plain, ours), _in_turns(more_draws, beyond[1:], more_corners)
+    ours = _in_turns(draws[: number - few], corners[:few])
+    more_draws = draws[number - few :][: more - further]
+    return _in_turns(plain, ours), _in_turns(more_draws, corners[few:])
 
 
 def _in_turns(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
@@ -155,26 +146,6 @@ def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:
     demands = force_demands(ensemble.chosen(range(2 * count), seed, vertex=True))
     order = sorted(range(len(demands)), key=lambda index: demands[index].shortfall)
     return [ScenarioChoice(index, vertex=True, hard=True) for index in order[:count]]
-
-
-def beyond_authority(
-    ensemble: Ensemble,
-    seed: int,
-    others: Sequence[ScenarioChoice],
-    config: SelectionConfig,
-    count: int | None = None,
-) -> list[ScenarioChoice]:
-    """Vertices where the vehicle falls behind by about `lags_beyond_authority` in turns, without some others."""
-    demands = force_demands(ensemble.chosen(range(config.demand_among), seed, vertex=True))
-    taken = {choice.index for choice in others}
-    waiting = [
-        index for index, asked in enumerate(demands) if asked.shortfall > config.largest_lag and index not in taken
-    ]
-    lags, found = config.lags_beyond_authority, list[int]()
-    for wanted in islice(cycle(lags), min(len(lags) if count is None else count, len(waiting))):
-        found.append(min(waiting, key=lambda index: abs(demands[index].shortfall - wanted)))
-        waiting.remove(found[-1])
-    return [ScenarioChoice(index, vertex=True, hard=True, beyond_authority=True) for index in found]
 
 
 def validation_draws(scenarios: Sequence[Scenario], config: SelectionConfig) -> list[Scenario]:
@@ -363,9 +334,8 @@ class ActiveScenarios:
         """Learn from results, a row each, in the common, the active and maybe the inactive scenarios, in order."""
         if not results:
             return
-        places, leeway = self._order[: results[0].outcomes.shape[1]], self._config.leeway_beyond_authority
-        run = [self._all[index] for index in places]
-        values = np.array([worst_of(result, self._constraints, run, leeway)[0] for result in results])
+        places = self._order[: results[0].outcomes.shape[1]]
+        values = np.array([worst_of(result, self._constraints)[0] for result in results])
         mean, memory = values.clip(*self._config.pool_range).mean(axis=0), self._config.pool_memory
         self._worst[places] = memory * self._worst[places] + (1 - memory) * mean
         hard_places = self._hard[self._order]

@@ -112,9 +112,9 @@ class ValidationSet:
         """The runs in some scenarios, and each candidate's largest violation of every bound; failures are counted."""
         scenarios = self._chosen(indices)
         result = self._scorer.run(candidates, scenarios, to_the_end=False)
-        self._failures[indices] += (worst_of(result, self.constraints, scenarios) > 0).sum(axis=0)
+        self._failures[indices] += (worst_of(result, self.constraints) > 0).sum(axis=0)
         pairs = zip(self._scorer.training.constraints, self.constraints, strict=True)
-        worst = {known.label: worst_of(result, [each], scenarios).max(axis=1) for known, each in pairs}
+        worst = {known.label: worst_of(result, [each]).max(axis=1) for known, each in pairs}
         return result, [
             {label: float(values[row]) for label, values in worst.items()} for row in range(len(candidates))
         ]

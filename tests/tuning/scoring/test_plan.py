@@ -50,5 +50,5 @@ def test_probabilities_lie_between_0_and_1(words: dict[str, float]) -> None:
 
 
 def test_a_configuration_is_kept_with_a_study() -> None:
-    asked = replace(CONFIG, back_off=0.01, lags_beyond_authority=(0.02,), sizes=SampleSizes(test=7))
+    asked = replace(CONFIG, back_off=0.01, margin_amplitudes=(0.02,), sizes=SampleSizes(test=7))
     assert SelectionConfig.from_record(json.loads(json.dumps(asked.to_record()))) == asked

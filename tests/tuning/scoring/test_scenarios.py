@@ -11,18 +11,12 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.authority import ForceDemand, force_demands, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring import training_set
-from dualwinch.tuning.scoring.training_set import (
-    beyond_authority,
-    drawn,
-    training_choices,
-    validation_draws,
-    vertices,
-)
+from dualwinch.tuning.scoring.training_set import drawn, training_choices, validation_draws, vertices
 from dualwinch.tuning.selection_config import SelectionConfig
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
 CONFIG = SelectionConfig(demand_among=80)
-FURTHEST, LOOKED_AT, BEHIND = CONFIG.largest_lag, CONFIG.demand_among, CONFIG.lags_beyond_authority
+FURTHEST, LOOKED_AT = CONFIG.largest_lag, CONFIG.demand_among
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -94,41 +88,20 @@ def test_the_motors_can_hold_vertices() -> None:
     assert len({scenario.index for scenario in found}) == 12
 
 
-def test_one_vertex_overwhelms_the_motors_and_a_third_of_the_further_scenarios_do() -> None:
-    config = replace(having(18), demand_among=600)
-    picks, more = training_choices(SEA, 12, 3, config)
-    behind = [each.shortfall for each in training_set.force_demands(SEA.chosen(range(600), 3, vertex=True))]
-    flagged = [picked for picked in (*picks, *more) if picked.beyond_authority]
-    assert flagged[0] == picks[-1]
-    assert picks[-1].index == np.abs(np.array(behind) - BEHIND[0]).argmin()
-    assert flagged == beyond_authority(SEA, 3, [], config, 7)
-    assert all(picked.vertex and picked.hard and behind[picked.index] > FURTHEST for picked in flagged)
-    assert [scenario.beyond_authority for scenario in drawn(flagged, SEA, 3)] == [True] * 7
-    corners = [picked for picked in more if picked.vertex and not picked.beyond_authority]
-    assert len(corners) == 3
-    assert within_authority(drawn(corners, SEA, 3)).all()
+def test_vertices_differ_by_a_standard_deviation_of_every_value() -> None:
+    found = RIG.chosen(range(200), 3, vertex=True)
+    masses = np.array([scenario.draws["plant.vehicle.mass"] for scenario in found], float)
+    draws = np.array([scenario.draws["plant.vehicle.mass"] for scenario in RIG.chosen(range(2000), 3)], float)
+    assert len(np.unique(masses.round(9))) == 2
+    assert np.ptp(masses) / 2 == pytest.approx(draws.std(), rel=0.03)
+    assert masses.min() + np.ptp(masses) / 2 == pytest.approx(draws.mean(), rel=0.01)
 
 
-def test_every_kind_of_further_scenarios_is_among_the_first_of_them() -> None:
+def test_further_hard_scenarios_are_draws_and_a_few_vertices_in_turns() -> None:
     _, more = training_choices(SEA, 12, 3, having(48))
     assert len(set(more)) == 48
-    assert [(each.vertex, each.beyond_authority) for each in more[:3]] == [(False, False), (True, True), (True, False)]
-
-
-def test_what_the_motors_can_always_hold_is_overwhelmed_by_nothing() -> None:
-    calm = replace(SEA, distributions={})
-    assert beyond_authority(calm, 3, (), CONFIG) == []
-    picks, more = training_choices(calm, 12, 3, having(3))
-    assert (len(picks), len(more)) == (12, 3)
-    assert sum(picked.vertex for picked in picks) == 3
-
-
-def test_overwhelming_vertices_are_others_than_those_that_are_taken() -> None:
-    config = replace(CONFIG, demand_among=600)  # enough vertices for all of them twice
-    (first, *_) = beyond_authority(SEA, 3, (), config)
-    others = beyond_authority(SEA, 3, [first], config)
-    assert len(others) == len(BEHIND)
-    assert first not in others
+    assert [each.vertex for each in more[:4]] == [False, True, False, True]
+    assert sum(each.vertex for each in more) == 8
 
 
 def test_few_scenarios_are_some_of_each() -> None:

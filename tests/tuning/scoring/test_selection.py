@@ -258,13 +258,20 @@ def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothi
     wrong = iter([3, 1, 0])
     seen = list[set[int]]()
 
-    def violating(result: BatchResult, _: object, scenarios: Sequence[Scenario], *__: float) -> np.ndarray:
-        values = np.full(result.outcomes.shape, -1.0)
+    run = evaluator.run
+
+    def running(candidates: Sequence[Candidate], scenarios: Sequence[Scenario], **words: bool) -> BatchResult:
         if len(scenarios) == SMALL.chance:
             seen.append({scenario.index for scenario in scenarios})
+        return run(candidates, scenarios, **words)
+
+    def violating(result: BatchResult, _: object) -> np.ndarray:
+        values = np.full(result.outcomes.shape, -1.0)
+        if result.outcomes.shape[1] == SMALL.chance:
             values[0, : next(wrong)] = 1.0
         return values
 
+    monkeypatch.setattr(evaluator, "run", running)
     monkeypatch.setattr(selection, "worst_of", violating)
     verdict = select(evaluator, trials, SMALL)
     assert verdict.chance is not None
