@@ -256,30 +256,28 @@ def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothi
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
     wrong = iter([3, 1, 0])
-    seen = list[set[int]]()
-
-    run = evaluator.run
+    seen, run, sizes = list[set[int]](), evaluator.run, replace(SMALL, chance=13)
 
     def running(candidates: Sequence[Candidate], scenarios: Sequence[Scenario], **words: bool) -> BatchResult:
-        if len(scenarios) == SMALL.chance:
+        if len(scenarios) == sizes.chance:
             seen.append({scenario.index for scenario in scenarios})
         return run(candidates, scenarios, **words)
 
     def violating(result: BatchResult, _: object) -> np.ndarray:
         values = np.full(result.outcomes.shape, -1.0)
-        if result.outcomes.shape[1] == SMALL.chance:
+        if result.outcomes.shape[1] == sizes.chance:
             values[0, : next(wrong)] = 1.0
         return values
 
     monkeypatch.setattr(evaluator, "run", running)
     monkeypatch.setattr(selection, "worst_of", violating)
-    verdict = select(evaluator, trials, SMALL)
+    verdict = select(evaluator, trials, sizes)
     assert verdict.chance is not None
     assert verdict.chance.violations == 0
     assert len(seen) == 3
-    assert len(set.union(*seen)) == 3 * SMALL.chance
+    assert len(set.union(*seen)) == 3 * sizes.chance
     wrong = iter([3, 1, 2])
-    verdict = select(evaluator, trials, SMALL)
+    verdict = select(evaluator, trials, sizes)
     assert verdict.chance is not None
     assert verdict.chance.violations == 1, "of those that all violate something the fewest"
 
