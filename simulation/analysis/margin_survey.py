@@ -1,7 +1,7 @@
 """The least stability margins of machines, wherever they are on the track, cut wherever the loop can be cut."""
 
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 
@@ -16,13 +16,14 @@ from dualwinch.simulation.analysis.describing_function import describing_gain
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
-from dualwinch.simulation.batch.workers import Item, Outcome, map_all
+from dualwinch.simulation.batch.workers import Item, Outcome, cores, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 SHARES = (0.05, 0.5, 0.95)
 """Positions as shares of the track: ropes are stiff where they are short, and alike in the middle."""
@@ -30,8 +31,8 @@ SHARES = (0.05, 0.5, 0.95)
 INSTANTS = 1000
 """Instants of a run at which its reference's speed is looked at."""
 
-TOGETHER = 16
-"""Pairs of gains and machine that are worked out at once: so many that what is in hand stays in a processor's cache."""
+TOGETHER = 48
+"""Places (gains, machine and point) that are worked out at once: what is in hand stays in a processor's cache."""
 
 ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
 """Keys of the sliding-mode law's odd powers of the speed error."""
@@ -93,6 +94,7 @@ class MarginSurvey:
 
     Attributes:
         machines: what was given.
+        loops: (l, 3) indices of machine, point and amplitude of every loop that there is.
     """
 
     def __init__(
@@ -127,14 +129,25 @@ class MarginSurvey:
         self._powers = [loop.parameters.index(key) for key in ODD_POWERS if key in loop.parameters]
         self._amplitudes = tuple(amplitudes) if self._powers else (0.0,)
         self._points = [np.array(survey_points(experiment)) for experiment in calm]
+        self.loops = np.array(
+            [
+                (machine, point, amplitude)
+                for machine, points in enumerate(self._points)
+                for point in range(len(points))
+                for amplitude in range(len(self._amplitudes))
+            ]
+        )
         self._near: list[Floats] = []
 
-    def worst(self, values: ArrayLike, kinds: Iterable[str] = KINDS) -> list[dict[str, WorstMargin]]:
+    def worst(
+        self, values: ArrayLike, kinds: Collection[str] = KINDS, loops: Indices | None = None
+    ) -> list[dict[str, WorstMargin]]:
         """The least margins over all machines, for every set of numbers.
 
         Args:
             values: (n, names).
             kinds: which margins, of `margins.KINDS` and `resonance.RESONANCE`; the latter alone needs no compiler.
+            loops: indices of those of `loops` that are looked at; default: all.
 
         Returns:
             Kind → its least, for each of the n.
@@ -143,48 +156,68 @@ class MarginSurvey:
             KeyboardInterrupt: interrupted.
             DualwinchError: no compiler, or no usable cache folder.
         """
-        kinds = tuple(kinds)
-        return [{kind: min((of[kind] for of in row), key=VALUE) for kind in kinds} for row in self.each(values, kinds)]
+        chosen = np.arange(len(self.loops)) if loops is None else loops
+        found = [of_row[0] for of_row in self._least(values, kinds, chosen, np.zeros(len(chosen), np.intp))]
+        if RESONANCE in kinds:
+            for of_row, resonances in zip(found, self._resonances(values), strict=True):
+                of_row[RESONANCE] = min(resonances, key=VALUE)
+        return found
 
-    def each(
-        self, values: ArrayLike, kinds: Collection[str] = KINDS, machines: Sequence[int] | None = None
+    def each(self, values: ArrayLike, kinds: Collection[str] = KINDS) -> list[list[dict[str, WorstMargin]]]:
+        """`worst` machine by machine: kind → its least for each of the machines, for each of the n."""
+        found = self._least(values, kinds, np.arange(len(self.loops)), self.loops[:, 0])
+        if RESONANCE in kinds:
+            for of_row, resonances in zip(found, self._resonances(values), strict=True):
+                for of_machine, resonance in zip(of_row, resonances, strict=True):
+                    of_machine[RESONANCE] = resonance
+        return found
+
+    def of_loops(self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None) -> Floats:
+        """The margins of single loops, (n, loops, kinds): arguments as of `worst`; `RESONANCE` is none of a loop."""
+        chosen = np.arange(len(self.loops)) if loops is None else loops
+        found = self._least(values, kinds, chosen, np.arange(len(chosen)))
+        return np.array([[[of_loop[kind].value for kind in kinds] for of_loop in of_row] for of_row in found])
+
+    def _least(
+        self, values: ArrayLike, kinds: Collection[str], loops: Indices, family: Indices
     ) -> list[list[dict[str, WorstMargin]]]:
-        """`worst` machine by machine.
+        """Kind → the least of each family of some loops, for each of the n.
 
         Args:
             values: (n, names).
-            kinds: which margins.
-            machines: indices of the machines to be evaluated; default: all.
-
-        Returns:
-            Kind → its least for each of the machines, for each of the n.
+            kinds: which margins; `RESONANCE` is left out.
+            loops: indices of loops.
+            family: to which each of them belongs, from 0.
         """
         given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
-        chosen = range(len(self.machines)) if machines is None else machines
-        pairs = [(row, machine) for row in range(len(given)) for machine in chosen]
-        each = [dict[str, WorstMargin]() for _ in pairs]
-        if of_loops:
-            self._look_near()
-            each = _in_chunks(lambda chunk: self._of_pairs(given, chunk, of_loops), pairs, self._threads)
-        if len(of_loops) < len(kinds):
-            each = [
-                found | {RESONANCE: worst} for found, worst in zip(each, self._resonances(given, pairs), strict=True)
-            ]
-        return [each[first : first + len(chosen)] for first in range(0, len(each), len(chosen))]
+        found = [[dict[str, WorstMargin]() for _ in range(int(family.max()) + 1)] for _ in given]
+        if not of_loops:
+            return found
+        self._look_near()
+        asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), family.tolist(), strict=True):
+            asked.setdefault((machine, point), []).append((amplitude, number))
+        places = [(row, *place) for row in range(len(given)) for place in asked]
+        parts = _in_chunks(lambda chunk: self._of_places(given, chunk, asked, of_loops), places, self._threads)
+        for row, number, worst in parts:
+            for kind, one in worst.items():
+                found[row][number][kind] = min(found[row][number].get(kind, one), one, key=VALUE)
+        return found
 
-    def _resonances(self, values: Floats, pairs: Sequence[tuple[int, int]]) -> list[WorstMargin]:
-        """The margins of the drums' resonances, at the worst amplitude, of pairs of a row of values and a machine."""
-        rows, machines = np.array(pairs).T
-        parameters = self._with(values[rows], machines)
+    def _resonances(self, values: ArrayLike) -> list[list[WorstMargin]]:
+        """The margins of the drums' resonances of all machines, at the worst amplitude, for each of the n."""
+        given, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
+        machines = np.tile(np.arange(count), len(given))
+        parameters = self._with(np.repeat(given, count, axis=0), machines)
         middle = parameters[:, self._length] / 2
         terms = resonance_terms(self._structure, parameters, middle)
-        terms = terms.reshape(len(pairs), -1, terms.shape[-1])
+        terms = terms.reshape(len(machines), -1, terms.shape[-1])
         worst, found = terms[..., -1].argmax(axis=1), []
         for number, (index, x) in enumerate(zip(worst.tolist(), middle.tolist(), strict=True)):
             frequency, *_, gain = terms[number, index].tolist()
             cut, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
             found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, cut, omega))
-        return found
+        return [found[first : first + count] for first in range(0, len(found), count)]
 
     def _with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
         """Parameters (n, parameters) of machines with values (n, names) of the numbers that vary."""
@@ -217,68 +250,79 @@ class MarginSurvey:
         found = loop_operating_points(self._structure, parameters, x, v)
         return np.split(np.where(found.steady[:, None], found.state, np.nan), np.cumsum(counts)[:-1])
 
-    def _of_pairs(
-        self, values: Floats, pairs: Sequence[tuple[int, int]], kinds: Sequence[str]
-    ) -> list[dict[str, WorstMargin]]:
-        """The least margins of pairs of a row of values and a machine, at all amplitudes."""
-        points = [self._points[machine] for _, machine in pairs]
-        family = np.repeat(np.arange(len(pairs)), [len(each) for each in points])
-        rows, machines = np.array(pairs)[family].T
-        parameters, found = self._with(values[rows], machines), []
-        near = np.concatenate([self._near[machine] for _, machine in pairs])
-        for amplitude in self._amplitudes:
-            steep = self._as_steep_as_at(amplitude, parameters)
-            worst, states = self._at_amplitude(amplitude, steep, near, points, family, pairs, kinds)
-            near = np.where(np.isfinite(states), states, near)  # the steady motion is hardly another one
-            found.append(worst)
-        return [
-            {kind: min((of[kind] for of in each), key=VALUE) for kind in kinds} for each in zip(*found, strict=True)
-        ]
-
-    def _at_amplitude(
+    def _of_places(
         self,
-        amplitude: float,
-        parameters: Floats,
-        near: Floats,
-        points: Sequence[Floats],
-        family: NDArray[np.intp],
-        pairs: Sequence[tuple[int, int]],
+        values: Floats,
+        places: Sequence[tuple[int, int, int]],
+        asked: Mapping[tuple[int, int], Sequence[tuple[int, int]]],
         kinds: Sequence[str],
-    ) -> tuple[list[dict[str, WorstMargin]], Floats]:
-        """The least margins of pairs at an amplitude, and the states at their points; NaN without a steady motion."""
-        x, v = np.concatenate(points).T
-        found = loop_operating_points(self._structure, parameters, x, v, near)
-        steady, stable = np.flatnonzero(found.steady), found.steady.copy()
-        A, B, C, D = (matrix[steady] for matrix in found.opened)
-        loops = complementary(A, B, C, D, self._dt)
-        stable[steady] = loops.stable
-        least = least_margins(loops, family[steady], kinds, len(pairs), self._cuts)
-        worst_of = []
-        for number, (_, machine) in enumerate(pairs):
-            failed = np.flatnonzero((family == number) & ~stable)
-            if len(failed):
-                index = int(failed[0])
-                reason = UNSTABLE if found.steady[index] else UNSTEADY
-                none = WorstMargin(0.0, machine, float(x[index]), float(v[index]), reason=reason, amplitude=amplitude)
-                worst_of.append(dict.fromkeys(kinds, none))
-                continue
+    ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
+        """The least margins of families of loops at some places.
+
+        The steady motion hardly depends on the amplitude: at others than the first it is looked for from that one.
+
+        Args:
+            values: (n, names).
+            places: row of values, machine and point.
+            asked: machine and point → amplitude and family of every loop there.
+            kinds: which margins.
+
+        Returns:
+            Row, family and its least margins.
+        """
+        rows, machines, _ = np.array(places).T
+        parameters = self._with(values[rows], machines)
+        x, v = np.array([self._points[machine][point] for _, machine, point in places]).T
+        near = np.array([self._near[machine][point] for _, machine, point in places])
+        loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
+        place, amplitude, number = np.array(loops).T
+        family, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
+        first, opened, order, steady = None, [], [], np.zeros(len(loops), bool)
+        for index, size in enumerate(self._amplitudes):
+            mine = np.flatnonzero(amplitude == index) if index else np.arange(len(places))
+            at = place[mine] if index else mine
+            steep = self._as_steep_as_at(size, parameters[at])
+            begun = None if first is None else first[at]
+            found = loop_operating_points(self._structure, steep, x[at], v[at], near[at], begun=begun)
+            if first is None:
+                first, mine = found, np.flatnonzero(amplitude == index)
+                found = found[place[mine]]
+            steady[mine] = found.steady
+            order.append(mine[found.steady])
+            opened.append([matrix[found.steady] for matrix in found.opened])
+        which, stable = np.concatenate(order), steady.copy()
+        A, B, C, D = (np.concatenate(parts) for parts in zip(*opened, strict=True))
+        closed = complementary(A, B, C, D, self._dt)
+        stable[which] = closed.stable
+        least = least_margins(closed, member.ravel()[which], kinds, len(family), self._cuts)
+        found_of = []
+        for index, (row, of) in enumerate(family.tolist()):
+            mine = np.flatnonzero(member.ravel() == index)
+            failed = mine[~stable[mine]]
             words = {}
-            for kind, worst in least[number].items():
-                index = int(steady[worst.loop]) if worst.loop >= 0 else int(np.flatnonzero(family == number)[0])
-                point = float(x[index]), float(v[index])
-                words[kind] = WorstMargin(worst.value, machine, *point, worst.cut, worst.frequency, "", amplitude)
-            worst_of.append(words)
-        return worst_of, np.where(found.steady[:, None], found.state, np.nan)
+            for kind in kinds:
+                one = least[index][kind]
+                at_loop = int(failed[0]) if len(failed) else int(which[one.loop]) if one.loop >= 0 else int(mine[0])
+                spot = int(machines[place[at_loop]]), float(x[place[at_loop]]), float(v[place[at_loop]])
+                size = self._amplitudes[amplitude[at_loop]]
+                if len(failed):
+                    reason = UNSTABLE if steady[at_loop] else UNSTEADY
+                    words[kind] = WorstMargin(0.0, *spot, reason=reason, amplitude=size)
+                else:
+                    words[kind] = WorstMargin(one.value, *spot, one.cut, one.frequency, "", size)
+            found_of.append((row, of, words))
+        return found_of
 
 
 def _in_chunks(
     work: Callable[[Sequence[Item]], list[Outcome]], items: Sequence[Item], threads: int | None
 ) -> list[Outcome]:
-    """What some work makes of items, `TOGETHER` of them at a time, on threads; linear algebra has none of its own then.
+    """What some work makes of items, up to `TOGETHER` at a time, on threads; linear algebra has none of its own then.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    chunks = [items[first : first + TOGETHER] for first in range(0, len(items), TOGETHER)]
+    size = max(1, min(TOGETHER, math.ceil(len(items) / (threads or cores()))))
+    chunks = [items[first : first + size] for first in range(0, len(items), size)]
     with threadpool_limits(1, user_api="blas"):
         return [each for chunk in map_all(work, chunks, threads) for each in chunk]

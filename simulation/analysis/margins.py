@@ -49,6 +49,9 @@ FORGOTTEN, SILENT = 0.05, 1e-14
 """Magnitude of poles that are left out of sums over poles: those of delays are 0, and have too few eigenvectors. And
 the share of the largest echo of these at which the next ones are left out."""
 
+AT_A_POLE = 1e300
+"""What takes the place of the infinite at a pole, of which a residue of 0 makes 0."""
+
 NEAR, NEARER = 1.3, 1 + 1e-4
 """How much larger than the least a margin read off the grid may be, to be refined; and one refined, to be exact."""
 
@@ -238,11 +241,9 @@ class ComplementarySensitivity:
         z = np.exp(1j * self.dt * omega)
         residues, echoes = self._parts
         constant = self.D[:, self.rows, self.columns].astype(complex)
-        elements = np.repeat(constant[:, :, None], omega.shape[1], axis=2)
-        for index in range(self.poles.shape[1]):
-            if residues[:, :, index].any():
-                with np.errstate(divide="ignore", invalid="ignore"):  # at a pole, of a loop that is not stable
-                    elements += residues[:, :, index, None] / (z - self.poles[:, index, None])[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole, of a loop that is not stable
+            inverse = 1 / (z[:, None] - self.poles[:, :, None])
+        elements = residues @ np.where(np.isfinite(inverse), inverse, AT_A_POLE) + constant[:, :, None]
         late = 1 / z[:, None]
         for echo in echoes:
             elements += echo[:, :, None] * late
@@ -438,19 +439,14 @@ def least_margins(
         if not grid.exact:
             places = _near_least(_refined(kind, loops.quick, places), family, NEARER)
         exact = _refined(kind, loops.exact, places)
-        for number, of_family in enumerate(found):
-            mine = np.flatnonzero(family[exact.loop] == number)
-            of_family[kind] = _least(exact, mine)
+        order = np.lexsort((exact.value, family[exact.loop]))
+        numbers, first = np.unique(family[exact.loop][order], return_index=True)
+        for of_family in found:
+            of_family[kind] = LeastMargin()
+        for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
+            place = int(exact.loop[index]), LOCI[int(exact.locus[index])], float(exact.frequency[index])
+            found[number][kind] = LeastMargin(float(exact.value[index]), *place)
     return found
-
-
-def _least(places: _Places, mine: Indices) -> LeastMargin:
-    if not len(mine):
-        return LeastMargin()
-    index = mine[np.argmin(places.value[mine])]
-    columns = places.value, places.loop, places.locus, places.frequency
-    value, loop, locus, frequency = (column[index] for column in columns)
-    return LeastMargin(float(value), int(loop), LOCI[int(locus)], float(frequency))
 
 
 def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats:

@@ -312,12 +312,14 @@ def loop_operating_points(
     near: Floats | None = None,
     *,
     compiled: bool = True,
+    begun: LoopOperatingPoints | None = None,
 ) -> LoopOperatingPoints:
     """Solve for steady motion at many points.
 
     1. Newton's method from a perfect controller's state: no errors, tensions as commanded.
-    2. Where that does not converge: steps by least squares, in turns with what an estimator learns of the machine.
-    3. Where that does not either: the same from where law and estimator come to without limits.
+    2. Where that does not converge: steps by least squares, in turns with what an estimator learns of the machine, from
+       where law and estimator come to without limits.
+    3. Where that does not either: the same from that perfect controller's state.
     4. Derivatives that are round-off become zero (`without_round_off`).
 
     Args:
@@ -327,14 +329,21 @@ def loop_operating_points(
         v: (s,) speeds in m/s.
         near: (s, states) of the points with other gains, NaN where none is known: where law and estimator begin.
         compiled: whether the sample is evaluated as compiled code; for a few points a compiler is not worth its time.
+        begun: the same points with slightly other parameters: where the search begins, as far as they repeat.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
     sample = _open_sample(structure, compiled)
-    start = _first_guesses(structure, sample, parameters, x, v, near)
+    if begun is None:
+        start = _first_guesses(structure, sample, parameters, x, v, near)
+    else:
+        start, cold = replace(begun, parameters=parameters), np.flatnonzero(~begun.repeats)
+        if len(cold):
+            known = None if near is None else near[cold]
+            start[cold] = _first_guesses(structure, sample, parameters[cold], x[cold], v[cold], known)
     found = _newton(sample, start, ITERATIONS)
-    for limited in (True, False):
+    for limited in (False, True):
         again = np.flatnonzero(~found.repeats)
         if not len(again):
             break
@@ -618,6 +627,10 @@ def _equations(
 
 def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
     """Newton steps in units in which rows and columns are of one size: zero for what is no unknown, NaN for no step."""
+    step, some = np.zeros(rest.shape), np.flatnonzero(unknown.any(axis=0))
+    if not len(some):
+        return step
+    matrix, rest, unknown = matrix[:, some][:, :, some], rest[:, some], unknown[:, some]
     matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
     columns = np.abs(matrix).max(axis=1)
     columns = np.where(columns > 0, columns, 1.0)
@@ -630,9 +643,14 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
     right = np.where(unknown, -rest / rows, 0.0)
     if least_squares:
         pairs = zip(matrix, right, strict=True)
-        return np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
-    singular = np.linalg.slogdet(matrix)[0] == 0  # a law at its limits answers to nothing
-    matrix[singular] = np.eye(matrix.shape[1])
-    step = np.linalg.solve(matrix, right[..., None])[..., 0] / columns
-    step[singular] = np.nan
+        step[:, some] = np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
+        return step
+    try:
+        solved = np.linalg.solve(matrix, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # a law at its limits answers to nothing
+        singular = np.linalg.slogdet(matrix)[0] == 0
+        matrix[singular] = np.eye(matrix.shape[1])
+        solved = np.linalg.solve(matrix, right[..., None])[..., 0]
+        solved[singular] = np.nan
+    step[:, some] = solved / columns
     return step

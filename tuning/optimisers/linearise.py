@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivities_ahead
 from dualwinch.simulation.ensembles.result import Statistic
@@ -79,20 +80,32 @@ def margin_slopes(
     """
     if prepared.margins is None:
         raise ValueError("no margin is bounded")
-    space, kind = prepared.problem.space, statistic.margin
-    (here,) = prepared.margins.each([space.parameters(point)], [kind])
-    values = [statistic.of(worst) for worst in here]
-    near = [machine for machine, value in enumerate(values) if value <= NEAR * min(values)]
+    surveyed, space, kind = prepared.margins, prepared.problem.space, statistic.margin
+
+    def values_of(points: Sequence[Point], loops: NDArray[np.intp] | None = None) -> Floats:
+        """The margin of every loop (points, loops), or of every machine where it is none of a loop."""
+        given = [space.parameters(each) for each in points]
+        if kind != RESONANCE:
+            return surveyed.of_loops(given, [kind], loops)[:, :, 0]
+        found = np.array([[statistic.of(worst) for worst in row] for row in surveyed.each(given, [kind])])
+        return found if loops is None else found[:, loops]
+
+    (here,) = values_of([point])
+    near = np.flatnonzero(here <= NEAR * here.min())
     steps, moved = [], []
     for dimension in dimensions:
         share = dimension.encoded(point[dimension.name])
         step = APART if share < 0.5 else -APART
         steps.append(step)
         moved.append(point | {dimension.name: dimension.decoded(share + step)})
-    there = prepared.margins.each([space.parameters(each) for each in moved], [kind], near)
-    shifted = np.array([[statistic.of(worst) for worst in row] for row in there])
-    slopes = (shifted - np.array(values)[near]) / np.array(steps)[:, None]
-    return [(values[machine], slopes[:, column]) for column, machine in enumerate(near)]
+    there, here = values_of(moved, near), here[near]
+    machine_of = near if kind == RESONANCE else surveyed.loops[near, 0]
+    found = []
+    for machine in np.unique(machine_of):
+        mine = machine_of == machine
+        least = float(here[mine].min())
+        found.append((least, (there[:, mine].min(axis=1) - least) / np.array(steps)))
+    return found
 
 
 STRIDE = 10
