@@ -4,14 +4,20 @@ The paper's controller has no damping: with a light drum and a rope without mass
 A heavy drum on a heavy rope swings at 5 to 90 Hz with a damping ratio of 0.4 to 4 %. ``damping`` makes the motor a
 damper between the drum and the reference speed: a rope that ends in its own wave impedance, sqrt(E A mu), reflects no
 wave, which for a motor torque per drum speed is sqrt(E A mu) R²/G.
+
+- Near its winch a rope is so stiff that a heavy drum swings at 80 Hz and more, where the lag of drives and a sample
+  turns damping into excitation: there it fades with the rope's length (``damping_fade``).
+- The torque limits that follow from those of the tension bind what follows the tension command. Damping may take the
+  torque below, down to none: a drum that could be braked one way only would swing until its rope is slack.
 """
 
 from dataclasses import dataclass
 from typing import Annotated
 
 from dualwinch.controllers.parts import Context
-from dualwinch.model.quantities.quantity import Mark, NonNegative, Quantity, Tunable
-from dualwinch.model.scalar import Scalar, clip, present, where
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
+from dualwinch.model.ropes import Track
+from dualwinch.model.scalar import Scalar, clip, minimum, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
@@ -36,6 +42,13 @@ class WinchGains:
         Tunable(1, 500, standard=False, of=LEVER + "*plant.{table}.drum_radius"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    damping_fade: Annotated[
+        Positive, Quantity("1", "rope over the track's length below which damping is less, in proportion", "A15")
+    ] = 0.1
+
+    def damping_at(self, length: Scalar, track: Track) -> Scalar:
+        """Damping in N m s/rad of the drum of a rope of this length in m."""
+        return self.damping * minimum(length / (self.damping_fade * track.length), 1.0)
 
 
 @dataclass(frozen=True)
@@ -52,21 +65,22 @@ def winch_step(
     command: Scalar,
     tension: Scalar,
     alpha_d: Scalar,
-    slip: Scalar,
+    damping_torque: Scalar,
     winch: Winch,
     gains: WinchGains,
     context: Context,
 ) -> tuple[WinchState, Scalar, Scalar]:
     """One sample of a winch controller (paper Section 3.3): next state, motor torque in N m, 1 where it is saturated.
 
-    The torque's limits follow from those of the tension; while it is at one, the integral is held.
+    The torque's limits follow from those of the tension; while it is at one, the integral is held. Damping is not bound
+    by the lower one.
 
     Args:
         state: the controller's state.
         command: tension command in N.
         tension: measured tension in N.
         alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
-        slip: drum speed in rad/s beyond that of the reference.
+        damping_torque: motor torque in N m that damps the drum.
         winch: nominal winch.
         gains: PID gains.
         context: sample time and limits.
@@ -78,9 +92,9 @@ def winch_step(
     slope = state.primed * (error - state.error_previous) / sample_time
     feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * alpha_d
     wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
-    if present(gains.damping):
-        wanted -= gains.damping * slip
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
+    if present(gains.damping):
+        torque = clip(torque - damping_torque, 0.0, to_torque * limits.tension_max)
     kept = state.integral + sample_time * where(saturated, 0.0, error)
     return WinchState(kept, error, 1.0), torque, saturated

@@ -150,7 +150,8 @@ def _terms(structure: Experiment) -> ca.Function:
         spring, own_damping = rope.tangent(controller.limits.preload / 2, length)
         omega = sqrt(spring / mass)
         feedback = believed * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
-        damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
+        at_drum = loop.damping_at(length, plant.track) * to_force / winch.drum_radius
+        damping = own_damping * (1 + loop.kp * to_force) + at_drum
         found += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
     return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*found))])
 

@@ -2,10 +2,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.controllers.coordinations.differential_tension import TensionLoops, follow_tensions
 from dualwinch.controllers.coordinations.winch_pid import WinchGains, WinchState, winch_step
 from dualwinch.controllers.limits import Limits
-from dualwinch.controllers.parts import Context
+from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
+from dualwinch.model.reference import Setpoint
+from dualwinch.model.ropes import Track
 from dualwinch.model.winch import Winch
 
 tensions = st.floats(0, 9000)
@@ -17,10 +20,10 @@ def step(
     tension: float,
     alpha_d: float = 0.0,
     gains: WinchGains | None = None,
-    slip: float = 0.0,
+    damping_torque: float = 0.0,
 ) -> tuple[WinchState, float, float]:
     context = Context(Plant(), Limits(), 1e-3)
-    return winch_step(state, command, tension, alpha_d, slip, Winch(), gains or WinchGains(), context)
+    return winch_step(state, command, tension, alpha_d, damping_torque, Winch(), gains or WinchGains(), context)
 
 
 @given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
@@ -61,8 +64,34 @@ def test_derivative_is_zero_at_the_first_sample_only() -> None:
     assert torque == pytest.approx(0.8 / 36 * 3000 + 1e-4 * 10 / 1e-3)
 
 
-def test_damping_opposes_what_the_drum_turns_beyond_the_reference() -> None:
+def test_damping_acts_against_the_drum_below_the_lower_limit_of_what_follows_the_tension() -> None:
     gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
     _, still, _ = step(WinchState(), 3000.0, 3000.0, gains=gains)
-    _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, slip=0.1)
+    _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, damping_torque=10.0)
     assert torque - still == pytest.approx(-10.0)
+    least = 0.8 / 36 * 200
+    for opposing, expected in ((3.0, least - 3.0), (-3.0, least + 3.0), (50.0, 0.0)):
+        after, torque, saturated = step(WinchState(), 200.0, 200.0, gains=gains, damping_torque=opposing)
+        assert torque == pytest.approx(expected)
+        assert (after.integral, saturated) == (0.0, False)
+    _, torque, _ = step(WinchState(), 6000.0, 6000.0, gains=gains, damping_torque=-3.0)
+    assert torque == pytest.approx(0.8 / 36 * 6000)
+
+
+def test_damping_fades_on_a_short_rope() -> None:
+    gains, track = WinchGains(damping=100.0, damping_fade=0.1), Track(length=50.0)
+    assert [gains.damping_at(length, track) for length in (0.5, 2.5, 5.0, 50.5)] == pytest.approx([10, 50, 100, 100])
+
+
+def test_winches_are_damped_by_the_lengths_of_their_own_ropes_at_the_reference() -> None:
+    """Rope 2 is short at the beginning of the track, rope 1 at its end."""
+    gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
+    for x, shares in ((0.0, (1.0, 0.1)), (25.0, (1.0, 1.0)), (50.0, (0.1, 1.0))):
+        torques = []
+        for speed in (0.0, 0.01):
+            estimate, context = Estimate(x, 0.0, 3e3, 3e3, speed, speed, 0.0, 0.0), Context(Plant(), Limits(), 1e-3)
+            setpoint = Setpoint(x, 0.0, 0.0)
+            _, output = follow_tensions(TensionLoops(), (3e3, 3e3), estimate, (gains, gains), setpoint, context)
+            torques.append((output.tau_1, output.tau_2))
+        (still_1, still_2), (turning_1, turning_2) = torques
+        assert (still_1 - turning_1, still_2 - turning_2) == pytest.approx(shares)
