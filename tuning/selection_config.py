@@ -59,6 +59,7 @@ class SelectionConfig:
             (those on which the start's are least), and in validation and test.
         margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
             speed sensor's noise.
+        loop_range: margin over the least from which on all loops are alike far from being active.
         back_off: distance that bounds on the worst case keep in training and after a repair, for more scenarios have
             worse cases.
         pool_size: active scenarios for the best candidates of a batch.
@@ -97,6 +98,7 @@ class SelectionConfig:
     margin_machines: int = 2
     margin_machines_validated: int = 8
     margin_amplitudes: tuple[float, ...] = (0.01, 0.1)
+    loop_range: float = 3.0
     back_off: float = 0.005
     pool_size: int = 16
     pool_memory: float = 0.7

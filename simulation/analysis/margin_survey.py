@@ -172,11 +172,12 @@ class MarginSurvey:
                     of_machine[RESONANCE] = resonance
         return found
 
-    def of_loops(self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None) -> Floats:
-        """The margins of single loops, (n, loops, kinds): arguments as of `worst`; `RESONANCE` is none of a loop."""
+    def of_loops(
+        self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None
+    ) -> list[list[dict[str, WorstMargin]]]:
+        """The margins of single loops, for each of the n: arguments as of `worst`; `RESONANCE` is none of a loop."""
         chosen = np.arange(len(self.loops)) if loops is None else loops
-        found = self._least(values, kinds, chosen, np.arange(len(chosen)))
-        return np.array([[[of_loop[kind].value for kind in kinds] for of_loop in of_row] for of_row in found])
+        return self._least(values, kinds, chosen, np.arange(len(chosen)))
 
     def _least(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices, family: Indices

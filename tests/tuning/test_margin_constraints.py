@@ -1,5 +1,6 @@
 """Stability margins as constraints: their words, what candidates are measured by, and studies that keep them."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -23,8 +24,8 @@ from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise, m
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningResult, margin_places
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Candidate
-from dualwinch.tuning.scoring.training_set import prepare, survey
+from dualwinch.tuning.scoring.ranking import Candidate, penalised_first
+from dualwinch.tuning.scoring.training_set import ActiveLoops, prepare, survey
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
@@ -171,6 +172,35 @@ def test_who_is_given_up_or_fails_is_not_looked_at(bounded: TuningProblem) -> No
     for trial in found:
         assert ("worst.delay_margin" in trial.statistics) != trial.pruned
         assert set(trial.violations) == set(found[0].violations)
+
+
+def test_active_loops_are_the_points_of_least_margin_of_each_machine_and_amplitude() -> None:
+    survey = MarginSurvey([case(4), override(case(4), {"plant.vehicle.mass": 1500.0})], amplitudes=[0.01, 0.1])
+    pool = ActiveLoops(survey, ["delay", "disk"], SelectionConfig())
+    assert len(pool.indices) == len(survey.loops)
+    margins = survey.of_loops([[]], ["delay", "disk"])[0]
+    pool.learn(margins)
+    wanted = set()
+    for machine, amplitude in itertools.product(range(2), repeat=2):
+        mine = [index for index, (at, _, size) in enumerate(survey.loops) if (at, size) == (machine, amplitude)]
+        wanted |= {min(mine, key=lambda index: margins[index][kind].value) for kind in ("delay", "disk")}
+    assert set(pool.indices) == wanted
+    (whole,), (active,) = (survey.worst([[]], ["delay", "disk"], loops) for loops in (None, pool.indices))
+    for kind, worst in whole.items():
+        assert active[kind].value == pytest.approx(worst.value, rel=1e-9)
+        assert worst.value == pytest.approx(min(of[kind].value for of in margins), rel=1e-9)
+
+
+def test_of_a_leader_margins_are_known_in_all_loops(bounded: TuningProblem) -> None:
+    prepared = prepare(bounded)
+    surveyed = prepared.margins
+    assert surveyed is not None
+    evaluator = Evaluator(prepared)
+    found = evaluator.evaluate([Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)])
+    leader = found[penalised_first(found)[0]]
+    (worst,) = surveyed.worst([bounded.space.parameters(leader.point)], ["delay", "disk"])
+    assert leader.statistics["worst.delay_margin"] == pytest.approx(worst["delay"].value, rel=1e-9)
+    assert leader.statistics["worst.disk_margin"] == pytest.approx(worst["disk"].value, rel=1e-9)
 
 
 def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_problem: MakeProblem) -> None:

@@ -85,10 +85,9 @@ def margin_slopes(
     def values_of(points: Sequence[Point], loops: NDArray[np.intp] | None = None) -> Floats:
         """The margin of every loop (points, loops), or of every machine where it is none of a loop."""
         given = [space.parameters(each) for each in points]
-        if kind != RESONANCE:
-            return surveyed.of_loops(given, [kind], loops)[:, :, 0]
-        found = np.array([[statistic.of(worst) for worst in row] for row in surveyed.each(given, [kind])])
-        return found if loops is None else found[:, loops]
+        every = surveyed.each(given, [kind]) if kind == RESONANCE else surveyed.of_loops(given, [kind], loops)
+        found = np.array([[statistic.of(worst) for worst in row] for row in every])
+        return found[:, loops] if kind == RESONANCE and loops is not None else found
 
     (here,) = values_of([point])
     near = np.flatnonzero(here <= NEAR * here.min())

@@ -6,14 +6,21 @@ A batch of candidates of the search is evaluated thus:
 2. The most promising, by an exact penalty, are run in the rest; the others are pruned.
 3. The leaders are run in the pool of active scenarios, until the candidate that leads has been run there.
 4. Now and then the leader is run in all hard scenarios. The pool learns from what was run (`ActiveScenarios`).
+5. Stability margins of the candidates that are not hopeless are computed in the active loops (`ActiveLoops`); those of
+   the start, and of a leader that improves on the best so far, in all loops.
 """
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.simulation.analysis.margin_survey import VALUE, MarginSurvey, WorstMargin
+from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
@@ -30,7 +37,7 @@ from dualwinch.tuning.scoring.rollouts import (
     run_pairs,
     worst_of,
 )
-from dualwinch.tuning.scoring.training_set import ActiveScenarios, TrainingSet, survey
+from dualwinch.tuning.scoring.training_set import ActiveLoops, ActiveScenarios, TrainingSet, survey
 from dualwinch.tuning.selection_config import SampleSizes
 
 
@@ -67,12 +74,14 @@ class BatchEvaluation:
         evaluations: one a candidate, so far.
         results: row of a candidate that is not pruned → its runs so far.
         margins: stability margins of each candidate.
+        surveyed: rows of those whose margins are known in all loops.
     """
 
     candidates: Sequence[Candidate]
     evaluations: list[Evaluation]
     results: dict[int, BatchResult]
     margins: list[Margins | None]
+    surveyed: set[int]
 
 
 FAILED = "scenarios not completed <= 0"
@@ -102,6 +111,7 @@ class Scorer:
         self.training = training
         self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
         self._workers, self._units = workers, training.problem.units
+        self._kinds = [statistic.margin for statistic in training.problem.margins]
         self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
 
     @property
@@ -164,9 +174,19 @@ class Scorer:
         return bounds_in(self.training, self.run(None, with_paper), with_paper)
 
     def margins(
-        self, candidates: Sequence[Candidate], machines: MarginSurvey | None, chosen: Sequence[bool] | None = None
+        self,
+        candidates: Sequence[Candidate],
+        machines: MarginSurvey | None,
+        chosen: Sequence[bool] | None = None,
+        loops: NDArray[np.intp] | None = None,
     ) -> list[Margins | None]:
-        """The worst margins of candidates on some machines; ``None`` for machines that are not chosen.
+        """The worst margins of candidates on some machines.
+
+        Args:
+            candidates: whose gains.
+            machines: ``None``: no margin is bounded.
+            chosen: which candidates; the others have ``None``.
+            loops: indices of the survey's loops; default: all.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -175,10 +195,9 @@ class Scorer:
         rows = [row for row in range(len(candidates)) if chosen is None or chosen[row]]
         if machines and rows:
             began = clock.now()
-            kinds = [statistic.margin for statistic in problem.margins]
             points = [candidates[row].point for row in rows]
             values = [problem.space.parameters(point) if point else () for point in points]
-            for row, worst in zip(rows, machines.worst(values, kinds), strict=True):
+            for row, worst in zip(rows, machines.worst(values, self._kinds, loops), strict=True):
                 found[row] = worst
             self.margin_seconds += clock.now() - began
         return found
@@ -232,14 +251,12 @@ class Scorer:
         problem, outcomes = self.training.problem, result.outcomes[row]
         done = outcomes == "completed"
         found = {statistic.name: over(statistic, result, row, scenarios) for statistic in problem.reported}
-        if margins is not None:
-            found |= {statistic.name: statistic.of(margins) for statistic in problem.margins}
         violations = {FAILED: float(1 - done.mean())}
         bounds = self.training.constraints if constraints is None else constraints
         for constraint in bounds:
             margin, value = problem.margin(constraint) if training else 0.0, found.get(constraint.statistic.name)
             violations[constraint.label] = 0.0 if value is None else constraint.violation(value, margin)
-        return Evaluation(
+        evaluation = Evaluation(
             candidate=candidate,
             objectives=tuple(found[statistic.name] for statistic in problem.objectives),
             violations=violations,
@@ -250,6 +267,19 @@ class Scorer:
             violated=int((worst_of(row_of(result, row), bounds) > 0).sum()),
             units=self._units,
         )
+        return evaluation if margins is None else self._with_margins(evaluation, margins, bounds, training=training)
+
+    def _with_margins(
+        self, evaluation: Evaluation, margins: Margins, bounds: Sequence[Constraint], *, training: bool
+    ) -> Evaluation:
+        """An evaluation with stability margins, and what they violate."""
+        problem, violations = self.training.problem, dict(evaluation.violations)
+        found = {statistic.name: statistic.of(margins) for statistic in problem.margins}
+        for constraint in bounds:
+            if constraint.statistic.name in found:
+                back_off = problem.margin(constraint) if training else 0.0
+                violations[constraint.label] = constraint.violation(found[constraint.statistic.name], back_off)
+        return replace(evaluation, statistics=evaluation.statistics | found, violations=violations)
 
 
 EXEMPT = ("paper", "start")
@@ -272,6 +302,7 @@ class Evaluator(Scorer):
         self._config, self._pool, self._batches = problem.selection, ActiveScenarios(training), 0
         prunes = prune and len(problem.objectives) == 1
         self._first = round(self._config.first_share * problem.scenarios) if prunes else 0
+        self._best: Evaluation | None = None
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Evaluate a batch of candidates in the training scenarios.
@@ -284,13 +315,52 @@ class Evaluator(Scorer):
         common, active, inactive = self._pool.common, self._pool.active, self._pool.inactive
         batch = self._in_common(candidates, common)
         rows = self._in_active(batch, common, active)
+        self._survey_leaders(batch)
         self._batches += 1
         leader = penalised_first(batch.evaluations)[0] if rows else None
         if inactive and leader in rows and self._batches % self._config.pool_review == 0:
             rows = [leader]
             self._in_further(batch, rows, [*common, *active], inactive)
         self._pool.learn([batch.results[row] for row in rows])
+        candidates_of = [*([self._best] if self._best else []), *batch.evaluations]
+        self._best = candidates_of[penalised_first(candidates_of)[0]]
         return batch.evaluations
+
+    @cached_property
+    def _loops(self) -> ActiveLoops | None:
+        """Pool of active loops, which knows the start's; ``None`` where no margin of a loop is bounded."""
+        surveyed, kinds = self.training.margins, [kind for kind in self._kinds if kind != RESONANCE]
+        if surveyed is None or not kinds:
+            return None
+        pool, problem = ActiveLoops(surveyed, kinds, self._config), self.training.problem
+        pool.learn(surveyed.of_loops([problem.space.parameters(problem.start)], kinds)[0])
+        return pool
+
+    def _survey_leaders(self, batch: BatchEvaluation) -> None:
+        """Compute the margins in all loops of the leader, while one leads of which they are not known."""
+        for _ in range(self._config.most_leaders):
+            leader = penalised_first(batch.evaluations)[0]
+            improves = self._best is None or penalised_first([self._best, batch.evaluations[leader]])[0] == 1
+            if not improves or leader in batch.surveyed or batch.margins[leader] is None:
+                break
+            self._survey_all(batch, leader)
+
+    def _survey_all(self, batch: BatchEvaluation, row: int) -> None:
+        """Compute the margins of a candidate in all loops; the pool learns from them."""
+        surveyed, pool, known = self.training.margins, self._loops, batch.margins[row]
+        batch.surveyed.add(row)
+        if surveyed is None or pool is None or known is None:
+            return
+        began, space = clock.now(), self.training.problem.space
+        (found,) = surveyed.of_loops([space.parameters(batch.candidates[row].point)], self._kinds)
+        pool.learn(found)
+        batch.margins[row] = worst = known | {
+            kind: min((of_loop[kind] for of_loop in found), key=VALUE) for kind in found[0]
+        }
+        self.margin_seconds += clock.now() - began
+        batch.evaluations[row] = self._with_margins(
+            batch.evaluations[row], worst, self.training.constraints, training=True
+        )
 
     def _in_active(
         self,
@@ -350,14 +420,25 @@ class Evaluator(Scorer):
             rows = sorted({*order[: math.ceil(self._config.kept_share * len(order))], *exempt})
             late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
             whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
-        completed = [
-            row in whole and bool((whole[row].outcomes == "completed").all()) for row in range(len(candidates))
-        ]
-        margins = self.margins(candidates, self.training.margins, completed)
         evaluations = {
-            row: self.evaluation(candidates[row], result, scenarios, training=True, margins=margins[row])
-            for row, result in whole.items()
+            row: self.evaluation(candidates[row], result, scenarios, training=True) for row, result in whole.items()
         }
-        return BatchEvaluation(
-            candidates, [evaluations.get(row) or found[row] for row in range(len(candidates))], whole, margins
-        )
+        promising = [
+            row in exempt or (row in evaluations and evaluations[row].violation <= self._config.hopeless)
+            for row in range(len(candidates))
+        ]
+        chosen = [
+            row in whole and promising[row] and bool((whole[row].outcomes == "completed").all())
+            for row in range(len(candidates))
+        ]
+        pool = self._loops if any(chosen) else None
+        margins = self.margins(candidates, self.training.margins, chosen, pool and pool.indices)
+        bounds = self.training.constraints
+        for row, evaluation in evaluations.items():
+            if worst := margins[row]:
+                evaluations[row] = self._with_margins(evaluation, worst, bounds, training=True)
+        together = [evaluations.get(row) or found[row] for row in range(len(candidates))]
+        batch = BatchEvaluation(candidates, together, whole, margins, set())
+        for row in exempt:
+            self._survey_all(batch, row)
+        return batch

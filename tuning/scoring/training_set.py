@@ -15,16 +15,17 @@ Every candidate is run in the same scenarios (Shapiro, Dentcheva and Ruszczyńsk
 Of the hard scenarios every candidate is run in a few, the active ones (`ActiveScenarios`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.authority import ForceDemand, force_demands
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -341,3 +342,36 @@ class ActiveScenarios:
         hard_places = self._hard[self._order]
         hard = self._order[hard_places]
         self._order[hard_places] = hard[np.argsort(-self._worst[hard], kind="stable")]
+
+
+class ActiveLoops:
+    """The active loops of a margin survey (active set): of each machine and amplitude the points of least margins.
+
+    Margins at neighbouring points are alike, and which point has the least hardly depends on the gains. How near each
+    is to it, of each kind of margin, is smoothed exponentially over the gains whose margins are known in all loops.
+    """
+
+    def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
+        """Start with no more than what there is; `learn` comes first."""
+        self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
+        self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)[1].ravel()
+        self._nearness: NDArray[np.float64] | None = None
+
+    def learn(self, margins: Sequence[Mapping[str, WorstMargin]]) -> None:
+        """Learn from the margins of every loop with some gains."""
+        values = np.array([[of_loop[kind].value for kind in self._kinds] for of_loop in margins])
+        least = np.maximum(values.min(axis=0), np.finfo(float).tiny)
+        nearness = np.minimum(values / least, self._largest)
+        known = nearness if self._nearness is None else self._nearness
+        self._nearness = self._memory * known + (1 - self._memory) * nearness
+
+    @property
+    def indices(self) -> NDArray[np.intp]:
+        """Indices of the active loops, in their order."""
+        nearness, chosen = self._nearness, set[int]()
+        if nearness is None:
+            return np.arange(len(self._groups))
+        for group in range(int(self._groups.max()) + 1):
+            mine = np.flatnonzero(self._groups == group)
+            chosen.update(mine[nearness[mine].argmin(axis=0)].tolist())
+        return np.array(sorted(chosen), dtype=np.intp)
