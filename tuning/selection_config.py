@@ -59,7 +59,7 @@ class SelectionConfig:
             (those on which the start's are least), and in validation and test.
         margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
             speed sensor's noise.
-        loop_range: margin over the least from which on all loops are alike far from being active.
+        loop_range: margin over the least of its machine and amplitude up to which it says how nearly active a loop is.
         back_off: distance that bounds on the worst case keep in training and after a repair, for more scenarios have
             worse cases.
         pool_size: active scenarios for the best candidates of a batch.

@@ -352,16 +352,22 @@ class ActiveLoops:
     """
 
     def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
-        """Start with no more than what there is; `learn` comes first."""
+        """All loops are active before `learn` is called.
+
+        Args:
+            surveyed: whose loops.
+            kinds: of margins, none of which is that of the drums' resonance.
+            config: hyper-parameters.
+        """
         self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
         self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)[1].ravel()
         self._nearness: NDArray[np.float64] | None = None
 
     def learn(self, margins: Sequence[Mapping[str, WorstMargin]]) -> None:
         """Learn from the margins of every loop with some gains."""
-        values = np.array([[of_loop[kind].value for kind in self._kinds] for of_loop in margins])
-        least = np.maximum(values.min(axis=0), np.finfo(float).tiny)
-        nearness = np.minimum(values / least, self._largest)
+        values = np.nan_to_num([[of_loop[kind].value for kind in self._kinds] for of_loop in margins])  # some infinite
+        least = np.array([values[self._groups == group].min(axis=0) for group in range(int(self._groups.max()) + 1)])
+        nearness = np.minimum(values / np.maximum(least, np.finfo(float).tiny)[self._groups], self._largest)
         known = nearness if self._nearness is None else self._nearness
         self._nearness = self._memory * known + (1 - self._memory) * nearness
 
