@@ -117,7 +117,7 @@ class PredictionErrorMethod:
         readings = np.concatenate([section.readings for section in self.filters.sections])
         variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
         process = described_disturbances(self._experiment, self.options.noise)
-        return NoiseCovariances(variances, process, self._experiment.plant.vehicle.drag_coefficient)
+        return NoiseCovariances(variances, process, self._experiment.plant.vehicle)
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
         """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
@@ -167,6 +167,7 @@ class PredictionErrorMethod:
             if estimated:
                 if number < search.process_noise_steps:
                     noise = self._noise.with_process_noise(experiment, noise)
+                    noise = self._noise.with_sea(experiment, noise)
                 filtered = self.filters.run(experiment, noise, gains=False)
                 noise = self._noise.with_measurement_noise(experiment, noise, filtered)
             found = self.likelihood.step(at, noise, coordinates, step)
@@ -217,6 +218,7 @@ class PredictionErrorMethod:
             there = values + deviation * damped(move, last)
             if estimated and number >= search.cautious_rounds:
                 experiment, first = self.with_values(there), number == search.cautious_rounds
+                noise = self._noise.with_sea(experiment, noise) if first else noise
                 noise = self._noise.with_process_noise(experiment, noise, anywhere=first, roughly=True)
             there, filtered = self._backtracked(values, there, noise)
             if not all_completed(filtered):

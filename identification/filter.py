@@ -162,7 +162,7 @@ class LogFilters:
             first,
             (float(section.torques[0, 0]), float(section.torques[0, 1])),
             float(section.inputs[0, 0]),
-            noise.process_of(experiment),
+            noise.states,
             self._options.initial_state,
         )
         return FilterData(section.inputs, section.readings, start), covariance
@@ -170,7 +170,7 @@ class LogFilters:
     def process_variances(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
         """The variances that a sample adds to the states, (states,)."""
         step, variances = experiment.simulation.sample_time, dict.fromkeys(leaves(state_template(self._structure)), 0.0)
-        for name, each in noise.process_of(experiment).items():
+        for name, each in noise.states.items():
             variances[f"unrecorded.{name}"] = each.deviation**2 * -np.expm1(-2 * step / each.time)
         return np.array(list(variances.values()))
 

@@ -138,7 +138,8 @@ def identify(
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
     model = choice.of(experiment, plausible, sea=not forces)
     method, n = model.method, len(unknowns)
-    estimates = multistart(method, model.estimate, n, starts, seed, progress, workers)
+    estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
+    estimates = sorted(estimates, key=lambda each: each.deviance)
     best, fitted = estimates[0], method.filters.sections
     excess = plausible(best)
     torques, diagnostics = [section.torques for section in fitted], options.diagnostics
@@ -158,7 +159,7 @@ def identify(
         covariance=covariance,
         unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
         noise=_sensor_noise(fitted, best),
-        process_noise=best.noise.process_of(best.experiment),
+        process_noise=best.noise.process_of(best.experiment.plant.vehicle),
         whiteness=whiteness_tests(innovations, torques, diagnostics),
         held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
         innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),

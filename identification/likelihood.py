@@ -100,20 +100,22 @@ class Likelihood:
     ) -> tuple[Floats, Floats]:
         """Least squares of the whitened innovations with given gains, within bounds (trust region reflective).
 
-        Begins at (p,) values, and ends where the sum of squares changes by less than a relative `tolerance`.
+        Begins at (p,) values, and ends where the sum of squares changes by less than a relative `tolerance`. Unknowns
+        without a prior are held near their starts by one as wide as their scale: what logs do not determine stays.
 
         Returns:
             (p,) values, and (p, p) information of the logs.
         """
-        last = dict[bytes, tuple[Floats, Floats, Floats]]()
+        last, free = dict[bytes, tuple[Floats, Floats, Floats]](), 1.0 - coordinates.known
+        rows = np.concatenate([coordinates.prior_rows, np.diag(free)])
 
         def squares(at: Floats) -> tuple[Floats, Floats, Floats]:
             key = at.tobytes()
             if key not in last:
                 normal = self.normal(coordinates.values(at), noise, filtered, start=values)
                 residual, jacobian = self._square_root(normal, coordinates.jacobian(at))
-                residual = np.concatenate([residual, coordinates.prior_residuals(at)])
-                last[key] = residual, np.concatenate([jacobian, coordinates.prior_rows]), normal
+                residual = np.concatenate([residual, coordinates.prior_residuals(at), free * (at - coordinates.start)])
+                last[key] = residual, np.concatenate([jacobian, rows]), normal
             return last[key]
 
         solver: Any = least_squares  # its stub lacks the function that returns the Jacobian

@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +30,9 @@ OMITTED = "-"
 
 EPOCHS = {"s": (3e8, 1e10), "ms": (3e11, 1e13), "us": (3e14, 1e16), "ns": (3e17, 1e19)}
 """Unit of times without one → numbers that are the time since 1970 in it (from 1979 on), and no time of a run."""
+
+OTHER_CONTENTS = {"c": "complex", "b": "true or false", "U": "texts", "S": "texts", "O": "cells", "V": "complex"}
+"""Kind of an array without real numbers → its words. MATLAB's cells are objects, its complex numbers pairs in HDF5."""
 
 CONTENTS = ("data", "values", "Data", "Values", "signals")
 """Last names of a MATLAB structure's fields that are named after what contains them."""
@@ -72,7 +74,7 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     path, columns = Path(file), columns or {}
     table = read_columns(path, csv)
     chosen = _chosen(table, columns, path)
-    check_columns(str(path), chosen, [each.header for each in table], ("t",))
+    check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
     notes, values = list[str](), {reading: _in_si(reading, each, path) for reading, each in chosen.items()}
     for reading, (column, *_) in chosen.items():
         if not len(column.words):
@@ -126,6 +128,8 @@ def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn |
         headers = dict.fromkeys(each.header for each in found)
         which = f"; name one, --column READING=COLUMN: {', '.join(headers)}" if len(headers) > 1 else ""
         raise ConfigurationError(f"{path}: has more than one column '{name}'{which}")
+    if found and found[0].content:
+        raise ConfigurationError(f"{path}: column '{found[0].header}': is {found[0].content}: must be real numbers")
     return found[0] if found else None
 
 
@@ -210,6 +214,9 @@ def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogC
     missing = [reading for reading in UNIT_OF if reading not in chosen]
     words = []
     for column in spare:
+        if column.content:
+            words.append(f"{column.header} ({column.content})")
+            continue
         near = difflib.get_close_matches(column.name.lower(), [name.lower() for name in missing], n=1, cutoff=0.5)
         likely = [name for name in missing if name.lower() in near]
         likely += [name for name in missing if column.unit and is_unit(column.unit, UNIT_OF[name])]
@@ -249,10 +256,16 @@ def _parquet(path: Path) -> list[TableColumn]:
         if stamps:
             values = values.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())
         elif not (pa.types.is_integer(field.type) or pa.types.is_floating(field.type)):
+            found.append(_without_numbers(field.name, str(field.type)))
             continue
         numbers = np.array(values.to_numpy(), float) * (1e-9 if stamps else 1.0)
         found.append(TableColumn(field.name, field.name, units.get(field.name), numbers, stamps))
     return found
+
+
+def _without_numbers(header: str, content: str) -> TableColumn:
+    """A column that cannot be a reading, by what it has in the place of real numbers."""
+    return TableColumn(header, header.rsplit(".", 1)[-1], None, np.zeros(0), content=content)
 
 
 def _numpy(path: Path) -> list[TableColumn]:
@@ -285,10 +298,11 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
 
     def tree(group: Any) -> dict[str, Any]:
         items = {name: each for name, each in group.items() if not name.startswith("#")}
-        return {
-            name: np.squeeze(each[()]).T if isinstance(each, h5py.Dataset) else tree(each)
-            for name, each in items.items()
-        }
+        return {name: array(each) if isinstance(each, h5py.Dataset) else tree(each) for name, each in items.items()}
+
+    def array(dataset: Any) -> Any:
+        is_text = dataset.attrs.get("MATLAB_class") == b"char"
+        return "" if is_text else np.squeeze(dataset[()]).T
 
     with h5py.File(path, "r") as file:
         return tree(file)
@@ -296,20 +310,11 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
 
 def _of_tree(tree: Mapping[str, Any], units: Mapping[str, str]) -> list[TableColumn]:
     """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part."""
-
-    def columns(name: str, each: Any) -> Iterator[tuple[str, Floats]]:
-        if isinstance(each, Mapping):
-            yield from chain.from_iterable(columns(f"{name}.{key}", value) for key, value in each.items())
-        elif isinstance(each, list):
-            yield from chain.from_iterable(columns(f"{name}.{key}", value) for key, value in enumerate(each, start=1))
-        elif isinstance(each, np.ndarray) and each.dtype.kind in "fiu" and each.size > 1:
-            if each.ndim == 1:
-                yield name, np.array(each, float)
-            elif each.ndim == 2:
-                yield from ((f"{name}.{k}", np.array(part, float)) for k, part in enumerate(each.T, start=1))
-
-    found = []
-    for header, values in chain.from_iterable(columns(name, each) for name, each in tree.items()):
+    found = list[TableColumn]()
+    for header, values in _arrays(tree):
+        if isinstance(values, str):
+            found.append(_without_numbers(header, values))
+            continue
         parts = header.split(".")
         while len(parts) > 1 and parts[-1] in CONTENTS:
             parts.pop()
@@ -317,6 +322,26 @@ def _of_tree(tree: Mapping[str, Any], units: Mapping[str, str]) -> list[TableCol
         finite = np.where(np.isfinite(values), values, np.nan)
         found.append(TableColumn(header, name, units.get(header), finite))
     return found
+
+
+def _arrays(tree: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Floats | str]]:
+    """The name of each column of nested arrays, and its numbers, or what it has in the place of numbers."""
+    for key, item in tree.items():
+        name, each = within + key, item
+        if isinstance(item, list):
+            each = {str(number): value for number, value in enumerate(item, start=1)}
+        if isinstance(each, Mapping):
+            yield from _arrays(each, f"{name}.")
+        elif not isinstance(each, np.ndarray) or (each.size < 2 and each.dtype.kind != "O"):
+            continue  # a name, or a number beside the columns
+        elif each.dtype.kind not in "fiu":
+            yield name, OTHER_CONTENTS.get(each.dtype.kind, str(each.dtype))
+        elif each.ndim == 1:
+            yield name, np.array(each, float)
+        elif each.ndim == 2:
+            yield from ((f"{name}.{k}", np.array(part, float)) for k, part in enumerate(each.T, start=1))
+        else:
+            yield name, f"of {each.ndim} dimensions"
 
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")

@@ -19,12 +19,15 @@ from dualwinch.identification.options import EstimationOptions
 from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
+    AMPLITUDE,
+    STROUHAL,
     UnknownParameter,
     covariance_of,
     nuisance_parameters,
     with_drum_friction,
     with_sea,
 )
+from dualwinch.identification.vortices import vortex_starts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.simulation.experiment import Experiment
@@ -41,11 +44,13 @@ class FittedModel:
         experiment: with sea and delay of the model.
         method: of the estimate; its unknowns are those to estimate and, behind them, those estimated along.
         estimate: by it.
+        others: estimates of searches that began elsewhere.
     """
 
     experiment: Experiment
     method: PredictionErrorMethod
     estimate: ParameterEstimate
+    others: tuple[ParameterEstimate, ...] = ()
 
     def notes(self, described: Experiment) -> tuple[str, ...]:
         """What the model has beside what an experiment describes, in words."""
@@ -100,7 +105,9 @@ class ModelChoice:
     4. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
        no sea or only a part, the same with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The
        search begins anew: where a model without them ends says little.
-    5. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
+    5. Where the Strouhal number is among the unknowns, a search begins at each at which the logs are likely
+       (`vortices.vortex_starts`); the optima are reported.
+    6. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
        deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
 
@@ -279,8 +286,33 @@ class ModelChoice:
         sections = sections_of(self.logs, experiment, self.options.resampling)
         method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
         self.progress(shares[0], phase)
-        start = np.array([unknown.start for unknown in unknowns])
-        return FittedModel(experiment, method, method.run(start, part(self.progress, *shares)))
+        starts = self.starts(method)
+        ends, found, refusal = np.linspace(*shares, len(starts) + 1).tolist(), list[ParameterEstimate](), None
+        for number, start in enumerate(starts):
+            try:
+                found.append(method.run(start, part(self.progress, ends[number], ends[number + 1])))
+            except DivergedFilterError as error:
+                refusal = error
+        if not found:
+            raise refusal or AssertionError
+        best, *rest = sorted(found, key=lambda each: each.deviance)
+        return FittedModel(experiment, method, best, tuple(rest))
+
+    def starts(self, method: PredictionErrorMethod) -> list[Floats]:
+        """Where searches begin: where the unknowns start, with each Strouhal number at which the logs are likely."""
+        own, index = method.unknowns, {unknown.key: number for number, unknown in enumerate(method.unknowns)}
+        start = np.array([unknown.start for unknown in own])
+        if STROUHAL not in index:
+            return [start]
+        reach = self.options.search.strouhal_reach * own[index[STROUHAL]].uncertainty
+        starts = list[Floats]()
+        for pair in vortex_starts(self.logs, method.with_values(start), reach, self.options):
+            values = start.copy()
+            for key, value in zip((STROUHAL, AMPLITUDE), pair, strict=True):
+                if (at := index.get(key)) is not None:
+                    values[at] = np.clip(value, own[at].lower, own[at].upper)
+            starts.append(values)
+        return starts or [start]
 
 
 def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:

@@ -1,10 +1,11 @@
 """Noise covariances of the filter: R by expectation maximisation, Q by maximum likelihood."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,13 @@ LOAD_CELLS = ("F1", "F2")
 
 ESTIMATED = (("force",), ("torque_1", "torque_2"))
 """Disturbances that no experiment describes, whose deviations are estimated; those of a group have one."""
+
+DESCRIBED = ("current", "normal_force_variation")
+"""Disturbances that an experiment describes; deviations and correlation times are estimated with priors around that."""
+
+SIZE, TIME = np.array([1.0, 0.0]), np.array([0.5, 1.0])
+"""Changes of the logarithms of deviation and correlation time that are searched: of the size, and of the time with the
+variance that a sample adds as it is, which a log shows best."""
 
 
 def finest_noise(options: NoiseOptions) -> Floats:
@@ -88,13 +96,21 @@ def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
     return max(deviation, least / math.sqrt(12)) if counts else deviation
 
 
+def _minimum(cost: Callable[[float], float], low: float, high: float, tolerance: float, evaluations: int) -> float:
+    """Where a cost is least between two ends, by Brent's method."""
+    options = {"xatol": tolerance, "maxiter": evaluations}
+    best: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options=options)
+    return float(best.x)
+
+
 class NoiseEstimator:
     """Estimates R and Q for a machine that is known well enough."""
 
     def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
         """An estimator whose least deviations are the ones that an experiment describes."""
         self._filters, self._options = filters, options
-        self._least = {name: each.deviation for name, each in described_disturbances(experiment, options).items()}
+        self._described = described_disturbances(experiment, options)
+        self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
 
     def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
@@ -120,6 +136,41 @@ class NoiseEstimator:
             noise = self._line_search(experiment, noise, names, samples)
         return noise
 
+    def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate size and correlation time of the disturbances that an experiment describes, by maximum likelihood.
+
+        Their priors are log-normal around what is described.
+        """
+        options = self._options
+        ways = ((SIZE, options.described_factor), (TIME, options.described_time_factor))
+        for name, (way, factor) in product(DESCRIBED, ways):
+            if factor == 1 or noise.process[name].deviation == 0:
+                continue
+
+            def moved(by: float, name: str = name, way: Floats = way, noise: Any = noise) -> NoiseCovariances:
+                process = noise.process[name].scaled(*np.exp(by * way).tolist())
+                return replace(noise, process={**noise.process, name: process})
+
+            def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
+                return self._cost(experiment, moved(by), None) + self._unlikelihood(experiment, moved(by))
+
+            reach = math.log(options.described_reach)
+            best = _minimum(cost, -reach, reach, options.described_tolerance, options.described_evaluations)
+            noise = moved(best)
+        return noise
+
+    def _unlikelihood(self, experiment: Experiment, noise: NoiseCovariances) -> float:
+        """Negative logarithm of the prior density of the described disturbances, but for a constant."""
+        process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
+        for own, described in ((process[name], self._described[name]) for name in DESCRIBED):
+            pairs = (
+                (own.deviation, described.deviation, options.described_factor),
+                (own.time, described.time, options.described_time_factor),
+            )
+            for value, usual, factor in pairs if own.deviation > 0 else ():
+                total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
+        return total
+
     def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
         """Deviations of all groups on a grid over their range."""
         grid, options = self._options.grid, self._options
@@ -134,13 +185,15 @@ class NoiseEstimator:
     ) -> NoiseCovariances:
         """The likeliest deviation of one group near where it is."""
         options, here = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
-        best = minimize_scalar(
+        reach = np.log(options.grid)
+        best = _minimum(
             lambda factor: self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples),
-            bounds=(max(here - np.log(options.grid), 0.0), min(here + np.log(options.grid), np.log(options.range))),
-            method="bounded",
-            options={"xatol": options.line_tolerance, "maxiter": options.line_evaluations},
+            max(here - reach, 0.0),
+            min(here + reach, np.log(options.range)),
+            options.line_tolerance,
+            options.line_evaluations,
         )
-        return self._scaled(noise, names, np.exp(best.x))
+        return self._scaled(noise, names, np.exp(best))
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
         """With a group's deviation so many times its least one."""

@@ -69,6 +69,13 @@ class NoiseOptions:
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
     line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
     line_evaluations: Annotated[Count, Quantity("1", "evaluations of a line search, at most")] = 5
+    described_factor: Annotated[
+        float, Ge(1), Quantity("1", "prior deviation of the size of current and rail load, as a factor; 1: known")
+    ] = 3.0
+    described_time_factor: Annotated[float, Ge(1), Quantity("1", "the same of their correlation times")] = 2.0
+    described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
+    described_tolerance: Annotated[Positive, Quantity("1", "its tolerance, in a logarithm")] = 0.1
+    described_evaluations: Annotated[Count, Quantity("1", "its evaluations, at most")] = 7
     section_time: Annotated[Positive, Quantity("s", "beginning of each section that a rough search uses")] = 10.0
     em_steps: Annotated[int, Ge(0), Quantity("1", "further steps of expectation maximisation for R, at most")] = 8
     em_tolerance: Annotated[Positive, Quantity("1", "change of a variance's logarithm that ends these steps")] = 0.1
@@ -119,6 +126,10 @@ class SearchOptions:
         float, Ge(0), Quantity("1", "prior deviation of inertia and damping that are estimated along; 0: never")
     ] = 0.3
     strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
+    amplitude_share: Annotated[Positive, Quantity("1", "the same of the vortices' amplitude")] = 1.0
+    strouhal_reach: Annotated[
+        Positive, Quantity("1", "range of Strouhal numbers where a search may begin, in prior deviations")
+    ] = 2.0
     delay_order: Annotated[Count, Quantity("samples", "past of tensions and torques in the ARX models for it")] = 8
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
     likelier_delay: Annotated[
@@ -169,6 +180,9 @@ class VortexOptions:
     phase_step: Annotated[Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
     strouhal_share: Annotated[Share, Quantity("1", "range of the Strouhal number, over it, to each side")] = 0.2
     strouhal_points: Annotated[Count, Quantity("1", "Strouhal numbers in it")] = 41
+    nearly_least: Annotated[
+        Factor, Quantity("1", "squares left over the least, up to which a further Strouhal number is tried")
+    ] = 1.5
     least_gain: Annotated[
         Share, Quantity("1", "squares left over those with the first row as origin, from which down one is taken")
     ] = 0.8

@@ -26,7 +26,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import crept
 from dualwinch.model.scalar import Scalar, exp
-from dualwinch.model.vehicle import friction
+from dualwinch.model.vehicle import Vehicle, friction
 from dualwinch.model.winch import winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
@@ -51,6 +51,9 @@ GROUPS = ("plant", "sensors", "actuator", "disturbance")
 
 SAMPLE_TIME = "simulation.sample_time"
 
+LEAST_COEFFICIENT = 1e-12
+"""Beside coefficients that may be zero and divide; their forces are zero then."""
+
 
 READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
 """Readings that a log may have, in the order of their columns."""
@@ -58,10 +61,16 @@ READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_
 
 @dataclass(frozen=True)
 class UnrecordedDisturbances:
-    """States of the disturbances that no log records."""
+    """States of the disturbances that no log records.
 
-    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
-    normal_force_variation: Annotated[Scalar, Quantity("N", "change of the force on the rail")] = 0.0
+    Those that become a force by a coefficient of the vehicle are states times this: what a log shows is the force. Were
+    they states as they are, their size would count as information on the coefficient.
+    """
+
+    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track, times the drag coefficient")] = 0.0
+    normal_force_variation: Annotated[
+        Scalar, Quantity("N", "change of the force on the rail, times the friction coefficient")
+    ] = 0.0
     force: Annotated[Scalar, Quantity("N", "further force on the vehicle along the track")] = 0.0
     torque_1: Annotated[Scalar, Quantity("N m", "further torque of motor 1")] = 0.0
     torque_2: Annotated[Scalar, Quantity("N m", "further torque of motor 2")] = 0.0
@@ -86,6 +95,10 @@ class GaussMarkov:
     deviation: float
     time: float
 
+    def scaled(self, by: float, slower: float = 1.0) -> "GaussMarkov":
+        """With another deviation and correlation time, by factors."""
+        return GaussMarkov(by * self.deviation, slower * self.time)
+
 
 def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dict[str, GaussMarkov]:
     """The disturbances as an experiment describes them; others have the least deviation.
@@ -105,6 +118,12 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
     }
 
 
+def per_coefficient(vehicle: Vehicle) -> dict[str, Any]:
+    """Disturbance → how much of it there is per unit of its state, for those with a coefficient of the vehicle."""
+    coefficients = {"current": vehicle.drag_coefficient, "normal_force_variation": vehicle.friction_coefficient}
+    return {name: 1 / (own + LEAST_COEFFICIENT) for name, own in coefficients.items()}
+
+
 @dataclass(frozen=True)
 class NoiseCovariances:
     """Measurement noise R and process noise Q of the filter.
@@ -112,22 +131,23 @@ class NoiseCovariances:
     Attributes:
         measurement: (readings,) variances of the sensors' noise.
         process: disturbance → its Gauss–Markov process.
-        drag_coefficient: at which the current has that deviation. What a log shows is the current's force; with another
-            coefficient the current is so much smaller or larger. Else its size would count as information on drag.
-        reach: by how much it may be so, as a factor.
+        vehicle: on which the disturbances are of that size. With other coefficients their forces are the same.
     """
 
     measurement: Floats
     process: Mapping[str, GaussMarkov]
-    drag_coefficient: float = 0.0
-    reach: float = 2.0
+    vehicle: Vehicle
 
-    def process_of(self, experiment: Experiment) -> dict[str, GaussMarkov]:
-        """Disturbance → its Gauss–Markov process on a machine."""
-        current, own = self.process["current"], float(experiment.plant.vehicle.drag_coefficient)
-        ratio = self.drag_coefficient / own if own > 0 and self.drag_coefficient > 0 else 1.0
-        ratio = min(max(ratio, 1 / self.reach), self.reach)
-        return {**self.process, "current": replace(current, deviation=ratio * current.deviation)}
+    @property
+    def states(self) -> dict[str, GaussMarkov]:
+        """Disturbance → Gauss–Markov process of its state (`UnrecordedDisturbances`)."""
+        by = per_coefficient(self.vehicle)
+        return {name: each.scaled(1 / by.get(name, 1.0)) for name, each in self.process.items()}
+
+    def process_of(self, vehicle: Vehicle) -> dict[str, GaussMarkov]:
+        """Disturbance → its Gauss–Markov process on another vehicle."""
+        by = per_coefficient(vehicle)
+        return {name: each.scaled(by.get(name, 1.0)) for name, each in self.states.items()}
 
 
 @dataclass(frozen=True)
@@ -191,6 +211,7 @@ def predicted_system(
     actuators = now.actuator_1, now.actuator_2
     actuators, torques = drive(actuators, commands, now.motion.plant, plant, groups["actuator"], sample_time)
     torques, disturbances = torques_amid(torques, now.motion.plant, sample_time, plant), now.unrecorded
+    by = per_coefficient(plant.vehicle)
     hold = zero_order_hold(
         structure,
         t=given["t"],
@@ -198,8 +219,8 @@ def predicted_system(
             torques.tau_1 + given["share_1"] * disturbances.torque_1,
             torques.tau_2 + given["share_2"] * disturbances.torque_2,
         ),
-        current=disturbances.current,
-        normal_force_variation=disturbances.normal_force_variation,
+        current=by["current"] * disturbances.current,
+        normal_force_variation=by["normal_force_variation"] * disturbances.normal_force_variation,
         force=disturbances.force,
         duration=given["duration"],
     )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
-from dualwinch.identification.predictor import DISTURBANCES, state_template
+from dualwinch.identification.predictor import DISTURBANCES, per_coefficient, state_template
 from dualwinch.identification.resample import sections_of
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
@@ -55,9 +55,11 @@ def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterE
     (section,), vehicle, change = filters.sections, experiment.plant.vehicle, options.force_difference
     rows = slice(None, None, max(1, round(options.force_spacing / experiment.simulation.sample_time)))
     v = states[rows, list(leaves(state_template(method.structure))).index("motion.plant.v")]
+    by = per_coefficient(vehicle)
     current, load, force = (smoothed[rows, DISTURBANCES.index(name)] for name in DISTURBANCES[:3])
 
     def resistance(current: Floats, load: Floats) -> Floats:
+        current, load = by["current"] * current, by["normal_force_variation"] * load
         pairs = zip(v.tolist(), current.tolist(), load.tolist(), strict=True)
         return np.array([friction(v, vehicle, load) + drag(v - current, vehicle) for v, current, load in pairs], float)
 

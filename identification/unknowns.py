@@ -28,9 +28,9 @@ NOT_FITTED = (
 )  # fmt: skip
 """Parameters of noise and quantisation: they are estimated with R, or have no effect on the predictions."""
 
-STROUHAL = "disturbance.strouhal"
+STROUHAL, AMPLITUDE = "disturbance.strouhal", "disturbance.vortex_amplitude"
 
-NUISANCES = ("plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping", STROUHAL)
+NUISANCES = ("plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping", STROUHAL, AMPLITUDE)
 """Parameters that are estimated along where a model without them leaves innovations that are not white."""
 
 WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
@@ -131,18 +131,19 @@ def nuisance_parameters(
 ) -> tuple[UnknownParameter, ...]:
     """What hardly any user knows of a machine, with wide priors around the experiment's values, but for some keys.
 
-    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their Strouhal
-    number.
+    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their amplitude
+    and Strouhal number.
     """
+    shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
     values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
     for key in estimable_keys(["*"], experiment):
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
             continue
-        if key == STROUHAL and not experiment.disturbance.vortex:
+        if key in shares and not experiment.disturbance.vortex:
             continue
-        share = options.strouhal_share if key == STROUHAL else options.nuisance_share
-        share = options.friction_share if key.endswith("coulomb_friction") else share
+        usual = options.friction_share if key.endswith("coulomb_friction") else options.nuisance_share
+        share = shares.get(key, usual)
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
         least = 0.0 if share >= 1 else value / reach
@@ -237,6 +238,7 @@ class SearchCoordinates:
         waves: indices of amplitude and angle of each wave.
         known: (p,) 1 where an unknown has a prior, else 0.
         bounds: (p,) each, of the coordinates.
+        start: (p,) where the search begins.
         prior_rows, prior_centre: (m, p) and (p,): the rows make standard normal variables of coordinates less the
             centre. A wave whose amplitude and angle both have a prior is taken for the normal distribution of its parts
             with their mean and covariance.
@@ -264,6 +266,7 @@ class SearchCoordinates:
         for amplitude, angle in self.waves:
             lower[[amplitude, angle]], upper[[amplitude, angle]] = -upper[amplitude], upper[amplitude]
         self.bounds = lower, upper
+        self.start = self.of(np.array([each.start for each in unknowns]))
         self.prior_rows, self.prior_centre = self._prior()
 
     def of(self, values: Floats) -> Floats:

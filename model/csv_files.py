@@ -60,6 +60,7 @@ class TableColumn:
         cells: texts, one a row.
         words: rows with a cell that is neither a finite number nor a gap.
         lines: of the rows in the file.
+        content: what it has in the place of real numbers, in words; it has no values then.
     """
 
     header: str
@@ -70,6 +71,7 @@ class TableColumn:
     cells: Sequence[str] = ()
     words: Sequence[int] = ()
     lines: Sequence[int] = ()
+    content: str = ""
 
 
 def read_csv(path: Path, marks: str = "") -> list[TableColumn]:

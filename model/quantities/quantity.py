@@ -7,6 +7,7 @@ a list of numbers (`Numbers`) or, in a state, a vector or matrix (`elements`).
 """
 
 import difflib
+import heapq
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -319,15 +320,23 @@ def _all_kept(values: Numbers, constraints: tuple[at.BaseMetadata, ...]) -> bool
     return all(map(numbers.admits, values))
 
 
-def nearest(key: str, keys: Iterable[str]) -> str:
-    """The key most like a mistaken one: as a whole, else in its last part."""
-    known = {name.lower(): name for name in reversed(list(keys))}
-    near = difflib.get_close_matches(key.lower(), [*reversed(known)], n=1, cutoff=0.5)
-    if near:
-        return known[near[0]]
-    last = {name.rsplit(".", 1)[-1]: name for name in known}
-    near = difflib.get_close_matches(key.lower().rsplit(".", 1)[-1], [*reversed(last)], n=1, cutoff=0.0)
-    return known[last[near[0]]]
+def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
+    """The keys most like a mistaken one, the nearest first: by the likeness of the wholes and of their last parts.
+
+    Their section counts so as a part of the whole, and a key of another section is nearest where its last part is.
+    """
+
+    def parts(name: str) -> tuple[str, str]:
+        return name.lower(), name.lower().rsplit(".", 1)[-1]
+
+    wanted = [difflib.SequenceMatcher(b=part) for part in parts(key)]
+
+    def likeness(name: str) -> tuple[float, str]:
+        for matcher, part in zip(wanted, parts(name), strict=True):
+            matcher.set_seq1(part)
+        return sum(matcher.ratio() for matcher in wanted), name.lower()
+
+    return heapq.nlargest(count, keys, key=likeness)
 
 
 MOST_LISTED = 24
@@ -342,15 +351,13 @@ def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
         known: the names there are.
         more: what else there may be, in words.
     """
-    names, text = list(known), str(name)
+    names = list(known)
     if not names:
         return "there is none" + more
-    near = nearest(text, names)
     listed = f"Must be one of {', '.join(names)}"
     if len(names) > MOST_LISTED:
-        close = dict.fromkeys([near, *difflib.get_close_matches(text, names, n=6, cutoff=0.3)])
-        listed = f"The nearest of {len(names)} are {', '.join(close)}" if len(close) > 1 else f"There are {len(names)}"
-    return f"did you mean '{near}'? {listed}{more}"
+        listed = f"The nearest of {len(names)} are {', '.join(nearest(str(name), names, 6))}"
+    return f"did you mean '{nearest(str(name), names)[0]}'? {listed}{more}"
 
 
 def unknown(what: str, name: Any, known: Iterable[str], more: str = "") -> str:

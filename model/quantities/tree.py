@@ -171,7 +171,7 @@ def validated(leaf: Leaf, value: Any) -> Any:
     if not leaf.admits(value):
         hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
         if leaf.choices and isinstance(value, str):
-            hint += f"; did you mean '{nearest(value, leaf.choices)}'?"
+            hint += f"; did you mean '{nearest(value, leaf.choices)[0]}'?"
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
     if Mark.PARTS in leaf.marks:
         return (value,) if isinstance(value, str) else tuple(value)

@@ -44,6 +44,7 @@ def filters(
     noise = NoiseCovariances(
         initial_measurement_noise(section.readings, MACHINE.sensors, DEFAULTS.noise),
         described_disturbances(MACHINE, DEFAULTS.noise),
+        MACHINE.plant.vehicle,
     )
     return LogFilters(
         compile_predictor(predicted_system(structure, tuple(fitted))), structure, [section], DEFAULTS

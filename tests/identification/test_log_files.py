@@ -229,6 +229,22 @@ def test_matlab_structures_of_simulink_without_a_time_of_all(tmp_path: Path) -> 
         read_log(tmp_path / "rig.mat")
 
 
+def test_what_is_no_column_of_numbers_is_listed(tmp_path: Path) -> None:
+    cells, wave = np.empty(2, object), np.exp(1j * T)
+    cells[:] = [T, X]
+    rig = {"t": T, "tau_1": T + 1, "tau_2": T - 1, "x": X, "cells": cells, "wave": wave, "on": T > 1, "name": "rig"}
+    savemat(tmp_path / "rig.mat", rig | {"inner": {"blocks": np.zeros((2, 3, 4))}})
+    found = read_log(tmp_path / "rig.mat")
+    (note,) = found.notes
+    for words in ("cells (cells)", "wave (complex)", "inner.blocks (of 3 dimensions)"):
+        assert words in note
+    with pytest.raises(ConfigurationError, match=r"rig.mat: column 'wave': is complex: must be real numbers"):
+        read_log(tmp_path / "rig.mat", column_map(["F1=wave"]))
+    np.savez(tmp_path / "rig.npz", t=T, tau_1=T + 1, tau_2=T - 1, x=wave)
+    with pytest.raises(ConfigurationError, match=r"rig.npz: column 'x': is complex"):
+        read_log(tmp_path / "rig.npz")
+
+
 def test_matlab_7_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "rig.mat"
     file.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM" + bytes(384))

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from dualwinch.identification.identify import identify
+from dualwinch.identification.log import Log
 from dualwinch.identification.model_choice import torque_lags
+from dualwinch.identification.options import DEFAULTS
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
-from dualwinch.identification.vortices import with_vortex_origin
+from dualwinch.identification.vortices import vortex_starts, with_vortex_origin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -40,7 +42,7 @@ def test_parameters_are_right_although_much_else_is_off(described: dict[str, obj
     off = (found.values - [values[key] for key in found.keys]) / found.deviations
     assert np.abs(off).max() < 3
     assert found.converged
-    assert set(found.along) == set(OFF) - {"simulation.delay_samples"}
+    assert set(found.along) == {*OFF, "disturbance.vortex_amplitude"} - {"simulation.delay_samples"}
     for key, (value, deviation) in found.along.items():
         assert value == pytest.approx(values[key], abs=4 * deviation)
     assert any("torques act 2 samples after they are logged" in note for note in found.notes)
@@ -61,6 +63,38 @@ def test_a_log_without_load_cells_shows_no_delay() -> None:
     log = logged(machine(simulation__duration=5.0))
     columns = {name: values for name, values in log.columns.items() if not name.startswith("F")}
     assert not torque_lags(sections_of([replace(log, columns=columns)], Experiment()), order=8).any()
+
+
+def far_off(amplitude: float = 0.2) -> tuple[Log, Experiment]:
+    """A log whose vortices are of another Strouhal number than described, by two and a half periods at its end."""
+    right = {"disturbance__strouhal": 0.168, "disturbance__vortex_amplitude": amplitude}
+    return logged(machine(simulation__duration=40.0, **right)), machine(simulation__duration=40.0)
+
+
+def test_searches_begin_where_smoothed_readings_show_vortices() -> None:
+    log, believed = far_off()
+    ((strouhal, amplitude),) = vortex_starts([log], believed, reach=0.04)
+    assert strouhal == pytest.approx(0.168, abs=0.002)
+    assert amplitude == pytest.approx(0.2, rel=0.3)
+    assert len(vortex_starts([far_off(amplitude=0.02)[0]], believed, reach=0.04)) > 1, "they hardly show"
+    still = machine(reference__kind="uniform", reference__speed=1e-3)
+    assert vortex_starts([logged(still)], still, reach=0.04) == []
+
+
+@pytest.mark.slow
+def test_several_optima_are_found_and_said() -> None:
+    log, believed = far_off()
+    keys, priors = ("plant.vehicle.mass", "disturbance.strouhal"), {"disturbance.strouhal": (0.2, 0.02)}
+    found = identify([log], keys, believed, priors=priors)
+    assert found.interval("plant.vehicle.mass")[0] < 1e4 < found.interval("plant.vehicle.mass")[1]
+    assert found.values[1] == pytest.approx(0.168, abs=5e-4)
+    assert len(found.optima) == 1
+    every = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, nearly_least=3.0))
+    several = identify([log], keys, believed, priors=priors, options=every)
+    assert len(several.optima) > 1
+    assert several.optima[1].deviance > 100
+    assert any("distinct optima; the second is less likely" in note for note in several.notes)
+    np.testing.assert_allclose(several.values, found.values, atol=0.1 * found.deviations.min(), rtol=1e-4)
 
 
 def test_a_log_cut_out_of_a_run_has_the_time_of_its_vortices() -> None:

@@ -8,12 +8,13 @@ import pytest
 from dualwinch.identification.estimate import PredictionErrorMethod
 from dualwinch.identification.noise import NoiseEstimator
 from dualwinch.identification.options import NoiseOptions
+from dualwinch.identification.predictor import GaussMarkov
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import estimable_keys, unknown_parameters
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
-from tests.identification.conftest import logged, machine
+from tests.identification.conftest import SEA, logged, machine
 
 T = np.linspace(0, 20, 2001)
 
@@ -57,9 +58,35 @@ def test_scatter_that_filters_bear_is_not_widened() -> None:
     assert estimator.tolerable(right, noise).process["torque_1"] == noise.process["torque_1"]
 
 
-def test_the_size_of_a_current_is_no_information_on_the_drag() -> None:
+def test_the_size_of_a_disturbance_is_no_information_on_its_coefficient() -> None:
     right = machine(disturbance__current_sigma=0.05)
     _, fitting = search(right, right)
     noise, more = fitting.initial_noise(), override(right, {"plant.vehicle.drag_coefficient": 0.6})
-    assert noise.process_of(right)["current"].deviation == pytest.approx(0.05)
-    assert noise.process_of(more)["current"].deviation == pytest.approx(0.05 * 0.3 / 0.6)
+    assert noise.process_of(right.plant.vehicle)["current"].deviation == pytest.approx(0.05)
+    assert noise.process_of(more.plant.vehicle)["current"].deviation == pytest.approx(0.05 * 0.3 / 0.6)
+
+
+@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+def test_the_size_of_the_sea_is_found_where_another_is_described(factor: float) -> None:
+    right = machine(simulation__duration=40.0)
+    other = {key: factor * size for key, size in SEA.items()}
+    found, expected = (_with_sea(right, override(right, sea)) for sea in (other, SEA))
+    for name in ("current", "normal_force_variation"):
+        assert found[name].deviation == pytest.approx(expected[name].deviation, rel=0.3), name
+    assert found["normal_force_variation"].deviation == pytest.approx(0.1 * 4900, rel=0.5)
+
+
+def _with_sea(right: Experiment, believed: Experiment) -> dict[str, GaussMarkov]:
+    estimator, fitting = search(right, believed)
+    noise = fitting.initial_noise()
+    for _ in range(2):
+        noise = estimator.with_sea(right, noise)
+    return noise.process_of(right.plant.vehicle)
+
+
+def test_a_sea_whose_size_is_known_stays_as_it_is() -> None:
+    right = machine()
+    _, fitting = search(right, right)
+    known = NoiseEstimator(fitting.filters, right, NoiseOptions(described_factor=1.0, described_time_factor=1.0))
+    noise = fitting.initial_noise()
+    assert known.with_sea(right, noise) is noise

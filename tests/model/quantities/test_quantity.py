@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, behind_number, nearest
+from dualwinch.simulation.settings import known_keys
 
 SIZE = Leaf("inner.size", Quantity("m", "size", "Table 1"), float, constraints=(at.Gt(0), at.Le(2)))
 COUNT = Leaf("inner.count", Quantity("1", "count"), int, optional=True, constraints=(at.Ge(1),))
@@ -93,8 +94,16 @@ def test_what_is_a_number_at_run_time_and_what_shapes_the_code(leaf: Leaf, is_nu
 
 def test_the_nearest_key_is_near_as_a_whole_or_in_its_last_part() -> None:
     keys = ["plant.vehicle.mass", "controller.nftsm.beta", "simulation.sample_time"]
-    assert nearest("plant.vehicle.mas", keys) == "plant.vehicle.mass"
-    assert nearest("btea", keys) == "controller.nftsm.beta"
+    assert nearest("plant.vehicle.mas", keys) == ["plant.vehicle.mass"]
+    assert nearest("btea", keys) == ["controller.nftsm.beta"]
+    assert nearest("controller.beta", keys, 2) == ["controller.nftsm.beta", "plant.vehicle.mass"]
+
+
+def test_the_nearest_key_is_one_of_the_same_section() -> None:
+    keys = [*known_keys()]
+    assert nearest("reference.path", keys) == ["reference.points"]
+    assert nearest("disturbance.amplitude", keys) == ["disturbance.vortex_amplitude"]
+    assert nearest("plant.vehicle.modulus", keys)[0].startswith("plant.rope_")
 
 
 def test_a_pure_number_has_nothing_behind_it() -> None:
