@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,7 +69,7 @@ class MarginStatistic:
         """Unit of the margin."""
         return self.quantity.unit
 
-    def of(self, worst: dict[str, WorstMargin]) -> float:
+    def of(self, worst: Mapping[str, WorstMargin]) -> float:
         """Its value; infinite where nothing of the kind makes the loop unstable."""
         return worst[self.margin].value
 

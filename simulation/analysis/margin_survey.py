@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 
 import numpy as np
@@ -175,12 +176,15 @@ class MarginSurvey:
     def of_loops(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
-        """The margins of single loops, for each of the n: arguments as of `worst`; `RESONANCE` is none of a loop."""
+        """The margins of single loops, for each of the n: arguments as of `worst`; `RESONANCE` is none of a loop.
+
+        Those far above the least of all are as read off a grid of frequencies.
+        """
         chosen = np.arange(len(self.loops)) if loops is None else loops
-        return self._least(values, kinds, chosen, np.arange(len(chosen)))
+        return self._least(values, kinds, chosen, np.arange(len(chosen)), roughly=True)
 
     def _least(
-        self, values: ArrayLike, kinds: Collection[str], loops: Indices, family: Indices
+        self, values: ArrayLike, kinds: Collection[str], loops: Indices, family: Indices, *, roughly: bool = False
     ) -> list[list[dict[str, WorstMargin]]]:
         """Kind → the least of each family of some loops, for each of the n.
 
@@ -189,6 +193,7 @@ class MarginSurvey:
             kinds: which margins; `RESONANCE` is left out.
             loops: indices of loops.
             family: to which each of them belongs, from 0.
+            roughly: whether those far above the least of all families are read off a grid.
         """
         given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
         found = [[dict[str, WorstMargin]() for _ in range(int(family.max()) + 1)] for _ in given]
@@ -199,7 +204,8 @@ class MarginSurvey:
         for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), family.tolist(), strict=True):
             asked.setdefault((machine, point), []).append((amplitude, number))
         places = [(row, *place) for row in range(len(given)) for place in asked]
-        parts = _in_chunks(lambda chunk: self._of_places(given, chunk, asked, of_loops), places, self._threads)
+        work = partial(self._of_places, given, asked=asked, kinds=of_loops, roughly=roughly)
+        parts = _in_chunks(work, places, self._threads)
         for row, number, worst in parts:
             for kind, one in worst.items():
                 found[row][number][kind] = min(found[row][number].get(kind, one), one, key=VALUE)
@@ -257,6 +263,8 @@ class MarginSurvey:
         places: Sequence[tuple[int, int, int]],
         asked: Mapping[tuple[int, int], Sequence[tuple[int, int]]],
         kinds: Sequence[str],
+        *,
+        roughly: bool,
     ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
         """The least margins of families of loops at some places.
 
@@ -267,6 +275,7 @@ class MarginSurvey:
             places: row of values, machine and point.
             asked: machine and point → amplitude and family of every loop there.
             kinds: which margins.
+            roughly: as of `_least`.
 
         Returns:
             Row, family and its least margins.
@@ -278,6 +287,7 @@ class MarginSurvey:
         loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
         place, amplitude, number = np.array(loops).T
         family, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
+        member = member.ravel()
         first, opened, order, steady = None, [], [], np.zeros(len(loops), bool)
         for index, size in enumerate(self._amplitudes):
             mine = np.flatnonzero(amplitude == index) if index else np.arange(len(places))
@@ -295,10 +305,11 @@ class MarginSurvey:
         A, B, C, D = (np.concatenate(parts) for parts in zip(*opened, strict=True))
         closed = complementary(A, B, C, D, self._dt)
         stable[which] = closed.stable
-        least = least_margins(closed, member.ravel()[which], kinds, len(family), self._cuts)
+        among = rows[place[which]] if roughly else None
+        least = least_margins(closed, member[which], kinds, len(family), self._cuts, among=among)
         found_of = []
         for index, (row, of) in enumerate(family.tolist()):
-            mine = np.flatnonzero(member.ravel() == index)
+            mine = np.flatnonzero(member == index)
             failed = mine[~stable[mine]]
             words = {}
             for kind in kinds:

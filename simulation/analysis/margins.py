@@ -417,6 +417,7 @@ def least_margins(
     cuts: Collection[str] = LOCI,
     *,
     grid: FrequencyGrid = COARSE,
+    among: Indices | None = None,
 ) -> list[dict[str, LeastMargin]]:
     """The least of some margins of every family of loops; those of one that is unstable mean nothing.
 
@@ -427,6 +428,7 @@ def least_margins(
         families: number of families.
         cuts: where the loops are cut, some of `LOCI`.
         grid: where margins are looked for first.
+        among: (s,) larger families: margins far above the least of these are as read off the grid. Default: `family`.
 
     Returns:
         Kind → the least, for every family.
@@ -439,18 +441,26 @@ def least_margins(
     wanted = np.array([cut in cuts for cut in LOCI])
     for kind in kinds:
         places = _read_off(kind, omega, response)
-        places = _near_least(places[wanted[places.locus]], family, NEAR)
+        places = places[wanted[places.locus]]
+        for of_family in found:
+            of_family[kind] = LeastMargin()
+        if among is not None:
+            _note_least(found, kind, places, family)
+        places = _near_least(places, family if among is None else among, NEAR)
         if not grid.exact:
             places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), family, NEARER)
         exact = _refined(kind, loops.exact, places, TOLERANCE)
-        order = np.lexsort((exact.value, family[exact.loop]))
-        numbers, first = np.unique(family[exact.loop][order], return_index=True)
-        for of_family in found:
-            of_family[kind] = LeastMargin()
-        for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
-            place = int(exact.loop[index]), LOCI[int(exact.locus[index])], float(exact.frequency[index])
-            found[number][kind] = LeastMargin(float(exact.value[index]), *place)
+        _note_least(found, kind, exact, family)
     return found
+
+
+def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, family: Indices) -> None:
+    """Note the least of the places of each family that there is."""
+    order = np.lexsort((places.value, family[places.loop]))
+    numbers, first = np.unique(family[places.loop][order], return_index=True)
+    for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
+        at = int(places.loop[index]), LOCI[int(places.locus[index])], float(places.frequency[index])
+        found[number][kind] = LeastMargin(float(places.value[index]), *at)
 
 
 def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats:

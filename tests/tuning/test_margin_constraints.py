@@ -216,7 +216,7 @@ def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: Tun
     assert prepared.margins is not None
     dimensions = [dimension for dimension in bounded.space.dimensions if isinstance(dimension, ContinuousDimension)]
     statistic = bounded.margins[0]
-    found = margin_slopes(prepared, bounded.start, dimensions, statistic)
+    found = margin_slopes(prepared, bounded.start, dimensions)[statistic]
     value, slopes = min(found, key=lambda pair: pair[0])
     for index, dimension in enumerate(dimensions):
         share = dimension.encoded(bounded.start[dimension.name])

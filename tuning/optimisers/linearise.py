@@ -1,11 +1,12 @@
 """Which scenarios decide what a point of the space is worth: the others need no gradient."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.analysis.margin_survey import WorstMargin
 from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivities_ahead
@@ -62,48 +63,69 @@ NEAR = 1.2
 
 
 def margin_slopes(
-    prepared: TrainingSet, point: Point, dimensions: Sequence[ContinuousDimension], statistic: MarginStatistic
-) -> list[tuple[float, Floats]]:
-    """A margin of every machine on which it is nearly the worst, and its slopes by the shares of the gains' ranges.
+    prepared: TrainingSet, point: Point, dimensions: Sequence[ContinuousDimension]
+) -> dict[MarginStatistic, list[tuple[float, Floats]]]:
+    """Margins of every machine on which they are nearly the worst, and their slopes by the shares of the gains' ranges.
+
+    Differences are taken in the loops whose margin is nearly the worst.
 
     Args:
-        prepared: says on which machines margins are looked at.
+        prepared: says on which machines margins are looked at, and which are bounded.
         point: of the space.
         dimensions: what the slopes are by, d of them.
-        statistic: which margin.
 
     Returns:
-        Value and slopes (d,) for each machine; a loop that is unstable has 0 and no slopes.
+        Margin → value and slopes (d,) for each machine; a loop that is unstable has 0 and no slopes.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    if prepared.margins is None:
-        raise ValueError("no margin is bounded")
-    surveyed, space, kind = prepared.margins, prepared.problem.space, statistic.margin
-
-    def values_of(points: Sequence[Point], loops: NDArray[np.intp] | None = None) -> Floats:
-        """The margin of every loop (points, loops), or of every machine where it is none of a loop."""
-        given = [space.parameters(each) for each in points]
-        every = surveyed.each(given, [kind]) if kind == RESONANCE else surveyed.of_loops(given, [kind], loops)
-        found = np.array([[statistic.of(worst) for worst in row] for row in every])
-        return found[:, loops] if kind == RESONANCE and loops is not None else found
-
-    (here,) = values_of([point])
-    near = np.flatnonzero(here <= NEAR * here.min())
-    steps, moved = [], []
+    surveyed, problem = prepared.margins, prepared.problem
+    if surveyed is None:
+        return {}
+    of_machines = [statistic for statistic in problem.margins if statistic.margin == RESONANCE]
+    of_loops = [statistic for statistic in problem.margins if statistic.margin != RESONANCE]
+    steps, moved = [], [problem.space.parameters(point)]
     for dimension in dimensions:
         share = dimension.encoded(point[dimension.name])
         step = APART if share < 0.5 else -APART
         steps.append(step)
-        moved.append(point | {dimension.name: dimension.decoded(share + step)})
-    there, here = values_of(moved, near), here[near]
-    machine_of = near if kind == RESONANCE else surveyed.loops[near, 0]
-    found = []
-    for machine in np.unique(machine_of):
-        mine = machine_of == machine
-        least = float(here[mine].min())
-        found.append((least, (there[:, mine].min(axis=1) - least) / np.array(steps)))
+        moved.append(problem.space.parameters(point | {dimension.name: dimension.decoded(share + step)}))
+    found: dict[MarginStatistic, list[tuple[float, Floats]]] = {}
+    if of_loops:
+        kinds = [statistic.margin for statistic in of_loops]
+        here = _values(surveyed.of_loops(moved[:1], kinds), of_loops)
+        near = np.flatnonzero((here <= NEAR * here.min(axis=1)[:, None]).any(axis=(0, 2)))
+        there = _values(surveyed.of_loops(moved[1:], kinds, near), of_loops)
+        for number, statistic in enumerate(of_loops):
+            values = np.vstack([here[:, near, number], there[:, :, number]])
+            found[statistic] = _slopes_of_machines(values, surveyed.loops[near, 0], steps)
+    for statistic in of_machines:
+        values = _values(surveyed.each(moved, [statistic.margin]), [statistic])[:, :, 0]
+        found[statistic] = _slopes_of_machines(values, np.arange(values.shape[1]), steps)
+    return found
+
+
+def _values(margins: Sequence[Sequence[Mapping[str, WorstMargin]]], statistics: Sequence[MarginStatistic]) -> Floats:
+    """Margins as an array (n, loops or machines, statistics)."""
+    return np.array([[[statistic.of(of) for statistic in statistics] for of in row] for row in margins])
+
+
+def _slopes_of_machines(
+    values: Floats, machine: NDArray[np.intp], steps: Sequence[float]
+) -> list[tuple[float, Floats]]:
+    """The least margin of each machine near the worst, and its differences.
+
+    Args:
+        values: (1 + d, loops): at a point, and a step away along each dimension.
+        machine: (loops,) of which they are.
+        steps: shares of the ranges.
+    """
+    worst, found = values[0].min(), []
+    for number in np.unique(machine):
+        least = values[:, machine == number].min(axis=1)
+        if least[0] <= NEAR * worst:
+            found.append((float(least[0]), (least[1:] - least[0]) / np.array(steps)))
     return found
 
 
@@ -160,10 +182,12 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
     errors = errors[np.isfinite(errors).all(axis=1)]
     square = float(np.nanmean(run.errors[0, counted(objective)] ** 2)) * max(len(errors), 1)
 
+    of_margins = margin_slopes(prepared, point, dimensions)
+
     def rows(statistic: Statistic | MarginStatistic) -> list[tuple[float, Floats]]:
         """Values of a statistic that may decide, and their slopes (d,)."""
         if isinstance(statistic, MarginStatistic):
-            return margin_slopes(prepared, point, dimensions, statistic)
+            return of_margins[statistic]
         metric, kept = statistic.metric, counted(statistic) & np.isfinite(run.metrics[statistic.metric][0])
         if statistic.kind == "worst" and kept.any():
             found = zip(run.metrics[metric][0, kept], run.gradients[metric][0, kept], strict=True)

@@ -7,7 +7,7 @@ A batch of candidates of the search is evaluated thus:
 3. The leaders are run in the pool of active scenarios, until the candidate that leads has been run there.
 4. Now and then the leader is run in all hard scenarios. The pool learns from what was run (`ActiveScenarios`).
 5. Stability margins of the candidates that are not hopeless are computed in the active loops (`ActiveLoops`); those of
-   the start, and of a leader that improves on the best so far, in all loops.
+   the start, and of a feasible leader that improves on the best so far, in all loops.
 """
 
 import math
@@ -337,11 +337,17 @@ class Evaluator(Scorer):
         return pool
 
     def _survey_leaders(self, batch: BatchEvaluation) -> None:
-        """Compute the margins in all loops of the leader, while one leads of which they are not known."""
+        """Compute the margins in all loops of a feasible leader that improves on the best, while there is one.
+
+        Of one that is infeasible they are computed now and then.
+        """
+        review = self._batches % self._config.pool_review == 0
         for _ in range(self._config.most_leaders):
             leader = penalised_first(batch.evaluations)[0]
-            improves = self._best is None or penalised_first([self._best, batch.evaluations[leader]])[0] == 1
-            if not improves or leader in batch.surveyed or batch.margins[leader] is None:
+            found = batch.evaluations[leader]
+            improves = self._best is None or penalised_first([self._best, found])[0] == 1
+            waits = leader not in batch.surveyed and batch.margins[leader] is not None
+            if not (waits and improves and (found.feasible or review)):
                 break
             self._survey_all(batch, leader)
 
