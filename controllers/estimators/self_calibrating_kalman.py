@@ -65,7 +65,7 @@ class WheelKnowledge:
 
     error: Annotated[Scalar, Quantity("1", "share by which the wheel reads too much"), Mark.LEARNT] = 0.0
     information: Annotated[Scalar, Quantity("1", "information of the samples on it"), Mark.LEARNT] = 0.0
-    rolled: Annotated[Scalar, Quantity("m", "way that the wheel has rolled lately"), Mark.BOOKKEEPING] = 0.0
+    rolled: Annotated[Scalar, Quantity("m", "way that the wheel has rolled lately")] = 0.0
     left_behind: Annotated[Scalar, Quantity("m", "position of a while ago, smoothed"), Mark.POSITION] = 0.0
 
 

@@ -527,7 +527,12 @@ def _in_turns(
     learnt = sample.learnt
     if not learnt.any():
         return _newton(sample, start, iterations, least_squares=least_squares)
-    found = replace(start, repeats=np.zeros_like(start.repeats))
+    found = start[np.arange(len(start.state))]
+    # first with what is believed before the run, where that has an end: before all moves there is nothing to learn
+    first = _newton(sample, start, iterations, least_squares=least_squares, held=learnt)
+    sound = np.flatnonzero(first.repeats)
+    found[sound] = first[sound]
+    found.repeats = np.zeros_like(start.repeats)
     going, repeating = np.arange(len(start.state)), np.zeros(len(start.state), bool)
     for turn in range(ROUNDS + 1):
         if not len(going):
@@ -620,6 +625,10 @@ def _equations(
     # where it began
     counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
     counted[:, n:] = True
+    # so is what is learnt where nothing but round-off is learnt of it, such as a wheel's scale at rest
+    sizes, learnt = np.maximum(np.abs(values), 1.0), np.append(sample.learnt, [False] * 3)
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved[:, learnt] &= (np.abs(matrix[:, learnt]) * sizes[:, None] > np.finfo(float).eps).any(axis=2)
     unknown = counted & moved
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
     return rest, matrix, counted, unknown

@@ -162,3 +162,20 @@ def test_slopes_of_any_size_are_told_from_round_off_without_overflow() -> None:
     """Their product would overflow; warnings are errors here."""
     slopes = np.array([1e200, 1e-200])
     assert (without_round_off(slopes, slopes * [1.1, -1.0], slopes * [0.9, 1.0]) != 0).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("v", [0.0, 0.5])
+def test_a_filter_that_learns_the_scale_of_the_speed_wheel_leaves_the_loop_as_it_is(v: float) -> None:
+    """The scale of an exact wheel is learnt as zero; at rest nothing is learnt of it."""
+    without = override(SMOOTH, {"controller.estimator": "self-calibrating-kalman"})
+    point = loop_operating_point(override(without, {"controller.drums.wheel": 0.002}), 25.0, v)
+    state = dict(zip(point.loop.states, point.state.tolist(), strict=True))
+    assert state["controller.estimator.wheel.error"] == pytest.approx(0, abs=1e-9)
+    assert state["controller.estimator.wheel.rolled"] == pytest.approx(v * 2.0, abs=1e-9)
+    fast = [
+        np.sort_complex(poles[np.abs(poles) < 0.999])
+        for wheel in (0.0, 0.002)
+        if (poles := linear_closed_loop(override(without, {"controller.drums.wheel": wheel}), 25.0, v).poles()).size
+    ]
+    assert fast[1].size >= fast[0].size
+    assert np.abs(fast[0][:, None] - fast[1][None, :]).min(axis=1).max() < 1e-3
