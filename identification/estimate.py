@@ -139,7 +139,12 @@ class PredictionErrorMethod:
         return float(self.filters.deviances([experiment], noise)[0])
 
     def run(
-        self, start: Floats, progress: Callable[[float], None] = no_progress, noise: NoiseCovariances | None = None
+        self,
+        start: Floats,
+        progress: Callable[[float], None] = no_progress,
+        noise: NoiseCovariances | None = None,
+        *,
+        unless: Callable[[Experiment, NoiseCovariances], bool] | None = None,
     ) -> ParameterEstimate:
         """Search from a start.
 
@@ -147,6 +152,7 @@ class PredictionErrorMethod:
             start: (p,) where the search begins.
             progress: called now and then with the share that is done.
             noise: R and Q where they are known; default: they are estimated.
+            unless: whether a machine and R and Q at the end of the least squares are not worth Newton steps.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -160,6 +166,8 @@ class PredictionErrorMethod:
             raise self._diverged()
         values, noise = self._least_squares_rounds(start, noise, estimated, progress)
         coordinates = self.coordinates()
+        if unless and unless(self.with_values(values), noise):
+            return self._unfinished(values, noise, coordinates)
         at, step, converged = coordinates.of(values), None, False
         for number in range(search.steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
@@ -189,6 +197,13 @@ class PredictionErrorMethod:
             passes=self.passes,
             converged=converged,
         )
+
+    def _unfinished(self, values: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates) -> ParameterEstimate:
+        """What least squares come to, without Newton steps."""
+        information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
+        (deviance,) = self.likelihood.deviances([coordinates.of(values)], noise, coordinates)
+        experiment = self.with_values(values)
+        return ParameterEstimate(values, information, noise, experiment, float(deviance), self.passes, converged=False)
 
     def _diverged(self) -> DivergedFilterError:
         name = self.filters.sections[0].name

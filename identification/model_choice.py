@@ -7,16 +7,17 @@ Strouhal number, delay of the torques, and a sea that no experiment describes.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.diagnostics import UnrecordedForceError, WhitenessTest, whiteness_tests
+from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness_tests
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions
-from dualwinch.identification.predictor import READINGS
+from dualwinch.identification.predictor import READINGS, NoiseCovariances
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
     AMPLITUDE,
@@ -80,18 +81,17 @@ class FittedModel:
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
 
     @property
-    def whiteness(self) -> tuple[WhitenessTest, ...]:
-        """Tests of the innovations of each sensor."""
-        filters, estimate = self.method.filters, self.estimate
-        innovations = filters.whitened_innovations(estimate.experiment, estimate.noise)
-        torques = [section.torques for section in filters.sections]
-        return whiteness_tests(innovations, torques, self.method.options.diagnostics)
-
-    @property
     def white(self) -> bool:
-        """Whether innovations are white, but for those of encoders, which count in steps, beside other sensors."""
-        tests = self.whiteness
-        return all(test.white for test in tests if test.name not in ANGLES) if tests else True
+        """Whether innovations are white (`are_white`)."""
+        return are_white(self.method, self.estimate.experiment, self.estimate.noise)
+
+
+def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances) -> bool:
+    """Whether innovations are white, but for those of encoders, which count in steps, beside other sensors."""
+    innovations = method.filters.whitened_innovations(experiment, noise)
+    torques = [section.torques for section in method.filters.sections]
+    tests = whiteness_tests(innovations, torques, method.options.diagnostics)
+    return all(test.white for test in tests if test.name not in ANGLES)
 
 
 @dataclass(frozen=True)
@@ -153,8 +153,9 @@ class ModelChoice:
     ) -> FittedModel:
         """The model chosen; as `of`, with the result of `with_likeliest_torques`."""
         search, plain, notes, refusal = self.options.search, None, (), None
+        roughly = partial(self._fitted, coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
         try:
-            plain = self._fitted(coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
+            plain = roughly(unless_coloured=bool(search.nuisance_share))
             notes = check(plain.estimate)
         except ConfigurationError as error:
             refusal = error
@@ -167,13 +168,13 @@ class ModelChoice:
             if refusal and not isinstance(refusal, UnrecordedForceError):
                 raise refusal
             if notes:
-                return plain
+                return roughly()
         rubbing = with_drum_friction(delayed, search)
         candidates = list(dict.fromkeys((rubbing, with_sea(rubbing, search) if sea else rubbing)))
         found = self._likeliest(candidates, [plain] if plain and not refusal else []) or plain
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
-        return found
+        return roughly() if found is plain else found
 
     def with_likeliest_torques(self, experiment: Experiment) -> "tuple[ModelChoice, Experiment | None]":
         """The choice and the experiment by which torques between rows, and their delay, are likeliest at the start.
@@ -282,15 +283,24 @@ class ModelChoice:
         unknowns: Sequence[UnknownParameter],
         phase: str,
         shares: tuple[float, float],
+        *,
+        unless_coloured: bool = False,
     ) -> FittedModel:
+        """The estimate by a model; one that leaves coloured innovations may be but a rough one."""
         sections = sections_of(self.logs, experiment, self.options.resampling)
         method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
         self.progress(shares[0], phase)
         starts = self.starts(method)
         ends, found, refusal = np.linspace(*shares, len(starts) + 1).tolist(), list[ParameterEstimate](), None
+
+        def coloured(there: Experiment, noise: NoiseCovariances) -> bool:
+            return not are_white(method, there, noise)
+
+        unless = coloured if unless_coloured else None
         for number, start in enumerate(starts):
             try:
-                found.append(method.run(start, part(self.progress, ends[number], ends[number + 1])))
+                progress = part(self.progress, ends[number], ends[number + 1])
+                found.append(method.run(start, progress, unless=unless))
             except DivergedFilterError as error:
                 refusal = error
         if not found:
