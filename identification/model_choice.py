@@ -5,7 +5,7 @@ Strouhal number, delay of the torques, and a sea that no experiment describes.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -17,7 +17,7 @@ from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions
-from dualwinch.identification.predictor import READINGS, NoiseCovariances
+from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
     AMPLITUDE,
@@ -71,7 +71,24 @@ class FittedModel:
             )
         if names := [name for name, added in sea.items() if added]:
             found.append(f"estimated with {', '.join(names)}, which the experiment does not describe (--case 4)")
-        return tuple(found)
+        return (*found, *self._sea_of_another_size(described))
+
+    def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
+        """A line for each described disturbance that these logs show to be of clearly another size."""
+        options, vehicle = self.method.options.noise, described.plant.vehicle
+        usual, far = described_disturbances(described, options), math.sqrt(options.described_factor)
+        names = {
+            "current": ("current", 1.0, " m/s"),
+            "normal_force_variation": ("normal_force", vehicle.normal_force, ""),
+        }
+        process = self.estimate.noise.process_of(self.estimate.experiment.plant.vehicle)
+        for key, (name, by, unit) in names.items():
+            own, given = process[key], usual[key]
+            if given.deviation and not 1 / far < own.deviation / given.deviation < far:
+                yield (
+                    f"disturbance.{name}_sigma = {given.deviation / by:.3g}, {name}_time = {given.time:.3g}: "
+                    f"these logs show {own.deviation / by:.2g}{unit} and {own.time:.2g} s"
+                )
 
     def along(self, count: int) -> dict[str, tuple[float, float]]:
         """Value and standard deviation of the unknowns behind the first so many."""

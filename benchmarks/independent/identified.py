@@ -33,7 +33,7 @@ from dualwinch.simulation.settings import override
 DURATION = 50.0
 """Of each log in s."""
 
-SEA = {"disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1}
+SEA = {"disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1, "disturbance.vortex_amplitude": 0.2}
 
 
 def gains_of(seed: int) -> dict[str, float]:
@@ -47,12 +47,12 @@ def gains_of(seed: int) -> dict[str, float]:
     return gains | {"controller_coordination_preload": float(draw.uniform(900.0, 1500.0))}
 
 
-def one_log(seed: int, judge: Judge, every: int) -> dict[str, Any]:
+def one_log(seed: int, judge: Judge, every: int, sea: float) -> dict[str, Any]:
     """What comes of a seed's log: of each parameter the error of the estimate in standard deviations."""
     conditions = Conditions(imperfect=0.0, delay=seed % 4, outage_length=0.0)
     drawn, rows = judge.log(conditions, seed, gains_of(seed), every)
     described = seed % 2 == 1
-    believed = override(case(4), SEA) if described else Experiment()
+    believed = override(case(4), {key: sea * size for key, size in SEA.items()}) if described else Experiment()
     record: dict[str, Any] = {"scenario": seed, "delay": conditions.delay, "described": described, "every": every}
     try:
         log = log_of_columns(dict(zip(LOGGED, rows.T, strict=True)))
@@ -74,6 +74,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=200, metavar="N", help="logs, those there are counted (200)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="samples between rows (1)")
+    parser.add_argument("--sea", type=float, default=1.0, metavar="FACTOR", help="described sea, over the real one (1)")
     parser.add_argument("--file", type=Path, default=Path("logs.jsonl"), help="of the logs (logs.jsonl)")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="logs side by side (2)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
@@ -83,7 +84,7 @@ def main() -> int:
     seeds = [seed for seed in range(1, chosen.logs + 1) if seed not in there]
     with TemporaryDirectory() as folder, Pool(chosen.processes) as pool:
         judge = Judge(Experiment(controller=paper_controller()), Path(folder))
-        for record in pool.imap_unordered(partial(one_log, judge=judge, every=chosen.every), seeds):
+        for record in pool.imap_unordered(partial(one_log, judge=judge, every=chosen.every, sea=chosen.sea), seeds):
             records.append(record)
             with chosen.file.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(record) + "\n")

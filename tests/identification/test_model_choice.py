@@ -16,7 +16,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
-from tests.identification.conftest import logged, machine
+from tests.identification.conftest import SEA, logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus")
 
@@ -49,6 +49,21 @@ def test_parameters_are_right_although_much_else_is_off(described: dict[str, obj
     assert found.experiment.simulation.delay_samples == 1, "as described"
     assert found.experiment.disturbance.vortex == (not described)
     assert any("vortices, which the experiment does not describe" in note for note in found.notes) == bool(described)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+def test_parameters_are_right_although_the_described_sea_is_of_another_size(factor: float) -> None:
+    right = override(machine(simulation__duration=40.0), {"plant.winch_1.coulomb_friction": 96.0})
+    keys = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.vehicle.friction_coefficient")
+    other = {key: factor * size for key, size in {**SEA, "disturbance.vortex_amplitude": 0.2}.items()}
+    found = identify([logged(right)], keys, override(machine(simulation__duration=40.0), other))
+    values = leaves(right)
+    off = (found.values - [values[key] for key in keys]) / found.deviations
+    assert np.abs(off).max() < 3
+    assert (found.deviations < np.array([0.015, 0.08, 0.25]) * found.values).all()
+    assert found.along["disturbance.vortex_amplitude"][0] == pytest.approx(0.2, rel=0.15)
+    assert any(f"disturbance.normal_force_sigma = {0.1 * factor:.3g}, " in note for note in found.notes)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
