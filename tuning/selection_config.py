@@ -34,6 +34,11 @@ class SampleSizes:
         return screening + 2 * (self.draws + self.vertices + self.chance) + 3 * self.test
 
     @property
+    def surveys(self) -> int:
+        """Estimated number of times that stability margins of a controller are computed on all machines of a set."""
+        return self.candidates + (self.candidates > 0) + 3
+
+    @property
     def after_validation(self) -> "SampleSizes":
         """The part that comes after the validation set: chance constraint and test."""
         return replace(self, candidates=0, screening_rollouts=0, draws=0, vertices=0)
@@ -138,21 +143,35 @@ class SelectionConfig:
         """Time in s in which a study ends whose search may take so many seconds, compiling apart."""
         return (1 + self.time_share) * search + self.time_more
 
-    def time_of_search(self, search: float, left: float) -> float:
-        """Time in s that the search has, where so many seconds are left after preparing; some of it in any case."""
-        return max(min(search, left - self.judging_share * search - self.judging_more), self.judging_share * search)
+    def time_of_search(self, search: float, left: float, margin_pace: float = 0.0) -> float:
+        """Time in s that the search has, where so many seconds are left after preparing; some of it in any case.
 
-    def affordable(self, sizes: SampleSizes, seconds: float, pace: float) -> SampleSizes:
-        """The largest share of some sizes whose rollouts end in time.
+        Args:
+            search: time in s that was asked for.
+            left: time in s for search, validation and test.
+            margin_pace: time in s that the stability margins of a controller on a machine take.
+        """
+        margins = self._time_of(self.least_sizes, 0.0, margin_pace)
+        judging = max(self.judging_share * search + self.judging_more, margins)
+        return max(min(search, left - judging), self.judging_share * search)
+
+    def _time_of(self, sizes: SampleSizes, pace: float, margin_pace: float) -> float:
+        """Time in s that validation and test in some sizes take, with caution; arguments as of `affordable`."""
+        machines = 1 + self.margin_machines_validated
+        return (1 + self.time_caution) * (pace * sizes.rollouts + margin_pace * machines * sizes.surveys)
+
+    def affordable(self, sizes: SampleSizes, seconds: float, pace: float, margin_pace: float = 0.0) -> SampleSizes:
+        """The largest share of some sizes whose rollouts and stability margins end in time.
 
         Args:
             sizes: at most.
             seconds: time in s.
             pace: time in s that a rollout took so far.
+            margin_pace: time in s that the stability margins of a controller on a machine took so far.
         """
         for step in range(self.size_steps, -1, -1):
             scaled = sizes.scaled(step / self.size_steps, self.least_sizes)
-            if (1 + self.time_caution) * pace * scaled.rollouts <= seconds:
+            if self._time_of(scaled, pace, margin_pace) <= seconds:
                 return scaled
         return sizes.scaled(0.0, self.least_sizes)
 

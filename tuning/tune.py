@@ -86,7 +86,7 @@ def tune(
     until = None
     if seconds is not None:
         evaluator.until = allowed + config.time_of_all(seconds) - afterwards
-        until = searched + config.time_of_search(seconds, evaluator.until - clock.without_compiling())
+        until = searched + evaluator.time_of_search(seconds)
     store.set_budget(SearchBudget(trials, until, rollouts))
     progress, interrupted = SearchStatus(), False
     try:

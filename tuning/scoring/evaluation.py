@@ -96,6 +96,7 @@ class Scorer:
         rollouts: number of rollouts so far.
         seconds: their wall time in s.
         margin_seconds: wall time in s of stability margins.
+        surveyed: number of machines on which margins of a controller were computed so far, in all loops.
         until: when validation and test are to end, by `clock.without_compiling`; ``None``: they take what they take.
     """
 
@@ -109,21 +110,27 @@ class Scorer:
             workers: of this machine, or an executor; default: one thread a core.
         """
         self.training = training
-        self.rollouts, self.seconds, self.margin_seconds = 0, 0.0, 0.0
+        self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0.0
         self._workers, self._units = workers, training.problem.units
         self._kinds = [statistic.margin for statistic in training.problem.margins]
         self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
 
     @property
     def pace(self) -> float:
-        """Wall time in s that a rollout took in the mean, margins included; 0 before the first."""
-        return (self.seconds + self.margin_seconds) / self.rollouts if self.rollouts else 0.0
+        """Wall time in s that a rollout took in the mean; 0 before the first."""
+        return self.seconds / self.rollouts if self.rollouts else 0.0
+
+    @property
+    def margin_pace(self) -> float:
+        """Wall time in s that the margins of a controller on a machine took in the mean; 0 before the first."""
+        return self.margin_seconds / self.surveyed if self.surveyed else 0.0
 
     def affordable(self, sizes: SampleSizes) -> SampleSizes:
         """As much of some sizes as there is time for."""
         if self.until is None:
             return sizes
-        return self.training.problem.selection.affordable(sizes, self.until - clock.without_compiling(), self.pace)
+        left, paces = self.until - clock.without_compiling(), (self.pace, self.margin_pace)
+        return self.training.problem.selection.affordable(sizes, left, *paces)
 
     def affords(self, sizes: SampleSizes) -> bool:
         """Whether there is time for all of some sizes."""
@@ -199,8 +206,13 @@ class Scorer:
             values = [problem.space.parameters(point) if point else () for point in points]
             for row, worst in zip(rows, machines.worst(values, self._kinds, loops), strict=True):
                 found[row] = worst
-            self.margin_seconds += clock.now() - began
+            share = 1.0 if loops is None else len(loops) / len(machines.loops)
+            self._count_margins(began, len(rows) * share * len(machines.machines))
         return found
+
+    def _count_margins(self, began: float, machines: float) -> None:
+        self.margin_seconds += clock.now() - began
+        self.surveyed += machines
 
     def run(
         self,
@@ -267,9 +279,9 @@ class Scorer:
             violated=int((worst_of(row_of(result, row), bounds) > 0).sum()),
             units=self._units,
         )
-        return evaluation if margins is None else self._with_margins(evaluation, margins, bounds, training=training)
+        return evaluation if margins is None else self.with_margins(evaluation, margins, bounds, training=training)
 
-    def _with_margins(
+    def with_margins(
         self, evaluation: Evaluation, margins: Margins, bounds: Sequence[Constraint], *, training: bool
     ) -> Evaluation:
         """An evaluation with stability margins, and what they violate."""
@@ -326,6 +338,13 @@ class Evaluator(Scorer):
         self._best = candidates_of[penalised_first(candidates_of)[0]]
         return batch.evaluations
 
+    def time_of_search(self, search: float) -> float:
+        """Time in s that the search has, given how long margins take (`SelectionConfig.time_of_search`)."""
+        if self.until is None:
+            return search
+        pace = self.margin_pace if self._loops else 0.0  # those of the start are known then
+        return self._config.time_of_search(search, self.until - clock.without_compiling(), pace)
+
     @cached_property
     def _loops(self) -> ActiveLoops | None:
         """Pool of active loops, which knows the start's; ``None`` where no margin of a loop is bounded."""
@@ -333,7 +352,9 @@ class Evaluator(Scorer):
         if surveyed is None or not kinds:
             return None
         pool, problem = ActiveLoops(surveyed, kinds, self._config), self.training.problem
+        began = clock.now()
         pool.learn(surveyed.of_loops([problem.space.parameters(problem.start)], kinds)[0])
+        self._count_margins(began, len(surveyed.machines))
         return pool
 
     def _survey_leaders(self, batch: BatchEvaluation) -> None:
@@ -363,10 +384,9 @@ class Evaluator(Scorer):
         batch.margins[row] = worst = known | {
             kind: min((of_loop[kind] for of_loop in found), key=VALUE) for kind in found[0]
         }
-        self.margin_seconds += clock.now() - began
-        batch.evaluations[row] = self._with_margins(
-            batch.evaluations[row], worst, self.training.constraints, training=True
-        )
+        self._count_margins(began, len(surveyed.machines))
+        bounds = self.training.constraints
+        batch.evaluations[row] = self.with_margins(batch.evaluations[row], worst, bounds, training=True)
 
     def _in_active(
         self,
@@ -442,7 +462,7 @@ class Evaluator(Scorer):
         bounds = self.training.constraints
         for row, evaluation in evaluations.items():
             if worst := margins[row]:
-                evaluations[row] = self._with_margins(evaluation, worst, bounds, training=True)
+                evaluations[row] = self.with_margins(evaluation, worst, bounds, training=True)
         together = [evaluations.get(row) or found[row] for row in range(len(candidates))]
         batch = BatchEvaluation(candidates, together, whole, margins, set())
         for row in exempt:

@@ -40,7 +40,7 @@ class Screened:
     """The result of a candidate in the validation set.
 
     Attributes:
-        result: in all scenarios; ``None`` where a bound is violated in the first.
+        result: in all scenarios; ``None`` where a bound is violated in the first, or others are enough.
         missing: label of a constraint in training → the largest violation of a run, as a share of the bound; infinite
             where one was not completed, -infinite where it bounds no worst case.
     """
@@ -78,7 +78,7 @@ class ValidationSet:
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def screen(self, candidates: Sequence[Candidate]) -> list[Screened]:
-        """The results of candidates; stability margins are computed where all else is satisfied."""
+        """The results of candidates; stability margins are computed where all else is satisfied, the best first."""
         if not candidates:
             return []
         order = np.argsort(-self._failures, kind="stable")
@@ -93,15 +93,31 @@ class ValidationSet:
             late, further = self._run(going_on, rest)
             for row, more in zip(kept, further, strict=True):
                 found[row] = Screened(None, {label: max(value, more[label]) for label, value in missing[row].items()})
-        feasible, scenarios = [found[row].excess <= 0 for row in kept], self._chosen(order)
-        margins = self._scorer.margins(going_on, self.machines, feasible)
+        scenarios = self._chosen(order)
         for number, row in enumerate(kept):
             whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
-            result = self._scorer.evaluation(
-                candidates[row], whole, scenarios, margins=margins[number], constraints=self.constraints
-            )
+            result = self._scorer.evaluation(candidates[row], whole, scenarios, constraints=self.constraints)
             found[row] = replace(found[row], result=result)
-        return found
+        return found if self.machines is None else self._with_margins(found)
+
+    def _with_margins(self, found: Sequence[Screened]) -> list[Screened]:
+        """The results with stability margins, as far as all else is satisfied.
+
+        With one objective they are computed by objective, until there are as many feasible candidates as the chance
+        constraint looks at; the others have no result.
+        """
+        known, count = list(found), 0
+        satisfied = [(row, each.result) for row, each in enumerate(found) if each.excess <= 0 and each.result]
+        satisfied.sort(key=lambda pair: pair[1].costs[0])
+        for row, result in satisfied:
+            if len(result.costs) == 1 and count >= self._scorer.training.problem.selection.confirmed:
+                known[row] = replace(known[row], result=None)
+                continue
+            (margins,) = self._scorer.margins([result.candidate], self.machines)
+            whole = self._scorer.with_margins(result, margins or {}, self.constraints, training=False)
+            count += whole.feasible
+            known[row] = replace(known[row], result=whole)
+        return known
 
     def _chosen(self, indices: NDArray[np.intp]) -> list[Scenario]:
         return [self.scenarios[index] for index in indices]
