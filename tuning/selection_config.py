@@ -62,6 +62,8 @@ class SelectionConfig:
         share_vertices: of the further hard scenarios.
         margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
             (those on which the start's are least), and in validation and test.
+        margin_machines_screened: drawn machines among which the former are chosen, those on which the start's are least
+            where the nominal machine's are.
         margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
             speed sensor's noise.
         loop_range: margin over the least of its machine and amplitude up to which it says how nearly active a loop is.
@@ -102,6 +104,7 @@ class SelectionConfig:
     share_vertices: float = 1 / 6
     margin_machines: int = 2
     margin_machines_validated: int = 8
+    margin_machines_screened: int = 8
     margin_amplitudes: tuple[float, ...] = (0.01, 0.1)
     loop_range: float = 3.0
     back_off: float = 0.005

@@ -138,7 +138,7 @@ class MarginSurvey:
                 for amplitude in range(len(self._amplitudes))
             ]
         )
-        self._near: list[Floats] = []
+        self._near: dict[tuple[int, int], Floats] = {}
 
     def worst(
         self, values: ArrayLike, kinds: Collection[str] = KINDS, loops: Indices | None = None
@@ -164,13 +164,17 @@ class MarginSurvey:
                 of_row[RESONANCE] = min(resonances, key=VALUE)
         return found
 
-    def each(self, values: ArrayLike, kinds: Collection[str] = KINDS) -> list[list[dict[str, WorstMargin]]]:
-        """`worst` machine by machine: kind → its least for each of the machines, for each of the n."""
-        found = self._least(values, kinds, np.arange(len(self.loops)), self.loops[:, 0])
+    def each(
+        self, values: ArrayLike, kinds: Collection[str] = KINDS, loops: Indices | None = None
+    ) -> list[list[dict[str, WorstMargin]]]:
+        """`worst` machine by machine, those that have some of the loops: kind → its least, for each of the n."""
+        chosen = np.arange(len(self.loops)) if loops is None else loops
+        machines, family = np.unique(self.loops[chosen, 0], return_inverse=True)
+        found = self._least(values, kinds, chosen, family)
         if RESONANCE in kinds:
             for of_row, resonances in zip(found, self._resonances(values), strict=True):
-                for of_machine, resonance in zip(of_row, resonances, strict=True):
-                    of_machine[RESONANCE] = resonance
+                for of_machine, machine in zip(of_row, machines, strict=True):
+                    of_machine[RESONANCE] = resonances[machine]
         return found
 
     def of_loops(
@@ -199,10 +203,10 @@ class MarginSurvey:
         found = [[dict[str, WorstMargin]() for _ in range(int(family.max()) + 1)] for _ in given]
         if not of_loops:
             return found
-        self._look_near()
         asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), family.tolist(), strict=True):
             asked.setdefault((machine, point), []).append((amplitude, number))
+        self._look_near(asked)
         places = [(row, *place) for row in range(len(given)) for place in asked]
         work = partial(self._of_places, given, asked=asked, kinds=of_loops, roughly=roughly)
         parts = _in_chunks(work, places, self._threads)
@@ -242,20 +246,23 @@ class MarginSurvey:
         changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
         return changed
 
-    def _look_near(self) -> None:
-        """Find the operating points with the machines' own gains, near which those with others are looked for."""
-        if not self._near:
-            first, *others = range(len(self.machines))
-            near = self._own_states([first])  # compiles, once, what threads call then
-            self._near = near + _in_chunks(self._own_states, others, self._threads)
+    def _look_near(self, places: Collection[tuple[int, int]]) -> None:
+        """Find the operating points with the machines' own gains, near which those with others are looked for.
 
-    def _own_states(self, machines: Sequence[int]) -> list[Floats]:
-        """The states of machines with their own gains at all their points."""
-        counts = [len(self._points[machine]) for machine in machines]
-        x, v = np.concatenate([self._points[machine] for machine in machines]).T
-        parameters = np.repeat(self._parameters[list(machines)], counts, axis=0)
+        Args:
+            places: machine and point.
+        """
+        waiting = [place for place in places if place not in self._near]
+        compiling = waiting[: 0 if self._near else 1]  # once, what threads call then
+        for chosen in (compiling, waiting[len(compiling) :]):
+            self._near |= zip(chosen, _in_chunks(self._own_states, chosen, self._threads), strict=True)
+
+    def _own_states(self, places: Sequence[tuple[int, int]]) -> list[Floats]:
+        """The states of machines with their own gains at some points; NaN without a steady motion."""
+        x, v = np.array([self._points[machine][point] for machine, point in places]).T
+        parameters = self._parameters[[machine for machine, _ in places]]
         found = loop_operating_points(self._structure, parameters, x, v)
-        return np.split(np.where(found.steady[:, None], found.state, np.nan), np.cumsum(counts)[:-1])
+        return list(np.where(found.steady[:, None], found.state, np.nan))
 
     def _of_places(
         self,
@@ -283,7 +290,7 @@ class MarginSurvey:
         rows, machines, _ = np.array(places).T
         parameters = self._with(values[rows], machines)
         x, v = np.array([self._points[machine][point] for _, machine, point in places]).T
-        near = np.array([self._near[machine][point] for _, machine, point in places])
+        near = np.array([self._near[machine, point] for _, machine, point in places])
         loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
         place, amplitude, number = np.array(loops).T
         family, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)

@@ -193,22 +193,42 @@ def hardest_machines(
 ) -> list[int]:
     """Indices of the scenarios on whose machines the start has the least margins, of any kind that is bounded.
 
-    At the largest amplitude: which machines they are hardly depends on it.
+    At the largest amplitude: which machines they are hardly depends on it. All are looked at at the points where the
+    nominal machine has the least of each kind, and those that have the least margins there at all points.
     """
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
         return []
-    machines, amplitudes = [scenarios[index] for index in drawn], problem.margin_amplitudes[-1:]
+    machines, amplitudes = [problem.experiment, *(scenarios[index] for index in drawn)], problem.margin_amplitudes[-1:]
     surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes)
-    kinds = [statistic.margin for statistic in problem.margins]
-    (found,) = surveyed.each([problem.space.parameters(problem.start)], kinds)
+    kinds, start = [statistic.margin for statistic in problem.margins], [problem.space.parameters(problem.start)]
+    (nominal,) = surveyed.of_loops(start, kinds, np.flatnonzero(surveyed.loops[:, 0] == 0))
+    hardest = {min(range(len(nominal)), key=lambda point: nominal[point][kind].value) for kind in nominal[0]} or {0}
+    counts = np.bincount(surveyed.loops[:, 0])[surveyed.loops[:, 0]]
+    looked_at = (counts != len(nominal)) | np.isin(surveyed.loops[:, 1], list(hardest))
+    chosen = _least_first(surveyed, kinds, start, np.flatnonzero(looked_at & (surveyed.loops[:, 0] > 0)))
+    some = np.isin(surveyed.loops[:, 0], chosen[: problem.selection.margin_machines_screened])
+    chosen = _least_first(surveyed, kinds, start, np.flatnonzero(some))
+    return [drawn[machine - 1] for machine in chosen[: problem.selection.margin_machines]]
+
+
+def _least_first(
+    surveyed: MarginSurvey, kinds: Sequence[str], values: Sequence[Sequence[float]], loops: NDArray[np.intp]
+) -> list[int]:
+    """The machines of some loops, those with the least margins of any kind first, each over the least of all.
+
+    Vertices may differ in what no margin depends on: one of such twins is enough.
+    """
+    numbers = np.unique(surveyed.loops[loops, 0]).tolist()
+    (found,) = surveyed.each(values, kinds, loops)
     least = {kind: min(of[kind].value for of in found) for kind in kinds}
-    nearness = [min(of[kind].value / (least[kind] or 1.0) for kind in kinds) for of in found]
-    order = sorted(range(len(drawn)), key=lambda index: nearness[index])
+    order = sorted(
+        range(len(found)), key=lambda at: min(found[at][kind].value / (least[kind] or 1.0) for kind in kinds)
+    )
     chosen: dict[tuple[str, ...], int] = {}
-    for index in order:  # vertices may differ in what no margin depends on: one of such twins is enough
-        chosen.setdefault(tuple(f"{found[index][kind].value:.9g}" for kind in kinds), drawn[index])
-    return list(chosen.values())[: problem.selection.margin_machines]
+    for at in order:
+        chosen.setdefault(tuple(f"{found[at][kind].value:.9g}" for kind in kinds), numbers[at])
+    return list(chosen.values())
 
 
 @dataclass(frozen=True)
