@@ -45,8 +45,8 @@ def follow_tensions(
         context.nominal.sides, loops, commands, measured, rope_lengths(setpoint.x, track), gains, strict=True
     ):
         turns = side.direction / side.winch.drum_radius
-        alpha_d, damping_torque = turns * setpoint.a, pid.damping_at(length, track) * (omega - turns * setpoint.v)
-        found.append(winch_step(loop, command, tension, alpha_d, damping_torque, side.winch, pid, context))
+        alpha_d, slip = turns * setpoint.a, omega - turns * setpoint.v
+        found.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, pid.on(length, track), context))
     (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = found
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))
 

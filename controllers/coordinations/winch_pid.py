@@ -6,12 +6,13 @@ damper between the drum and the reference speed: a rope that ends in its own wav
 wave, which for a motor torque per drum speed is sqrt(E A mu) R²/G.
 
 - Near its winch a rope is so stiff that a heavy drum swings at 80 Hz and more, where the lag of drives and a sample
-  turns damping into excitation: there it fades with the rope's length (``damping_fade``).
+  turns damping, and the proportional answer to the tension, into excitation: there both fade with the rope's length
+  (``fade``).
 - The torque limits that follow from those of the tension bind what follows the tension command. Damping may take the
   torque below, down to none: a drum that could be braked one way only would swing until its rope is slack.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from dualwinch.controllers.parts import Context
@@ -42,13 +43,17 @@ class WinchGains:
         Tunable(1, 500, standard=False, of=LEVER + "*plant.{table}.drum_radius"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
-    damping_fade: Annotated[
-        Positive, Quantity("1", "rope over the track's length below which damping is less, in proportion", "A15")
-    ] = 0.1
+    fade: Annotated[
+        Positive,
+        Quantity("1", "rope over the track's length below which a damped winch has less kp and damping", "A15"),
+    ] = 0.05
 
-    def damping_at(self, length: Scalar, track: Track) -> Scalar:
-        """Damping in N m s/rad of the drum of a rope of this length in m."""
-        return self.damping * minimum(length / (self.damping_fade * track.length), 1.0)
+    def on(self, length: Scalar, track: Track) -> "WinchGains":
+        """The gains on a rope of this length in m."""
+        if not present(self.damping):
+            return self
+        share = minimum(length / (self.fade * track.length), 1.0)
+        return replace(self, kp=share * self.kp, damping=share * self.damping)
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ def winch_step(
     command: Scalar,
     tension: Scalar,
     alpha_d: Scalar,
-    damping_torque: Scalar,
+    slip: Scalar,
     winch: Winch,
     gains: WinchGains,
     context: Context,
@@ -80,7 +85,7 @@ def winch_step(
         command: tension command in N.
         tension: measured tension in N.
         alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
-        damping_torque: motor torque in N m that damps the drum.
+        slip: drum speed in rad/s beyond that of the reference.
         winch: nominal winch.
         gains: PID gains.
         context: sample time and limits.
@@ -95,6 +100,6 @@ def winch_step(
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
     if present(gains.damping):
-        torque = clip(torque - damping_torque, 0.0, to_torque * limits.tension_max)
+        torque = clip(torque - gains.damping * slip, 0.0, to_torque * limits.tension_max)
     kept = state.integral + sample_time * where(saturated, 0.0, error)
     return WinchState(kept, error, 1.0), torque, saturated

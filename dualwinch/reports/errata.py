@@ -300,7 +300,7 @@ NOTES = (
         "damping of the drums",
         "The winch controllers (3.3) act on the tension alone; a heavy drum on its rope is then hardly damped.",
         "So by default; damping makes the motor oppose what the drum turns faster or slower than the reference, "
-        "down to no torque, and less on a rope shorter than a tenth of the track.",
+        "down to no torque, and less, like kp, on a rope shorter than a twentieth of the track.",
         keys=("controller.winch_1.damping",),
         modules=("controllers/coordinations/winch_pid.py",),
         effect="On drums of 220 kg m² the paper's gains are lost on 12 of 12 machines; on the heavy winches of `site` "

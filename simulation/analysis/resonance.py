@@ -143,15 +143,14 @@ def _terms(structure: Experiment) -> ca.Function:
     found = []
     for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True):
         winch, rope = side.winch, side.rope
-        loop = getattr(coordination, f"winch_{side.number}", no_loop)
+        loop = getattr(coordination, f"winch_{side.number}", no_loop).on(length, plant.track)
         to_force = winch.gear_ratio / winch.drum_radius
         wound = rope_on_drum(rope, length, plant.track) - end_mass(rope, length)
         mass = total_inertia(winch) / winch.drum_radius**2 + wound + 4 / math.pi**2 * rope.mass_per_length * length
         spring, own_damping = rope.tangent(controller.limits.preload / 2, length)
         omega = sqrt(spring / mass)
         feedback = believed * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
-        at_drum = loop.damping_at(length, plant.track) * to_force / winch.drum_radius
-        damping = own_damping * (1 + loop.kp * to_force) + at_drum
+        damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
         found += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
     return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*found))])
 

@@ -20,10 +20,10 @@ def step(
     tension: float,
     alpha_d: float = 0.0,
     gains: WinchGains | None = None,
-    damping_torque: float = 0.0,
+    slip: float = 0.0,
 ) -> tuple[WinchState, float, float]:
     context = Context(Plant(), Limits(), 1e-3)
-    return winch_step(state, command, tension, alpha_d, damping_torque, Winch(), gains or WinchGains(), context)
+    return winch_step(state, command, tension, alpha_d, slip, Winch(), gains or WinchGains(), context)
 
 
 @given(tensions, tensions, st.floats(-1e6, 1e6), st.floats(-1, 1))
@@ -67,25 +67,30 @@ def test_derivative_is_zero_at_the_first_sample_only() -> None:
 def test_damping_acts_against_the_drum_below_the_lower_limit_of_what_follows_the_tension() -> None:
     gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
     _, still, _ = step(WinchState(), 3000.0, 3000.0, gains=gains)
-    _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, damping_torque=10.0)
+    _, torque, _ = step(WinchState(), 3000.0, 3000.0, gains=gains, slip=0.1)
     assert torque - still == pytest.approx(-10.0)
     least = 0.8 / 36 * 200
     for opposing, expected in ((3.0, least - 3.0), (-3.0, least + 3.0), (50.0, 0.0)):
-        after, torque, saturated = step(WinchState(), 200.0, 200.0, gains=gains, damping_torque=opposing)
+        after, torque, saturated = step(WinchState(), 200.0, 200.0, gains=gains, slip=opposing / 100)
         assert torque == pytest.approx(expected)
         assert (after.integral, saturated) == (0.0, False)
-    _, torque, _ = step(WinchState(), 6000.0, 6000.0, gains=gains, damping_torque=-3.0)
+    _, torque, _ = step(WinchState(), 6000.0, 6000.0, gains=gains, slip=-0.03)
     assert torque == pytest.approx(0.8 / 36 * 6000)
 
 
-def test_damping_fades_on_a_short_rope() -> None:
-    gains, track = WinchGains(damping=100.0, damping_fade=0.1), Track(length=50.0)
-    assert [gains.damping_at(length, track) for length in (0.5, 2.5, 5.0, 50.5)] == pytest.approx([10, 50, 100, 100])
+def test_proportional_gain_and_damping_fade_on_a_short_rope_where_there_is_damping() -> None:
+    gains, track = WinchGains(kp=2.0, damping=100.0, fade=0.1), Track(length=50.0)
+    found = [gains.on(length, track) for length in (0.5, 2.5, 5.0, 50.5)]
+    assert [each.damping for each in found] == pytest.approx([10, 50, 100, 100])
+    assert [each.kp for each in found] == pytest.approx([0.2, 1, 2, 2])
+    assert all(each.ki == gains.ki for each in found)
+    paper = WinchGains()
+    assert paper.on(0.5, track) == paper
 
 
 def test_winches_are_damped_by_the_lengths_of_their_own_ropes_at_the_reference() -> None:
     """Rope 2 is short at the beginning of the track, rope 1 at its end."""
-    gains = WinchGains(kp=0.0, ki=0.0, damping=100.0)
+    gains = WinchGains(kp=0.0, ki=0.0, damping=100.0, fade=0.1)
     for x, shares in ((0.0, (1.0, 0.1)), (25.0, (1.0, 1.0)), (50.0, (0.1, 1.0))):
         torques = []
         for speed in (0.0, 0.01):
