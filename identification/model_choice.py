@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness_tests
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
-from dualwinch.identification.options import EstimationOptions
+from dualwinch.identification.options import EstimationOptions, SearchOptions
 from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
@@ -96,6 +96,17 @@ class FittedModel:
         deviations = np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
         pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
+
+    def contradicts(self, key: str, most: float) -> bool:
+        """Whether the logs contradict the prior of an unknown: it is further off than `most` expected deviations."""
+        index = next((number for number, each in enumerate(self.method.unknowns) if each.key == key), None)
+        unknown = None if index is None else self.method.unknowns[index]
+        if index is None or unknown is None or not unknown.prior:
+            return False
+        left = covariance_of(self.estimate.information, self.method.unknowns)[index, index]
+        off, value = self.estimate.values[index] - unknown.prior.mean, self.estimate.values[index]
+        expected = math.sqrt(max(unknown.prior.deviation**2 - left, 0.0))
+        return not unknown.lower < value < unknown.upper or abs(off) > most * expected
 
     @property
     def white(self) -> bool:
@@ -260,9 +271,22 @@ class ModelChoice:
             return experiment
         return replace(experiment, simulation=replace(recorded, delay_samples=delay))
 
-    def _with_nuisances(self, experiment: Experiment) -> tuple[UnknownParameter, ...]:
-        keys = [unknown.key for unknown in self.unknowns]
-        return *self.unknowns, *nuisance_parameters(keys, experiment, self.options.search)
+    def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
+        """The estimate with parameters estimated along; the amplitude of vortices is near the described one if it can be."""
+        search, keys = self.options.search, [unknown.key for unknown in self.unknowns]
+        wide = replace(search, amplitude_share=search.wide_amplitude_share)
+
+        def fitted(search: SearchOptions) -> FittedModel:
+            unknowns = *self.unknowns, *nuisance_parameters(keys, experiment, search)
+            return self._fitted(experiment, unknowns, phase, shares)
+
+        described, far = experiment.disturbance.vortex_amplitude, search.other_amplitude
+        reach = search.strouhal_reach * search.strouhal_share * experiment.disturbance.strouhal
+        shown = vortex_starts(self.logs, experiment, reach, self.options) if experiment.disturbance.vortex else []
+        if shown and not described / far < shown[0][1] < described * far:
+            return fitted(wide)
+        model = fitted(search)
+        return fitted(wide) if model.contradicts(AMPLITUDE, search.contradiction) else model
 
     def _likeliest(self, candidates: Sequence[Experiment], others: Sequence[FittedModel]) -> FittedModel | None:
         """The likeliest of some experiments with parameters estimated along, and others; None: all filters diverge."""
@@ -270,7 +294,7 @@ class ModelChoice:
         for number, each in enumerate(candidates):
             words = f"fitting friction, inertia and damping of winches and ropes along{', and a sea' * (number > 0)}"
             try:
-                found.append(self._fitted(each, self._with_nuisances(each), words, (ends[number], ends[number + 1])))
+                found.append(self._with_nuisances(each, words, (ends[number], ends[number + 1])))
             except DivergedFilterError:
                 continue
         if not found:

@@ -126,7 +126,14 @@ class SearchOptions:
         float, Ge(0), Quantity("1", "prior deviation of inertia and damping that are estimated along; 0: never")
     ] = 0.3
     strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
-    amplitude_share: Annotated[Positive, Quantity("1", "the same of the vortices' amplitude")] = 1.0
+    amplitude_share: Annotated[Positive, Quantity("1", "the same of the vortices' amplitude")] = 0.05
+    wide_amplitude_share: Annotated[Positive, Quantity("1", "the same where logs contradict that")] = 1.0
+    other_amplitude: Annotated[
+        Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
+    ] = 1.7
+    contradiction: Annotated[
+        Positive, Quantity("1", "estimate less its prior mean that contradicts the prior, in expected deviations")
+    ] = 2.5
     strouhal_reach: Annotated[
         Positive, Quantity("1", "range of Strouhal numbers where a search may begin, in prior deviations")
     ] = 2.0
