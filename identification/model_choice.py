@@ -272,7 +272,7 @@ class ModelChoice:
         return replace(experiment, simulation=replace(recorded, delay_samples=delay))
 
     def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
-        """The estimate with parameters estimated along; the amplitude of vortices is near the described one if it can be."""
+        """The estimate with parameters estimated along, the vortices' amplitude near the described one if possible."""
         search, keys = self.options.search, [unknown.key for unknown in self.unknowns]
         wide = replace(search, amplitude_share=search.wide_amplitude_share)
 
