@@ -1,46 +1,128 @@
-"""What stability margins as constraints add to a candidate of tuning.
+"""What stability margins as default constraints take of a search, and how its rate compares with the batch kernel's.
 
-``uv run --group benchmarks python -m benchmarks.margins`` evaluates the same candidates without such constraints and
-with one and two of them, in turns, and prints the processor's time that a candidate takes.
+``uv run --group benchmarks python -m benchmarks.margins`` searches in each ensemble with its default constraints and
+prints a table; ``--write FILE`` puts it between the file's two marks. Times are those of the processor, so that they
+hardly depend on what else the machine does. The kernel's rate is that of the search's own rollouts. Gradients are
+counted as what they cost: as the rollouts that take as long.
 """
 
+import argparse
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dualwinch.tuning.constraints import ROBUST, default_constraints
+from benchmarks.document import markdown, put
+from dualwinch.simulation.analysis.margin_survey import MarginSurvey
+from dualwinch.tuning.optimisers import compile_ahead, default_method, linearise, optimiser
+from dualwinch.tuning.scoring import evaluation
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.study import BATCH
+from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
+from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import tuning_problem
 
-ROUNDS, SEED = 8, 1
+CANDIDATES, SEED = 8, 1
 SPREAD = 0.08
-"""Standard deviation of the candidates about the start, in shares of each range."""
+"""Standard deviation of candidates about the start, in shares of each range."""
+
+
+@contextmanager
+def timed(place: Any, name: str) -> Iterator[Callable[[], float]]:
+    """Processor time in s that a function takes within the context."""
+    spent, function = [0.0], getattr(place, name)
+
+    def measured(*arguments: Any, **options: Any) -> Any:
+        began = time.process_time()
+        try:
+            return function(*arguments, **options)
+        finally:
+            spent[0] += time.process_time() - began
+
+    setattr(place, name, measured)
+    try:
+        yield lambda: spent[0]
+    finally:
+        setattr(place, name, function)
+
+
+def row(name: str, rollouts: int) -> list[str]:
+    """The row of an ensemble: its rates, and what margins take of the search and of a candidate."""
+    problem = tuning_problem(ensemble=name, seed=SEED)
+    training, method = prepare(problem), default_method(1)
+    compile_ahead(method, training)
+    evaluator, proposer, store = Evaluator(training), optimiser(method, training, SEED), MemoryStorage()
+    store.set_budget(SearchBudget(None, None, rollouts))
+    with (
+        timed(evaluation, "run_pairs") as of_rollouts,
+        timed(linearise, "sensitivities") as of_gradients,
+        timed(linearise, "run_pairs") as of_deciding,
+        timed(MarginSurvey, "_least") as of_margins,
+    ):
+        began = time.process_time()
+        search(method, proposer, store, evaluator)
+        whole = time.process_time() - began
+        kernel = evaluator.rollouts / of_rollouts()
+        share = (of_rollouts() + of_gradients() + of_deciding()) / whole
+        margins = of_margins() / whole
+    words = [f"{kernel:.0f}", f"{kernel * share:.0f}", f"{100 * share:.0f} %", f"{100 * margins:.0f} %"]
+    return [
+        f"`{name}`",
+        str(evaluator.rollouts),
+        *words,
+        *(f"{1e3 * each:.1f} ms" for each in of_a_candidate(evaluator)),
+    ]
+
+
+def of_a_candidate(evaluator: Evaluator) -> tuple[float, float]:
+    """Processor time in s that the margins of a candidate take: in the active loops, and in all."""
+    problem, surveyed, pool = evaluator.training.problem, evaluator.training.margins, evaluator.active_loops
+    if surveyed is None or pool is None:
+        return 0.0, 0.0
+    start, random = problem.space.encoded(problem.start), np.random.default_rng(SEED)
+    shares = np.clip(start + SPREAD * random.normal(size=(CANDIDATES, len(start))), 0, 1)
+    values = [problem.space.parameters(problem.space.decoded(each)) for each in shares]
+    spent = []
+    for loops in (pool.indices, None):
+        began = time.process_time()
+        surveyed.worst(values, [statistic.margin for statistic in problem.margins], loops)
+        spent.append((time.process_time() - began) / CANDIDATES)
+    return spent[0], spent[1]
+
+
+def table(names: Sequence[str], rollouts: int) -> str:
+    """A row for each ensemble."""
+    headings = [
+        "ensemble",
+        "rollouts",
+        "kernel (1/s)",
+        "search (1/s)",
+        "of the kernel's",
+        "margins",
+        "active loops",
+        "all loops",
+    ]
+    return (
+        f"{markdown(headings, [row(name, rollouts) for name in names])}\n\n"
+        "*Rollouts a second of the processor, one core; share of the search's time for margins; margins of a candidate "
+        "in the active loops and in all.*"
+    )
 
 
 def main() -> None:
-    """Evaluate and print."""
-    evaluators = []
-    for count in range(len(ROBUST) + 1):
-        usual = [text for text in default_constraints(ensemble=True) if text not in ROBUST]
-        constraints = ("none", *usual, *ROBUST[:count])
-        problem = tuning_problem(ensemble="sea", constraints=constraints, seed=SEED)
-        evaluators.append(Evaluator(prepare(problem)))
-    problem = evaluators[0].training.problem
-    space, start = problem.space, problem.space.encoded(problem.start)
-    random, spent = np.random.default_rng(SEED), np.zeros(len(evaluators))
-    for number in range(ROUNDS + 1):
-        shares = np.clip(start + SPREAD * random.normal(size=(BATCH, len(start))), 0, 1)
-        candidates = [Candidate(space.decoded(row), "benchmark") for row in shares]
-        for index, evaluator in enumerate(evaluators):
-            began = time.process_time()
-            evaluator.evaluate(candidates)
-            spent[index] += (time.process_time() - began) if number else 0.0  # the first round warms up
-    for count, seconds in enumerate(spent):
-        each = 1e3 * seconds / (ROUNDS * BATCH)
-        print(f"{count} margins bounded: {each:.1f} ms of the processor a candidate")
+    """Search, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ensembles", nargs="+", default=["sea", "rig", "site"], metavar="NAME")
+    parser.add_argument("--rollouts", type=int, default=6000, metavar="N")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    chosen = parser.parse_args()
+    text = table(chosen.ensembles, chosen.rollouts)
+    print(text)
+    if chosen.write:
+        put(chosen.write, "margins", text)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ import math
 import time
 from collections.abc import Sequence
 
+from threadpoolctl import threadpool_limits
+
 from dualwinch.tuning.optimisers import Optimiser
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
@@ -20,6 +22,7 @@ PAUSE = 0.3
 """Time in s between two looks at whether other workers are done."""
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices this small threads take more than they bring
 def search(
     method: str,
     optimiser: Optimiser,

@@ -24,6 +24,11 @@ WORTH_COMPILING = 20.0
 """Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
 
 
+def trials_of(trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
+    """Number of trials of a search with a budget: `TRIALS` where there is none; ``None``: no limit."""
+    return TRIALS if trials is seconds is rollouts is None else trials
+
+
 def tune(
     problem: TuningProblem,
     *,
@@ -64,8 +69,7 @@ def tune(
         KeyboardInterrupt: interrupted before the first trial, or again while choosing, or where `keep` is false; what
             the store holds is kept.
     """
-    if trials is None and seconds is None and rollouts is None:
-        trials = TRIALS
+    trials = trials_of(trials, seconds, rollouts)
     for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
         if count is not None and count < 1:
             raise ConfigurationError(f"{name} = {count}: must be a whole number >= 1")

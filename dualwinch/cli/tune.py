@@ -236,12 +236,12 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
     from dualwinch.tuning.scoring.progress import TuningProgress
     from dualwinch.tuning.storage.opening import open_store
     from dualwinch.tuning.storage.store import SearchBudget
-    from dualwinch.tuning.tune import TRIALS
+    from dualwinch.tuning.tune import trials_of
     from dualwinch.tuning.tune import tune as run
     from dualwinch.tuning.tuning_problem import definition_of
 
     method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
-    trials = TRIALS if (options.trials, seconds, options.rollouts) == (None, None, None) else options.trials
+    trials = trials_of(options.trials, seconds, options.rollouts)
     check_options(options)
     if options.stress:
         check_stress(problem)

@@ -342,11 +342,11 @@ class Evaluator(Scorer):
         """Time in s that the search has, given how long margins take (`SelectionConfig.time_of_search`)."""
         if self.until is None:
             return search
-        pace = self.margin_pace if self._loops else 0.0  # those of the start are known then
+        pace = self.margin_pace if self.active_loops else 0.0  # those of the start are known then
         return self._config.time_of_search(search, self.until - clock.without_compiling(), pace)
 
     @cached_property
-    def _loops(self) -> ActiveLoops | None:
+    def active_loops(self) -> ActiveLoops | None:
         """Pool of active loops, which knows the start's; ``None`` where no margin of a loop is bounded."""
         surveyed, kinds = self.training.margins, [kind for kind in self._kinds if kind != RESONANCE]
         if surveyed is None or not kinds:
@@ -374,7 +374,7 @@ class Evaluator(Scorer):
 
     def _survey_all(self, batch: BatchEvaluation, row: int) -> None:
         """Compute the margins of a candidate in all loops; the pool learns from them."""
-        surveyed, pool, known = self.training.margins, self._loops, batch.margins[row]
+        surveyed, pool, known = self.training.margins, self.active_loops, batch.margins[row]
         batch.surveyed.add(row)
         if surveyed is None or pool is None or known is None:
             return
@@ -457,7 +457,7 @@ class Evaluator(Scorer):
             row in whole and promising[row] and bool((whole[row].outcomes == "completed").all())
             for row in range(len(candidates))
         ]
-        pool = self._loops if any(chosen) else None
+        pool = self.active_loops if any(chosen) else None
         margins = self.margins(candidates, self.training.margins, chosen, pool and pool.indices)
         bounds = self.training.constraints
         for row, evaluation in evaluations.items():
