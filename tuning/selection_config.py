@@ -146,16 +146,17 @@ class SelectionConfig:
         """Time in s in which a study ends whose search may take so many seconds, compiling apart."""
         return (1 + self.time_share) * search + self.time_more
 
-    def time_of_search(self, search: float, left: float, margin_pace: float = 0.0) -> float:
+    def time_of_search(self, search: float, left: float, pace: float = 0.0, margin_pace: float = 0.0) -> float:
         """Time in s that the search has, where so many seconds are left after preparing; some of it in any case.
 
         Args:
             search: time in s that was asked for.
             left: time in s for search, validation and test.
+            pace: time in s that a rollout takes.
             margin_pace: time in s that the stability margins of a controller on a machine take.
         """
-        margins = self._time_of(self.least_sizes, 0.0, margin_pace)
-        judging = max(self.judging_share * search + self.judging_more, margins)
+        least = self._time_of(self.least_sizes, pace, margin_pace)
+        judging = max(self.judging_share * search + self.judging_more, least)
         return max(min(search, left - judging), self.judging_share * search)
 
     def _time_of(self, sizes: SampleSizes, pace: float, margin_pace: float) -> float:

@@ -110,7 +110,8 @@ class Scorer:
             workers: of this machine, or an executor; default: one thread a core.
         """
         self.training = training
-        self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0.0
+        self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0
+        self._whole_seconds = 0.0
         self._workers, self._units = workers, training.problem.units
         self._kinds = [statistic.margin for statistic in training.problem.margins]
         self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
@@ -122,8 +123,8 @@ class Scorer:
 
     @property
     def margin_pace(self) -> float:
-        """Wall time in s that the margins of a controller on a machine took in the mean; 0 before the first."""
-        return self.margin_seconds / self.surveyed if self.surveyed else 0.0
+        """Wall time in s that the margins of a controller in all loops of a machine took in the mean, else 0."""
+        return self._whole_seconds / self.surveyed if self.surveyed else 0.0
 
     def affordable(self, sizes: SampleSizes) -> SampleSizes:
         """As much of some sizes as there is time for."""
@@ -206,13 +207,14 @@ class Scorer:
             values = [problem.space.parameters(point) if point else () for point in points]
             for row, worst in zip(rows, machines.worst(values, self._kinds, loops), strict=True):
                 found[row] = worst
-            share = 1.0 if loops is None else len(loops) / len(machines.loops)
-            self._count_margins(began, len(rows) * share * len(machines.machines))
+            self._count_margins(began, len(rows) * len(machines.machines) if loops is None else 0)
         return found
 
-    def _count_margins(self, began: float, machines: float) -> None:
-        self.margin_seconds += clock.now() - began
-        self.surveyed += machines
+    def _count_margins(self, began: float, machines: int) -> None:
+        """Count the time since then, which went into margins in all loops of some machines, or (0) in some loops."""
+        seconds = clock.now() - began
+        self.margin_seconds, self.surveyed = self.margin_seconds + seconds, self.surveyed + machines
+        self._whole_seconds += seconds if machines else 0.0
 
     def run(
         self,
@@ -342,8 +344,9 @@ class Evaluator(Scorer):
         """Time in s that the search has, given how long margins take (`SelectionConfig.time_of_search`)."""
         if self.until is None:
             return search
-        pace = self.margin_pace if self.active_loops else 0.0  # those of the start are known then
-        return self._config.time_of_search(search, self.until - clock.without_compiling(), pace)
+        margin_pace = self.margin_pace if self.active_loops else 0.0  # those of the start are known then
+        left = self.until - clock.without_compiling()
+        return self._config.time_of_search(search, left, self.training.pace, margin_pace)
 
     @cached_property
     def active_loops(self) -> ActiveLoops | None:

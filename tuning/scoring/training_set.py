@@ -34,6 +34,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TRAINING, TuningProblem
+from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.progress import DRAWING, REFERENCES, SILENT, TuningProgress
 from dualwinch.tuning.scoring.rollouts import over, run_pairs, worst_of
 from dualwinch.tuning.selection_config import SelectionConfig
@@ -244,6 +245,7 @@ class TrainingSet:
         start: the start in `scenarios`, one row.
         margins: machines on which stability margins of every candidate are computed; ``None``: none is bounded.
         workers: that run what else is looked at in the scenarios.
+        pace: wall time in s that a rollout took, compiling apart.
     """
 
     problem: TuningProblem
@@ -254,6 +256,7 @@ class TrainingSet:
     start: BatchResult
     margins: MarginSurvey | None = None
     workers: Workers = None
+    pace: float = 0.0
 
 
 def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = SILENT) -> TrainingSet:
@@ -278,7 +281,9 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
     scenarios = _drawn(problem, choices, problem.experiment)
     watch.phase(REFERENCES)
     paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
+    began = clock.without_compiling()
     start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
+    pace = (clock.without_compiling() - began) / len(scenarios)
     hard = _drawn(problem, more, problem.experiment) if more else ()
     hardest = hardest_machines(problem, [*scenarios, *hard], workers)
     bounds = []
@@ -303,6 +308,7 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
         start=start,
         margins=survey(problem, [[*scenarios, *hard][index] for index in hardest], workers),
         workers=workers,
+        pace=pace,
     )
 
 
