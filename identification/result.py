@@ -197,7 +197,7 @@ class IdentificationResult:
     def notes(self) -> list[str]:
         """What a reader has to know beside the tables."""
         estimated = (f"{key} = {value:.4g} ± {deviation:.2g}" for key, (value, deviation) in self.along.items())
-        words = [f"estimated along, by wide priors: {', '.join(estimated)}"] if self.along else []
+        words = [f"estimated along, by priors: {', '.join(estimated)}"] if self.along else []
         if self.widened > 1:
             words.append(
                 "innovations are not white: the model lacks something; standard deviations are up to "
