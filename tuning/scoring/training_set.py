@@ -17,6 +17,7 @@ Of the hard scenarios every candidate is run in a few, the active ones (`ActiveS
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -281,8 +282,9 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
     scenarios = _drawn(problem, choices, problem.experiment)
     watch.phase(REFERENCES)
     paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
-    began = clock.without_compiling()
-    start = run_pairs(problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
+    run_start = partial(run_pairs, problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
+    start, began = run_start(), clock.without_compiling()
+    run_start()  # the first loads what it calls
     pace = (clock.without_compiling() - began) / len(scenarios)
     hard = _drawn(problem, more, problem.experiment) if more else ()
     hardest = hardest_machines(problem, [*scenarios, *hard], workers)
