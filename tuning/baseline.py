@@ -21,8 +21,8 @@ def baseline_controller(own: Controller) -> Controller:
     """The paper's controller with the paper's gains, for the machine that another one is for.
 
     Where the winches have other limits than the paper's it keeps to those, and has the other's preload: the paper's
-    gains say nothing of how strong a machine is. It never keeps a reserve. It has the other's damping of the drums: the
-    paper has none, and without it heavy drums swing until they are lost.
+    gains say nothing of how strong a machine is. It never keeps a reserve. It has the other's damping of the drums, on
+    ropes of any length: the paper has none, and without it heavy drums swing until they are lost.
     """
     damping = {f"winch_{side}.damping" for side in (1, 2)}
     paper = paper_controller()
@@ -30,7 +30,18 @@ def baseline_controller(own: Controller) -> Controller:
     limits = paper.limits
     if _strength(own.limits) != _strength(limits):
         limits = replace(own.limits, reserve=limits.reserve)
-    return replace(paper, nominal=own.nominal, limits=limits)
+    return _damped_throughout(replace(paper, nominal=own.nominal, limits=limits))
+
+
+UNFADED = 1e-3
+"""Fade of a winch's gains that is below the shortest rope."""
+
+
+def _damped_throughout(controller: Controller) -> Controller:
+    """A controller whose winches, where they damp their drums, do so on ropes of any length."""
+    known = leaves(controller)
+    damped = (side for side in (1, 2) if known.get(f"winch_{side}.damping"))
+    return with_leaves(controller, {f"winch_{side}.fade": UNFADED for side in damped})
 
 
 def is_baseline(own: Controller) -> bool:
@@ -39,7 +50,9 @@ def is_baseline(own: Controller) -> bool:
     A low-pass without a time constant filters nothing, and is as good as none.
     """
     paper = baseline_controller(own)
-    return own.estimator in (paper.estimator, LowPass(0.0)) and replace(own, estimator=paper.estimator) == paper
+    return own.estimator in (paper.estimator, LowPass(0.0)) and (
+        _damped_throughout(replace(own, estimator=paper.estimator)) == paper
+    )
 
 
 def _strength(limits: Limits) -> tuple[float, float]:
