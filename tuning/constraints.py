@@ -205,8 +205,8 @@ def default_constraints(
     late, motors have to bear hardly more load than with the paper's gains: there a higher preload gains next to
     nothing, and gains that rest on one fail on kinder machines. Where drums swing on ropes that sag, more load is
     allowed, for a preload that makes the ropes stiff. Margins are bounded in an ensemble alone: in a run without noise
-    they would be those of infinitely small motions. Where drums swing that of the drums' resonance stands for them: a
-    filter that learns the speed wheel's scale has no linear loop at rest, where the wheel says nothing of it.
+    they would be those of infinitely small motions. Where drums swing that of the drums' resonance stands for them: at
+    the reference's largest speed, with one tension at its lower limit, no steady motion is found there yet.
 
     Args:
         ensemble: whether the tuning is in one.
