@@ -206,7 +206,7 @@ def default_constraints(
     nothing, and gains that rest on one fail on kinder machines. Where drums swing on ropes that sag, more load is
     allowed, for a preload that makes the ropes stiff. Margins are bounded in an ensemble alone: in a run without noise
     they would be those of infinitely small motions. Where drums swing that of the drums' resonance stands for them: at
-    the reference's largest speed, with one tension at its lower limit, no steady motion is found there yet.
+    rest and at the reference's largest speed no steady motion of every machine is found there yet.
 
     Args:
         ensemble: whether the tuning is in one.

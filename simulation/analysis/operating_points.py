@@ -176,7 +176,7 @@ def loop_operating_point(
     parameters = loop.vector(parameters_of(calm, nominal and still_plant(nominal)))
     found = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
     kind = calm.controller.law.kind
-    if not found.repeats[0]:
+    if not found.repeats[0] or not _goes_on(_open_sample(structure, compiled=False), found):
         raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains comes to no steady motion")
     if not found.steady[0]:
         command, _, *pulls = found.facts[0].tolist()
@@ -317,8 +317,8 @@ def loop_operating_points(
     """Solve for steady motion at many points.
 
     1. Newton's method from a perfect controller's state: no errors, tensions as commanded.
-    2. Where that does not converge: steps by least squares, in turns with what an estimator learns of the machine, from
-       where law and estimator come to without limits.
+    2. Where that does not converge: damped steps by least squares, in turns with what an estimator learns of the
+       machine, from where law and estimator come to without limits.
     3. Where that does not either: the same from that perfect controller's state.
     4. Derivatives that are round-off become zero (`without_round_off`).
 
@@ -356,6 +356,22 @@ def loop_operating_points(
     return found
 
 
+def _goes_on(sample: "_OpenSample", found: LoopOperatingPoints) -> bool:
+    """Whether the force command stays when the run goes on: a position that is not marked as one stays behind."""
+    state, outside = found.state[0], found.outside[0].copy()
+    u, force = sample.loop.columns.index("u"), found.facts[0, 0]
+    for _ in range(LASTING):
+        state, row, *_ = (np.array(vector).ravel() for vector in sample.loop.step(state, outside, found.parameters[0]))
+        outside[sample.reference] += found.carried[0]
+        if not abs(row[u] - force) <= LASTING_SHARE * abs(force) + LASTING_FORCE:
+            return False
+    return True
+
+
+LASTING, LASTING_SHARE, LASTING_FORCE = 20, 0.05, 20.0
+"""Samples over which a steady motion's force command stays, to a share of it and a force in N."""
+
+
 def neighbours(state: Floats) -> tuple[Floats, Floats]:
     """States on both sides of some (..., states), `NEIGHBOUR` away."""
     way = NEIGHBOUR * np.cos(np.arange(state.shape[-1])) * np.maximum(np.abs(state), 1.0)
@@ -369,7 +385,8 @@ def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
     as the information of an estimator that learns. In double precision it is 1e-26 here and 0 there. It is taken as
     zero where it changes its sign from one neighbour of the point to the other, or by half of itself to both.
     """
-    change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
+    with np.errstate(invalid="ignore"):  # where a search diverged
+        change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
     return np.where((np.sign(above) * np.sign(below) < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
 
 
@@ -483,11 +500,10 @@ def _first_guesses(
     # the torque limit is that of the command too: a winch whose command is at its limit rests on the very edge of it,
     # and any ripple leaves its integral on the far side, where it holds its torque, as in a run
     for winch, command in (("winch_1", preload + force), ("winch_2", preload - force)):
-        key = f"{LIMITS}{winch}.integral"
-        if key in loop.states:
-            at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
-            index = loop.states.index(key)
-            state[:, index] = np.where(at_limit, at_limit, state[:, index])
+        at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
+        for index, name in enumerate(loop.states):
+            if name.startswith(LIMITS) and name.endswith(f"{winch}.integral"):
+                state[:, index] = np.where(at_limit, at_limit, state[:, index])
     return LoopOperatingPoints(
         parameters,
         state,
@@ -526,10 +542,10 @@ def _in_turns(
     """
     learnt = sample.learnt
     if not learnt.any():
-        return _newton(sample, start, iterations, least_squares=least_squares)
+        return _newton(sample, start, iterations, damped=True, least_squares=least_squares)
     found = start[np.arange(len(start.state))]
     # first with what is believed before the run, where that has an end: before all moves there is nothing to learn
-    first = _newton(sample, start, iterations, least_squares=least_squares, held=learnt)
+    first = _newton(sample, start, iterations, damped=True, least_squares=least_squares, held=learnt)
     sound = np.flatnonzero(first.repeats)
     found[sound] = first[sound]
     found.repeats = np.zeros_like(start.repeats)
@@ -545,7 +561,7 @@ def _in_turns(
         going, learning = going[~settled], learning[~settled]
         if turn == ROUNDS or not len(going):
             break
-        others = _newton(sample, learning, iterations, least_squares=least_squares, held=learnt)
+        others = _newton(sample, learning, iterations, damped=True, least_squares=least_squares, held=learnt)
         found[going] = replace(others, repeats=np.zeros_like(others.repeats))
         going, repeating = going[others.repeats], np.ones(int(others.repeats.sum()), bool)
     return found
@@ -556,13 +572,14 @@ def _newton(
     start: LoopOperatingPoints,
     iterations: int,
     *,
+    damped: bool = False,
     least_squares: bool = False,
     held: Flags | None = None,
 ) -> LoopOperatingPoints:
     """Newton's method at all points; one that has come to its end is left alone.
 
-    By least squares it takes the shortest step where there are many, as at rest with a law that leaves something free.
-    Held states stay as they are.
+    Damped it takes as much of a step as makes the next one smaller (`_damping`). By least squares it takes the shortest
+    step where there are many, as at rest with a law that leaves something free. Held states stay as they are.
     """
     points = start[np.arange(len(start.state))]
     n, count = len(sample.kept), len(points.state)
@@ -588,16 +605,55 @@ def _newton(
         active = active[going]
         if not len(active):
             break
-        step = _step(matrix[going], rest[going], unknown[going], least_squares=least_squares)
-        sizes, step_x = sizes[going], step[:, sample.x].copy()
-        sizes[:, sample.x] = np.maximum(np.abs(points.outside[active, sample.reference]), 1.0)
+        at, matrix, unknown, sizes = points[active], matrix[going], unknown[going], sizes[going]
+        sizes[:, sample.x] = np.maximum(np.abs(at.outside[:, sample.reference]), 1.0)
+
+        def solved(rest: Floats, matrix: Floats = matrix, unknown: Flags = unknown) -> Floats:
+            return _step(matrix, rest, unknown, least_squares=least_squares)
+
+        step = solved(rest[going])
         left[active] = (np.abs(step) / sizes).max(axis=1)
-        points.outside[active, sample.reference] += step_x
-        step[:, sample.x] = 0.0
-        points.state[np.ix_(active, sample.kept)] += step[:, :n]
-        points.leaving[active] += step[:, n:]
+        points[active] = _moved(sample, at, _damping(sample, at, step, sizes, solved) * step if damped else step)
     points.repeats = (excess < RESIDUAL) & (left < STEP)
     return points
+
+
+def _moved(sample: _OpenSample, points: LoopOperatingPoints, step: Floats) -> LoopOperatingPoints:
+    """Points a step of the unknowns away: in the place of the vehicle's position the reference moves."""
+    n, state, outside = len(sample.kept), points.state.copy(), points.outside.copy()
+    outside[:, sample.reference] += step[:, sample.x]
+    state[:, sample.kept] += np.where(np.arange(n) == sample.x, 0.0, step[:, :n])
+    return replace(points, state=state, outside=outside, leaving=points.leaving + step[:, n:])
+
+
+def _damping(
+    sample: _OpenSample, at: LoopOperatingPoints, step: Floats, sizes: Floats, solved: Callable[[Floats], Floats]
+) -> Floats:
+    """Shares (a, 1) of Newton's steps after which the step that the same derivatives would take next is smaller.
+
+    That is the natural monotonicity test, which asks no units of the equations (Deuflhard, *Newton Methods for
+    Nonlinear Problems*, 3.3): a smooth sign function has hardly a slope beyond its boundary layer, and full steps go to
+    and fro across it for ever.
+    """
+    share, whole = np.ones((len(step), 1)), (np.abs(step) / sizes).max(axis=1, keepdims=True)
+    for _ in range(DAMPINGS):
+        moved = _moved(sample, at, share * step)
+        found, _, moved.slopes = sample.evaluate(moved.state, moved.outside, moved.parameters, moved.leaving)
+        rest, *_ = _equations(sample, found, np.hstack([moved.state[:, sample.kept], moved.leaving]), moved)
+        following = solved(rest)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            size = (np.abs(following) / sizes).max(axis=1, keepdims=True)
+            bent = (np.abs(following - (1 - share) * step) / sizes).max(axis=1, keepdims=True)
+            too_far = ~(size <= (1 - share / 4) * whole) & (whole > STEP) & np.isfinite(whole)
+            next_share = np.clip(share**2 * whole / (2 * bent), share / 10, share / 2)
+        if not too_far.any():
+            break
+        share = np.where(too_far, np.where(np.isfinite(next_share), next_share, share / 10), share)
+    return share
+
+
+DAMPINGS = 8
+"""How many times at most a step of Newton's method is shortened."""
 
 
 def _equations(

@@ -1,10 +1,12 @@
 """Steady motion of the closed loop: with every law, estimator and coordination, and held by runs from there."""
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dualwinch.config.experiment_file import load
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
@@ -16,6 +18,7 @@ from dualwinch.simulation.settings import override
 from tests.tiers import each_choice, mostly_slow
 
 X = 25.0
+SEARCHED = Path(__file__).parents[3] / "benchmarks/independent/searched.toml"
 
 
 def error_after(cruise: LoopOperatingPoint, v: float, samples: int) -> float:
@@ -95,3 +98,11 @@ def test_what_is_left_is_rounding(x: float, v: float) -> None:
     assert (RESIDUAL, STEP) == (1e-10, 1e-6)
     assert point.residual < (1e-7 if x < 49 else 1e-6)
     assert error_after(point, v, 200) == pytest.approx(point.row["e"], abs=1e-9)
+
+
+def test_at_speed_a_filter_that_learns_and_heavy_ropes_come_to_steady_motion() -> None:
+    """From where full Newton steps go to and fro across the law's boundary layer for ever."""
+    point = loop_operating_point(load(SEARCHED), X, 1.5)
+    assert point.row["u"] == pytest.approx(2610, rel=1e-3)
+    assert point.residual < 1e-7
+    assert error_after(point, 1.5, 200) == pytest.approx(point.row["e"], abs=1e-6)
