@@ -24,6 +24,7 @@ from tests.dask_cluster import DaskProcesses, dask_processes
 
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
 RACE = ("race", "--ensemble", "sea", "--estimator", "kalman", "--method", "cmaes", "--seed", "3", *SHORT)
+LAWS = [word for law in ("nftsm", "adrc", "lqi", "super-twisting") for word in ("--law", law)]
 LASTING = 20.0
 """Time in s of runs that take long enough for a worker to be killed meanwhile."""
 
@@ -55,7 +56,7 @@ def ensemble_under_way(dask: DaskProcesses) -> "subprocess.Popen[str]":
     return ran
 
 
-def until(happened: Callable[[], bool], seconds: float = 60.0) -> None:
+def until(happened: Callable[[], bool], seconds: float = 240.0) -> None:
     """Wait until something has happened."""
     end = time.monotonic() + seconds
     while not happened():
@@ -261,8 +262,7 @@ def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: Da
 
 @pytest.mark.slow
 def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: DaskProcesses, tmp_path: Path) -> None:
-    laws = [word for law in ("nftsm", "adrc", "lqi", "super-twisting") for word in ("--law", law)]
-    there = [*RACE, *laws, "--out", str(tmp_path / "there"), "--cluster", dask.address]
+    there = [*RACE, *LAWS, "--out", str(tmp_path / "there"), "--cluster", dask.address]
     ran = command(*there)
     entries = tmp_path / "there" / "entries"
     for _ in range(1200):
@@ -274,7 +274,7 @@ def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: 
     kept = len(list(entries.glob("*.json")))
     assert 0 < kept < 5
     main(there)
-    main([*RACE, *laws, "--out", str(tmp_path / "here")])
+    main([*RACE, *LAWS, "--out", str(tmp_path / "here")])
     ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
     assert without_time(ours) == without_time(theirs)
 
@@ -283,20 +283,20 @@ def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: 
 def test_a_race_with_a_worker_killed_equals_that_of_one_process_in_every_digit(
     dask: DaskProcesses, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nine laws, three searches each."""
-    words = [*RACE, "--searches", "3"]
+    """Four laws, three searches each."""
+    words = [*RACE, *LAWS, "--searches", "3"]
     main([*words, "--out", str(tmp_path / "here")])
     here = table_of(capsys.readouterr().out)
     ran = command(*words, "--out", str(tmp_path / "there"), "--cluster", dask.address)
     entries = tmp_path / "there" / "entries"
     for _ in range(6000):
-        if len(list(entries.glob("*.json"))) >= 5:
+        if len(list(entries.glob("*.json"))) >= 3:
             break
         time.sleep(0.05)
     dask.workers[1].kill()
     out, said = ran.communicate(timeout=1200)
     assert ran.returncode == 0, said
-    assert "Race: 27 entries" in out or "Race: 9 entries" in out
+    assert "Race: 12 entries" in out or "Race: 4 entries" in out
     assert table_of(out) == here
     ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
     assert without_time(ours) == without_time(theirs)
