@@ -1,7 +1,8 @@
 """CSV files as data loggers and spreadsheets write them: columns of numbers with their units.
 
-Read are any of the usual separators, decimal points and commas, text in UTF-8, UTF-16 or Latin-1, lines before the
-header, headers such as ``F1 [kN]``, a row of units, numbers and time stamps (ISO 8601), and gaps in their usual words.
+Read are any of the usual separators, decimal points and commas, of which each column has one, text in UTF-8, UTF-16 or
+Latin-1, lines before the header, headers such as ``F1 [kN]``, a row of units, numbers and time stamps (`STAMPS`), and
+gaps in their usual words.
 """
 
 import csv
@@ -11,9 +12,10 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -44,7 +46,16 @@ DAY = 86400.0
 """In s."""
 
 SAMPLE = 200
-"""Lines by which separator, header and decimal mark are recognised."""
+"""Lines by which separator and header are recognised."""
+
+STAMPS = "2024-12-31T23:59:59.9 (ISO 8601), 31.12.2024 23:59:59.9, 12/31/2024 23:59:59.9 or 23:59:59.9"
+"""Forms of time stamps that are read."""
+
+DECIMALS = {mark: rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?" for mark in ".,"}
+"""Decimal mark → numbers that have it."""
+
+GROUPED = {mark: rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d\d\d)+" for mark in ".,"}
+"""Mark → numbers in which it may as well be one between thousands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +66,12 @@ class TableColumn:
         header: as the file has it.
         name: without its unit.
         unit: where the file states one.
+        other_unit: that a row of units states, where the header states another one.
         values: (rows,) finite numbers; NaN where there is none. Time stamps in s since 1970, UTC.
         stamps: whether they are time stamps.
-        cells: texts, one a row.
-        words: rows with a cell that is neither a finite number nor a gap.
-        lines: of the rows in the file.
+        cells: texts, one a row; none in a file that is no text.
+        words: rows with what is neither a finite number nor a gap.
+        lines: of the rows in the file; none in a file that is no text.
         content: what it has in the place of real numbers, in words; it has no values then.
     """
 
@@ -72,6 +84,14 @@ class TableColumn:
     words: Sequence[int] = ()
     lines: Sequence[int] = ()
     content: str = ""
+    other_unit: str | None = None
+
+    def at(self, row: int) -> str:
+        """A cell in a message, and where it is."""
+        if not len(self.cells):
+            value = self.values[row]
+            return f"row {row + 1}: {self.header} = {f'{value:.15g}' if math.isfinite(value) else 'no finite number'}"
+        return f"line {self.lines[row]}: {self.header} = {self.cells[row].strip()[:40]!r}"
 
 
 def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
@@ -88,44 +108,78 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     separator, decimal = csv_marks(marks)
     text = _decoded(path)
     begins = re.match(r"sep=(.)\r?\n", text)  # as Excel writes it
-    separator = separator or (begins[1] if begins else _separator(text))
-    if separator.isspace() and separator != "\t":
-        text = re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text)
-        text, separator = re.sub(r"[ \t]+", "\t", text), "\t"
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     try:
-        rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row))]
+        separator = separator or (begins[1] if begins else _separator(text))
+        if separator.isspace() and separator != "\t":
+            text = re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text)
+            text, separator = re.sub(r"[ \t]+", "\t", text), "\t"
+        rows = _rows(text, separator, path)[begins is not None :]
     except csv.Error as error:
         raise ConfigurationError(f"{path}: not valid CSV: {error}") from error
-    rows = rows[begins is not None :]
+    if not rows:
+        raise ConfigurationError(f"{path}: is empty")
     widths = Counter(len(row) for _, row in islice(rows, SAMPLE))
-    usual = max(widths, key=lambda width: (widths[width], width), default=0)
+    usual = max(widths, key=lambda width: (widths[width], width))
     early = enumerate(islice(rows, SAMPLE))
-    first = next((number for number, (_, row) in early if len(row) == usual and not _is_data(row)), 0)
-    header = [cell.strip() for cell in rows[first][1]] if rows else []
+    first = next((number for number, (_, row) in early if _width(row, usual) == usual and not _is_data(row)), 0)
+    header = [cell.strip() for cell in rows[first][1][: _width(rows[first][1], usual)]]
     header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
     rows = rows[first + 1 :]
     _cut_end(rows, len(header), ended=text.endswith(("\n", "\r")))
-    units: list[str | None] = [None] * len(header)
-    if rows and len(rows[0][1]) == len(header) and not _is_data(rows[0][1]):
-        row_of_units = [cell.strip().strip("[]()").strip() for cell in rows[0][1]]
-        if any(map(is_unit, row_of_units)):
-            units = [None if each in DIMENSIONLESS else each for each in row_of_units]
-            rows = rows[1:]
+    units = _units_below(rows, len(header))
     for line, row in rows:
         if len(row) < len(header) or any(map(str.strip, row[len(header) :])):
             raise ConfigurationError(f"{path}: line {line}: has {len(row)} cells: must have {len(header)}")
     cells = list(zip(*(row[: len(header)] for _, row in rows), strict=True)) or [()] * len(header)
     lines = [line for line, _ in rows]
-    comma = decimal == "," if decimal else _has_decimal_comma(row for _, row in islice(rows, SAMPLE))
     beside = csv_units(path)
     found = []
-    for text_of_header, stated, texts in zip(header, units, cells, strict=True):
+    marks_of = [decimal] * len(header) if decimal else _decimal_marks(cells)
+    for text_of_header, stated, texts, mark in zip(header, units, cells, marks_of, strict=True):
         name, own = split_header(text_of_header)
-        values, words, stamps = _numbers(texts, comma=comma)
+        values, words, stamps = _numbers(texts, mark)
         unit = own or stated or beside.get(name)
-        found.append(TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines))
+        other = stated if unit != stated else None
+        found.append(TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines, other_unit=other))
     return found
+
+
+def _rows(text: str, separator: str, path: Path) -> list[tuple[int, list[str]]]:
+    """Rows that are not empty, each with the number of its first line.
+
+    Raises:
+        ConfigurationError: a quote that is not closed on its line.
+    """
+    rows, line = list[tuple[int, list[str]]](), 1
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    try:
+        for row in reader:
+            # a cell may have lines of its own, but no cells of further rows
+            if reader.line_num > line and any(separator in cell and re.search(r"[\r\n]", cell) for cell in row):
+                raise ConfigurationError(f'{path}: line {line}: has a quote (") that is not closed on this line')
+            if any(map(str.strip, row)):
+                rows.append((line, row))
+            line = reader.line_num + 1
+    except csv.Error as error:
+        raise ConfigurationError(f'{path}: line {line}: {error}; is a quote (") not closed?') from error
+    return rows
+
+
+def _width(row: Sequence[str], usual: int) -> int:
+    """Number of cells of a row, but for empty ones beyond the usual number."""
+    return usual if len(row) > usual and not any(map(str.strip, row[usual:])) else len(row)
+
+
+def _units_below(rows: list[tuple[int, list[str]]], width: int) -> list[str | None]:
+    """Units of the columns by a row between the header and the first row of data; takes out that row and all before."""
+    for number, (_, row) in enumerate(islice(rows, SAMPLE)):
+        cells = [cell.strip().strip("[]()").strip() for cell in row]
+        if len(row) < width - 1 or _is_data([cell for cell in cells if cell not in DIMENSIONLESS]):
+            break
+        if any(map(is_unit, cells)):
+            del rows[: number + 1]
+            return [None if cell in DIMENSIONLESS else cell for cell in [*cells, ""][:width]]
+    return [None] * width
 
 
 def _cut_end(rows: list[tuple[int, list[str]]], width: int, *, ended: bool) -> None:
@@ -143,9 +197,12 @@ def csv_marks(text: str) -> tuple[str, str]:
         ConfigurationError: another text.
     """
     named = {name: mark for mark, name in SEPARATORS.items()}
-    parts = re.fullmatch(r"(tab|[\t;|,])?([.,]?)", text)
+    named["space"] = " "
+    parts = re.fullmatch(r"(tab|space|[\t ;|,])?([.,]?)", text)
     if not parts or (parts[1] and named.get(parts[1], parts[1]) == parts[2]):
-        raise ConfigurationError(f"--csv {text}: must be a separator (; , | or tab) and a decimal mark, e.g. ';,'")
+        raise ConfigurationError(
+            f"--csv {text}: must be a separator (; , | tab or space) and a decimal mark, e.g. ';,'"
+        )
     return named.get(parts[1], parts[1]) or "", parts[2]
 
 
@@ -198,10 +255,16 @@ def _decoded(path: Path) -> str:
 
 
 def _separator(text: str) -> str:
-    """The first separator that cuts most lines into one number of cells, two or more; spaces are the last."""
+    """The first separator that cuts most lines into one number of cells, two or more; spaces are the last.
+
+    Spaces also separate numbers with commas in them, which are decimal marks then.
+    """
     lines = [line for line in islice(text.splitlines(), SAMPLE) if line.strip()]
+    spaced = sum(bool(re.search(r"\d[ ]+[+-]?\d+,\d", line)) for line in lines)
     for separator in SEPARATORS:
-        widths = Counter(map(len, csv.reader(lines, delimiter=separator)))
+        if separator == "," and 2 * spaced > len(lines):
+            continue
+        widths = Counter(len(next(csv.reader([line], delimiter=separator))) for line in lines)
         width, count = widths.most_common(1)[0] if widths else (0, 0)
         if width > 1 and 2 * count > len(lines):
             return separator
@@ -211,29 +274,55 @@ def _separator(text: str) -> str:
 
 def _is_data(row: Sequence[str]) -> bool:
     """Whether a row has a number or a time stamp."""
-    return any(_number(cell, comma=True) is not None or _stamp(cell) is not None for cell in row)
+    return any(
+        _number(cell, ".") is not None or _number(cell, ",") is not None or _stamp(cell) is not None for cell in row
+    )
 
 
-def _has_decimal_comma(rows: Iterable[Sequence[str]]) -> bool:
-    cells = [cell.strip() for row in rows for cell in row]
-    comma = any(re.fullmatch(r"[+-]?\d*,\d+([eE][+-]?\d+)?", cell) for cell in cells)
-    return comma and not any(re.fullmatch(r"[+-]?\d*\.\d+([eE][+-]?\d+)?", cell) for cell in cells)
+def _decimal_marks(columns: Sequence[Sequence[str]]) -> list[str]:
+    """The decimal mark of each column: the one that most of its numbers have.
+
+    Where it may as well stand between thousands in all of them, and other columns have the other mark, it is the other.
+    """
+    marks, groups = list[str](), list[bool]()
+    for cells in columns:
+        text = "\n".join(cells)
+        counts = {mark: _count(DECIMALS[mark], text) for mark in DECIMALS if mark in text}
+        mark = max(counts, key=lambda each: counts[each], default=".")
+        marks.append(mark)
+        groups.append(_count(GROUPED[mark], text) == counts.get(mark, 0))
+    sure = {mark for mark, grouped in zip(marks, groups, strict=True) if not grouped}
+    return [
+        sure.copy().pop() if grouped and len(sure) == 1 else mark for mark, grouped in zip(marks, groups, strict=True)
+    ]
 
 
-def _number(cell: str, *, comma: bool) -> float | None:
+def _count(number: str, lines: str) -> int:
+    return sum(1 for _ in re.finditer(rf"(?m)^[ \t]*{number}[ \t]*$", lines))
+
+
+def has_other_mark(cell: str) -> bool:
+    """Whether a text would be a number with another decimal mark, or without marks between thousands."""
+    return bool(re.fullmatch(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?", cell.strip()))
+
+
+def _number(cell: str, mark: str) -> float | None:
+    """The finite number in a cell with a decimal mark."""
+    if "_" in cell or (mark == "," and "." in cell):
+        return None
     try:
-        value = float(cell.replace(",", ".") if comma else cell)
+        value = float(cell.replace(",", ".") if mark == "," else cell)
     except ValueError:
         return None
     return value if math.isfinite(value) else None
 
 
-def _stamp(cell: str) -> float | None:
-    """Seconds since 1970 of a time stamp, or since midnight of a time of day."""
+def _stamp(cell: str, *, day_first: bool = False) -> float | None:
+    """Seconds since 1970 of a time stamp, or since midnight of a time of day; 12/31/2024 unless the day is first."""
     cell = cell.strip()
-    if parts := re.fullmatch(r"(\d{1,2})([./])(\d{1,2})[./](\d{4})[ T]+(.*)", cell):  # 31.12.2024, or 12/31/2024
+    if parts := re.fullmatch(r"(\d{1,2})([./])(\d{1,2})[./](\d{4})[ T]+(.*)", cell):
         first, second = int(parts[1]), int(parts[3])
-        month, day = (first, second) if parts[2] == "/" and first <= 12 else (second, first)
+        month, day = (first, second) if parts[2] == "/" and not day_first else (second, first)
         cell = f"{parts[4]}-{month:02}-{day:02}T{parts[5]}"
     cell = re.sub(r"^(\d{4})/(\d\d)/", r"\1-\2-", cell)
     for text in (cell, f"1970-01-01T{cell}") if ":" in cell else ():
@@ -245,23 +334,43 @@ def _stamp(cell: str) -> float | None:
     return None
 
 
-def _numbers(cells: Sequence[str], *, comma: bool) -> tuple[Floats, list[int], bool]:
+def _numbers(cells: Sequence[str], mark: str) -> tuple[Floats, list[int], bool]:
     """Numbers or time stamps of cells, rows of words, and whether they are time stamps."""
-    try:
-        values = np.array([cell.replace(",", ".") for cell in cells] if comma else cells, float)
-        return np.where(np.isfinite(values), values, np.nan), np.flatnonzero(np.isinf(values)).tolist(), False
-    except ValueError:
-        pass
-    values, words = np.full(len(cells), np.nan), list[int]()
+    text = "\n".join(cells)
+    if not ("_" in text or (mark == "," and "." in text)):  # which NumPy takes for digits, or a decimal point
+        try:
+            values = np.array([cell.replace(",", ".") for cell in cells] if mark == "," else cells, float)
+            return np.where(np.isfinite(values), values, np.nan), np.flatnonzero(np.isinf(values)).tolist(), False
+        except ValueError:
+            pass
     filled = [row for row, cell in enumerate(cells) if cell.strip().lower() not in GAPS]
-    stamps = bool(filled) and _stamp(cells[filled[0]]) is not None
-    for row in filled:
-        value = _stamp(cells[row]) if stamps else _number(cells[row], comma=comma)
-        if value is None:
-            words.append(row)
-        else:
-            values[row] = value
+    stamps = bool(filled) and any(_stamp(cells[filled[0]], day_first=day) is not None for day in (False, True))
+    values, words = _cells(cells, filled, _stamp if stamps else partial(_number, mark=mark))
+    if stamps and re.match(r"\s*\d+/\d+/\d{4}", cells[filled[0]]):
+        day_first, no_dates = _cells(cells, filled, partial(_stamp, day_first=True))
+        # the order in which fewer cells are no dates, else in which the dates are nearer to each other
+        if (len(no_dates), _span(day_first)) < (len(words), _span(values)):
+            values, words = day_first, no_dates
     if stamps and np.nanmax(values) < DAY:  # times of day, which begin anew at midnight
         known = np.isfinite(values)
         values[known] += DAY * np.cumsum(np.diff(values[known], prepend=0.0) < -DAY / 2)
     return values, words, stamps
+
+
+def _span(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) else 0.0
+
+
+def _cells(
+    cells: Sequence[str], filled: Sequence[int], read: Callable[[str], float | None]
+) -> tuple[Floats, list[int]]:
+    """What some cells read, and the rows of those that cannot be read."""
+    values, words = np.full(len(cells), np.nan), list[int]()
+    for row in filled:
+        value = read(cells[row])
+        if value is None:
+            words.append(row)
+        else:
+            values[row] = value
+    return values, words

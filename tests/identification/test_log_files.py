@@ -162,6 +162,79 @@ def test_another_word_is_a_gap_with_a_note_and_a_column_of_words_is_refused(tmp_
         read_log(tmp_path / "words.csv")
 
 
+def table(header: str, *rows: str, first: int = 0, count: int = 300) -> str:
+    """Text of a file of t, tau_1, tau_2, x and F1, with more cells below more names, and other decimal marks."""
+    marks, lines = header.partition("|")[2], [header.partition("|")[0], *rows]
+    for row in range(first, first + count):
+        cells = [f"{row / 100:.2f}", f"{20 + row / 8}", f"{-20 - row / 8}", f"{row / 4}", f"{1000.5 + row}"]
+        lines.append(";".join(c.replace(".", m) for c, m in zip(cells, marks or ".....", strict=True)))
+    return "\n".join(lines) + "\n"
+
+
+WHOLE = table("t;tau_1;tau_2;x;F1")
+COMMAS = table("t;tau_1;tau_2;x;F1|,,,,,")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(table("t;tau_1;tau_2;x;F1|,...."), id="a decimal comma in one column"),
+        pytest.param(COMMAS.replace("\n", ";1.2\n").replace("1.2", "firmware", 1), id="a version with a point"),
+        pytest.param(COMMAS.replace(";", "  "), id="spaces and decimal commas"),
+        pytest.param(WHOLE.replace("\n", ";\n", 1), id="a separator behind the header alone"),
+        pytest.param(WHOLE.replace("\n", "\ns;Nm;N m;m\n", 1), id="a row of units that lacks the last cell"),
+        pytest.param(WHOLE.replace("\n", "\ns;Nm;N m;m;N;\n", 1), id="a separator behind the units alone"),
+        pytest.param(WHOLE.replace("\n", "\ntime;torque;torque;way;\ns;Nm;Nm;m;1\n", 1), id="a row of words before"),
+        pytest.param(
+            WHOLE.replace("\n", ';"two\nlines"\n').replace('"two\nlines"', "note", 1), id="cells of two lines"
+        ),
+    ],
+)
+def test_tables_in_other_forms_have_the_same_numbers(tmp_path: Path, text: str) -> None:
+    (tmp_path / "rig.csv").write_text(text)
+    found, row = read_log(tmp_path / "rig.csv"), np.arange(300)
+    np.testing.assert_allclose(found.t, row / 100)
+    np.testing.assert_allclose(found.columns["tau_1"], 20 + row / 8)
+    np.testing.assert_allclose(found.columns["F1"], 1000.5 + row)
+
+
+def test_a_row_of_units_counts_beside_a_column_without_one(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text(WHOLE.replace("\n", "\ns;daN m;daN m;mm;1\n", 1))
+    found = read_log(tmp_path / "rig.csv")
+    assert (found.columns["tau_1"][0], found.columns["x"][4], len(found.notes)) == (200, 1e-3, 0)
+
+
+def test_whole_numbers_then_decimal_commas(tmp_path: Path) -> None:
+    rest = "\n".join(f"{row / 100:.2f};0;0;0;0".replace(".", ",") for row in range(-400, 0))
+    (tmp_path / "rig.csv").write_text(COMMAS.replace("\n", f"\n{rest}\n", 1))
+    found = read_log(tmp_path / "rig.csv")
+    assert (len(found.t), found.columns["x"][-1]) == (700, 299 / 4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (WHOLE.replace(";2.5;", ';2.5;"', 1), r'rig.csv: line 12: has a quote \("\) that is not closed on this line'),
+        (WHOLE.replace("2.5;", "9" * 140_000 + ";", 1), r"rig.csv: .*field larger than field limit"),
+        ("", r"rig.csv: is empty"),
+    ],
+)
+def test_what_is_no_table_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "rig.csv").write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        read_log(tmp_path / "rig.csv")
+
+
+@pytest.mark.parametrize(
+    "begin", [datetime(2024, 12, 11, 23, 59, 59, tzinfo=UTC), datetime(2024, 1, 12, 23, 59, 59, tzinfo=UTC)]
+)
+def test_days_before_months_are_recognised_by_the_whole_column(tmp_path: Path, begin: datetime) -> None:
+    times = [(begin + timedelta(seconds=row / 100)).strftime("%d/%m/%Y %H:%M:%S.%f") for row in range(300)]
+    lines = [f"{at};{row};{-row};{row / 4}" for row, at in enumerate(times)]
+    (tmp_path / "rig.csv").write_text("\n".join(["t;tau_1;tau_2;x", *lines]))
+    np.testing.assert_allclose(read_log(tmp_path / "rig.csv").from_zero().t, np.arange(300) / 100, atol=1e-6)
+
+
 def test_rows_of_other_lengths_are_refused_but_for_an_unfinished_last_one(tmp_path: Path) -> None:
     file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
     whole = file.read_text()

@@ -95,7 +95,12 @@ WRONG = {
     "unsorted": ("t,F\n0,1\n2,1\n1,1\n", "line 4: t = 1: must be > 2, the time before it"),
     "the same time twice": ("t,F\n0,1\n0,2\n", "line 3: t = 0: must be > 0"),
     "one row": ("t,F\n0,1\n", "is too short: must have two rows"),
-    "empty": ("", "unknown column 't'; there is none"),
+    "empty": ("", "is empty"),
+    "a quote that is not closed": (
+        't,F,note\n0,1,\n1,1,"a\n2,2,\n3,3,\n',
+        'line 3: has a quote (") that is not closed',
+    ),
+    "digits between which NumPy skips": ("t,F\n0,1\n1,1_000\n", "line 3: F = 1_000: must be a finite number"),
     "ragged": ("t,F\n0,1\n1\n", "line 3: has 1 cells: must have 2"),
     "no such column": ("t,f\n0,1\n1,1\n", "unknown column 'F'; did you mean 'f'?"),
     "twice the column": ("t,F,F\n0,1,1\n1,1,1\n", "has more than one column 'F'"),
