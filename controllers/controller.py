@@ -27,7 +27,7 @@ from dualwinch.model.motions import Previewed, previewed
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.part import PartChoice
-from dualwinch.model.quantities.quantity import Key, Quantity
+from dualwinch.model.quantities.quantity import Key, Mark, Quantity
 from dualwinch.model.quantities.steps import started, stepped
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
@@ -93,17 +93,19 @@ class ControllerState:
     coordination: Any
 
 
-def initial_controller_state(controller: Controller) -> ControllerState:
-    """State before the first sample.
+def initial_controller_state(controller: Controller, x: Scalar = 0.0) -> ControllerState:
+    """State before the first sample of a run that begins at x in m: what is marked as a position is moved by that.
 
     Raises:
         ConfigurationError: a part gives none that a state can be.
     """
-    return ControllerState(
+    state = ControllerState(
         estimator=started(controller.estimator),
         law=started(controller.law),
         coordination=started(controller.coordination),
     )
+    known, values = describe_parts(state), leaves(state)
+    return with_leaves(state, {key: x + values[key] for key, leaf in known.items() if Mark.POSITION in leaf.marks})
 
 
 def controller_step(

@@ -59,7 +59,7 @@ class FullState(dw.Coordination):
 
 def lqr_gain(experiment, sizes=(2e-3, 1e-2, 1.0, 5.0, 1.0, 5.0), torque=2.0):
     """Gain (2 x 6), optimal amid the track for errors of these sizes, in SI units, and torques of this one in N m."""
-    machine = dw.linearise(v=0.5, experiment=experiment, dt=experiment.simulation.sample_time)
+    machine = dw.linearise(experiment, v=0.5, dt=experiment.simulation.sample_time)
     A, B = machine.A, machine.B[:, :2]
     weights, costs = np.diag(np.array(sizes) ** -2.0), np.eye(2) * torque**-2.0
     cost_to_go = solve_discrete_are(A, B, weights, costs)

@@ -109,6 +109,11 @@ class Reference:
         keep(self, "digest", recording.digest)
 
     @property
+    def start(self) -> float:
+        """Position in m at t = 0, where a run begins at rest."""
+        return float(setpoint(0.0, self).x)
+
+    @property
     def moves(self) -> tuple[Move, ...]:
         """The moves through the way-points."""
         limits = MoveLimits(cruise_speed(self), self.acceleration, self.jerk_limit)

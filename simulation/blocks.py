@@ -114,7 +114,7 @@ def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
 def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the controller: sensor values and reference in, torques and inner signals out."""
     controller, _, nominal = _symbolic(experiment, symbols)
-    start = initial_controller_state(experiment.controller)
+    start = initial_controller_state(experiment.controller, experiment.reference.start)
     state, sensed = _new(leaves(start)), _new(describe(Measurement))
     references = reference_inputs(experiment.controller)
     wanted = _new(references)
@@ -176,7 +176,8 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.limits.preload, plant)) | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
+        initial=leaves(resting_state(controller.limits.preload, plant, experiment.reference.start))
+        | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
         next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant, t + sample_time),
         about=(
@@ -337,10 +338,12 @@ def _used(symbols: Scalars, expressions: ca.SX) -> Scalars:
 
 
 def _at_rest(experiment: Experiment) -> dict[str, float]:
-    """Sensor values and motor torques at rest before the first sample, by the names of inputs."""
-    preload, plant = experiment.controller.limits.preload, experiment.plant
-    rest = resting_state(preload, plant)
+    """Sensor values, reference and motor torques at rest before the first sample, by the names of inputs."""
+    preload, plant, x = experiment.controller.limits.preload, experiment.plant, experiment.reference.start
+    rest = resting_state(preload, plant, x)
     read = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
+    references = ("reference.x", *reference_inputs(experiment.controller))
+    read |= {name: x for name in references if name.partition("_ahead")[0] in {"x_ref", "reference.x"}}
     read |= {f"theta_{number}": angle for number, (angle, _) in enumerate(rest.shafts, start=1)}
     return {key: float(value) for key, value in (leaves(rest) | read | leaves(holding_torques(preload, plant))).items()}
 

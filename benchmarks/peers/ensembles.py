@@ -109,7 +109,7 @@ def kernel(scenarios: list[Scenario], threads: int) -> Callable[[], object]:
     for first in range(0, len(scenarios), LANES):
         chosen = np.resize(pairs.indices[first : first + LANES], (LANES, 2))
         vectors = pairs.vectors(chosen)
-        ready = vectors, pairs.sources(chosen[:, 1].tolist()), pairs.starts(vectors)
+        ready = vectors, pairs.sources(chosen[:, 1].tolist()), pairs.starts(vectors, chosen[:, 1])
         jobs.append(partial(_block, run, ready, pairs.shared.samples))
     return partial(run_all, jobs, threads)
 

@@ -75,7 +75,7 @@ def forces() -> str:
     experiment, v = dw.case(4), 1.8
     vehicle, disturbance = experiment.plant.vehicle, experiment.disturbance
     rail, water = float(friction(v, vehicle)), float(drag(v, vehicle))
-    point = dw.operating_point(v=v)
+    point = dw.operating_point(experiment, v=v)
     slowest, fastest = (_fastest(x) for x in (experiment.plant.track.length / 2, 0.0))
     frequency = float(vortex_frequency(v, disturbance, vehicle)) / tau
     return f"""\
@@ -88,13 +88,13 @@ the rope is shortest."""
 
 def _fastest(x: float) -> float:
     """Natural frequency in Hz of the fastest mode at rest."""
-    return max(mode.natural_frequency for mode in dw.modes(dw.linearise(x=x))) / tau
+    return max(mode.natural_frequency for mode in dw.modes(dw.linearise(dw.case(4), x))) / tau
 
 
 def modes() -> str:
     """Modes of the plant at one operating point, a row each."""
     rows = []
-    for mode in dw.modes(dw.linearise(x=10, v=1.8)):
+    for mode in dw.modes(dw.linearise(dw.case(4), 10, 1.8)):
         imaginary = f" ± {abs(mode.rate.imag):.4g}j" if mode.rate.imag else ""
         hertz = mode.natural_frequency / tau
         eigenvalue = minus(f"{mode.rate.real:.4g}") + imaginary

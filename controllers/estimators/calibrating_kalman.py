@@ -105,7 +105,7 @@ class CalibratingKalman(Estimator):
     label: ClassVar = "calibrating Kalman filter"
 
     def initial_state(self) -> CalibratingState:
-        """At rest at x = 0, with ropes as elastic as the nominal ones."""
+        """At rest where a run begins, with ropes as elastic as the nominal ones."""
         return CalibratingState()
 
     def step(

@@ -80,7 +80,7 @@ class KalmanGains:
 
 @dataclass(frozen=True)
 class KalmanState:
-    """What the filter expects of the coming sample; a run starts at rest at x = 0, where the encoders are zeroed."""
+    """What the filter expects of the coming sample; encoders are zeroed at x = 0, at rest."""
 
     x: Annotated[Scalar, Quantity("m", "expected position"), Mark.POSITION] = 0.0
     v: Annotated[Scalar, Quantity("m/s", "expected speed"), Mark.SPEED] = 0.0
@@ -203,7 +203,7 @@ class Kalman(Estimator):
     label: ClassVar = "Kalman filter"
 
     def initial_state(self) -> KalmanState:
-        """At rest at x = 0."""
+        """At rest where a run begins."""
         return KalmanState()
 
     def step(

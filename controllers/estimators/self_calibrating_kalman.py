@@ -5,8 +5,8 @@ position sensor is coarse, may fall silent or give nonsense, and is right in the
 `controllers.estimators.kalman` has the best of both once each encoder is calibrated
 (`controllers.estimators.encoder_calibration`): it lives on the encoders, in the frame of the position sensor.
 
-- A run starts at rest at x = 0: that sets the encoders' zeros. Where the position sensor has another opinion, it is
-  right in the end.
+- A run starts at rest at a known position: that sets the encoders' zeros. Where the position sensor has another
+  opinion, it is right in the end.
 - A better calibration moves the expected position along with it. It says that one was elsewhere all the time, not that
   one has moved: speed and disturbance stay as they are, and the position that the law gets changes smoothly.
 - While the sensor is silent (no number, or the same for many samples) the encoders go on alone.
@@ -213,7 +213,7 @@ class SelfCalibratingKalman(Estimator):
     silent: ClassVar = frozenset({"x"})
 
     def initial_state(self) -> SelfCalibratingState:
-        """At rest at x = 0, with drums, ropes and encoders as they are believed to be."""
+        """At rest where a run begins, with drums, ropes and encoders as they are believed to be."""
         unknown = EncoderKnowledge(ignorance(len(learnt_names(self.drums))))
         wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
         return SelfCalibratingState(KalmanState(), unknown, unknown, wheel)

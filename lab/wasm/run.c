@@ -53,6 +53,7 @@ static void put_rows(int64_t first, int64_t count, double *columns, int64_t leng
 PAGE(run) int run(uint32_t seed_low, uint32_t seed_high, int samples, int stride, double *columns) {
   static const int given_at_index[] = GIVEN_AT;
   static const int64_t source[] = {0};
+  const double beginning = 0; /* of the references that follow from numbers */
   double for_motion[MOTION_DERIVED + 1], given[GIVEN];
   Sources sources = {signals, source, 1, EXOGENOUS, 1, bundles, 0};
   int outcome = COMPLETED;
@@ -60,7 +61,7 @@ PAGE(run) int run(uint32_t seed_low, uint32_t seed_high, int samples, int stride
   const int piece = AHEAD / stride * stride;
   const int64_t length = (samples + stride - 1) / stride;
   parameters_of(settings, parameters);
-  start(parameters, state);
+  start(parameters, &beginning, state);
   derive_motion(settings, for_motion);
   hold_back_from(state + QUEUE, (int)parameters[PARAMETERS - 1]);
   set_signals_up((uint64_t)seed_high << 32 | seed_low);

@@ -66,7 +66,7 @@ def describing_gain(amplitude: float | Floats, exponent: float | Floats, smoothi
 
 def amplitude_sweep(
     experiment: Experiment,
-    x: float = 25.0,
+    x: float | None = None,
     v: float = 0.0,
     cut: str = "u",
     amplitudes: Sequence[float] = AMPLITUDES,
@@ -78,7 +78,7 @@ def amplitude_sweep(
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m.
+        x: position in m; default: amid the track.
         v: speed in m/s.
         cut: where the loop is opened (see `simulation.analysis.linear_loop.linear_broken_loop`).
         amplitudes: of e2 in m/s, > 0.
@@ -102,7 +102,7 @@ def amplitude_sweep(
     return points
 
 
-def _parts(experiment: Experiment, x: float, v: float, cut: str) -> tuple[LinearSystem, dict[str, Floats]]:
+def _parts(experiment: Experiment, x: float | None, v: float, cut: str) -> tuple[LinearSystem, dict[str, Floats]]:
     """A system to fill in, and name → (3, rows, columns): the matrix without both slopes, and what a slope of 1 adds.
 
     The force is linear in both slopes and everything else is linear in the force, so that three linearisations tell

@@ -54,39 +54,32 @@ OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
 
 
 def linearise(
-    x: Experiment | float | None = None,
+    experiment: Experiment,
+    x: float | None = None,
     v: float = 0.0,
-    preload: float | None = None,
-    plant: Plant | None = None,
     *,
-    experiment: Experiment | None = None,
+    preload: float | None = None,
     dt: float | None = None,
     **outside: float,
 ) -> LinearSystem:
     """The plant without controller, linearised at an operating point (`model.linear.linearisation.linearise`).
 
-    What is not given comes from the experiment, or is the paper's.
-
     Args:
-        x: position in m; default: amid the track. An experiment in its place is `experiment`, amid its track.
+        experiment: gives the plant, and the preload and limits that are not given.
+        x: position in m; default: amid the track.
         v: speed in m/s.
         preload: sum of both tensions in N.
-        plant: in place of the experiment's.
-        experiment: default: the paper's.
         dt: sample time in s of a discrete system whose inputs are held; None: continuous time.
         outside: ``current`` in m/s, ``force`` in N, ``tension_min`` and ``tension_max`` in N, as `operating_point`.
 
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
-    if isinstance(x, Experiment):
-        experiment, x = x, None
-    given = plant or (experiment or Experiment()).plant
-    point = operating_point(x, v, preload, given, experiment=experiment, **outside)
-    return linearise_at([point], given, dt)[0]
+    point = operating_point(experiment, x, v, preload=preload, **outside)
+    return linearise_at([point], experiment.plant, dt)[0]
 
 
-def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) -> LinearSystem:
+def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float = 0.0) -> LinearSystem:
     """The closed loop over one sample, around steady motion.
 
     States are those of plant and controller that move anything; see `INPUTS` and `OUTPUTS`. Its matrices are exact
@@ -94,7 +87,7 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m.
+        x: position in m; default: amid the track.
         v: speed in m/s.
 
     Raises:
@@ -116,7 +109,7 @@ def linear_closed_loop(experiment: Experiment, x: float = 25.0, v: float = 0.0) 
 
 
 def linear_broken_loop(
-    experiment: Experiment, x: float = 25.0, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
+    experiment: Experiment, x: float | None = None, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
 ) -> LinearSystem:
     """The loop cut at one signal: from what leaves the cut to minus what comes back to it.
 
@@ -124,7 +117,7 @@ def linear_broken_loop(
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m.
+        x: position in m; default: amid the track.
         v: speed in m/s.
         cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque.
         nominal: the plant the controller was designed for; default: the experiment's.
@@ -136,7 +129,7 @@ def linear_broken_loop(
 
 
 def whole_broken_loop(
-    experiment: Experiment, x: float, v: float, cut: str, nominal: Plant | None = None
+    experiment: Experiment, x: float | None, v: float, cut: str, nominal: Plant | None = None
 ) -> LinearSystem:
     """`linear_broken_loop` with all states, also the ones that move nothing: the same for all values of the gains."""
     if cut not in LOOP_OPENINGS:

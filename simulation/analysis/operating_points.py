@@ -76,13 +76,26 @@ QUICK_BUILD = ("-O1",)
 """The function is long and straight: more takes a compiler thrice as long and brings nothing."""
 
 
+def position_in(experiment: Experiment, x: float | None) -> float:
+    """A position in m, by default amid the track of an experiment.
+
+    Raises:
+        ConfigurationError: it is no experiment.
+    """
+    if not isinstance(experiment, Experiment):
+        raise ConfigurationError(
+            f"experiment: must be an Experiment, which has limits and preload beside the plant, not "
+            f"{type(experiment).__name__}"
+        )
+    return experiment.plant.track.length / 2 if x is None else x
+
+
 def operating_point(
+    experiment: Experiment,
     x: float | None = None,
     v: float = 0.0,
-    preload: float | None = None,
-    plant: Plant | None = None,
     *,
-    experiment: Experiment | None = None,
+    preload: float | None = None,
     current: float = 0.0,
     force: float = 0.0,
     tension_min: float | None = None,
@@ -90,15 +103,13 @@ def operating_point(
 ) -> OperatingPoint:
     """State, torques and tensions with which the vehicle passes x at the constant speed v.
 
-    What is not given comes from the experiment, or is the paper's. See
-    `model.linear.operating_point.operating_point` for how the tensions are shared.
+    See `model.linear.operating_point.operating_point` for how the tensions are shared.
 
     Args:
+        experiment: gives the plant, and the preload and limits that are not given.
         x: position in m; default: amid the track.
         v: speed in m/s, -10 to 10; negative: towards winch 2.
         preload: sum of both tensions in N, between twice tension_min and twice tension_max.
-        plant: in place of the experiment's.
-        experiment: default: the paper's.
         current: ambient current in m/s, constant.
         force: disturbance force in N along the track, constant.
         tension_min: lower limit of a tension in N; 0 lets a rope go slack.
@@ -108,13 +119,12 @@ def operating_point(
         ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
             range.
     """
-    experiment = experiment or Experiment()
-    plant, limits = plant or experiment.plant, experiment.controller.limits
+    x, limits = position_in(experiment, x), experiment.controller.limits
     return of_plant(
-        plant.track.length / 2 if x is None else x,
+        x,
         v,
         limits.preload if preload is None else preload,
-        plant,
+        experiment.plant,
         current=current,
         force=force,
         tension_min=limits.tension_min if tension_min is None else tension_min,
@@ -148,13 +158,13 @@ class LoopOperatingPoint:
 
 
 def loop_operating_point(
-    experiment: Experiment, x: float, v: float, nominal: Plant | None = None
+    experiment: Experiment, x: float | None, v: float, nominal: Plant | None = None
 ) -> LoopOperatingPoint:
     """Solve for steady motion through a position; at v = 0 that is rest.
 
     Args:
         experiment: plant, gains and sample time.
-        x: position in m, on the track.
+        x: position in m, on the track; None: amid it.
         v: speed in m/s.
         nominal: the plant the controller was designed for, as a `Scenario` has it; default: the simulated one.
 
@@ -162,6 +172,7 @@ def loop_operating_point(
         ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains
             with which nothing is steady.
     """
+    x = position_in(experiment, x)
     calm = in_calm(experiment)
     prepare(calm)
     limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant, x)
@@ -483,7 +494,7 @@ def _first_guesses(
     upper, calm = given[f"{LIMITS}tension_max"] - given[f"{LIMITS}reserve"], np.zeros_like(x)
     of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
     point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
-    state = start_function(structure)(parameters.T).full().T
+    state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
     state[:, sample.plant] = point[:-4].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
     if near is not None:

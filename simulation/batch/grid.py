@@ -64,10 +64,14 @@ class ParameterScenarioGrid:
         self.columns = [self.loop.parameters.index(name) for name in names]
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.empty((len(scenarios), len(self.loop.parameters)))
+        self.beginnings = np.empty(len(scenarios))  # in m
         self._at = np.empty((len(scenarios), 2), np.int64)  # group, and number in it
         for number, group in enumerate(groups):
             self.loop.vector(group.numbers)
-            self._vectors[group.members] = group.vectors
+            self._vectors[group.members], self.beginnings[group.members] = (
+                group.vectors,
+                group.experiment.reference.start,
+            )
             self._at[group.members] = np.stack(np.broadcast_arrays(number, np.arange(len(group.members))), axis=1)
 
     @property
@@ -109,9 +113,9 @@ class ParameterScenarioGrid:
         vectors[:, self.columns] = self.values[sets]
         return vectors
 
-    def starts(self, vectors: Floats) -> Floats:
-        """States before the first sample (pairs, states) of the parameters (pairs, parameters)."""
-        return starts(self.structure, vectors)
+    def starts(self, vectors: Floats, scenarios: ArrayLike) -> Floats:
+        """States before the first sample (pairs, states) of parameters (pairs, parameters) in scenarios (pairs,)."""
+        return starts(self.structure, vectors, self.beginnings[np.asarray(scenarios)])
 
     def sources(self, scenarios: Iterable[int]) -> list[Signals]:
         """What runs of some scenarios receive from outside, drawn while they run; the same for the same scenario."""

@@ -276,8 +276,8 @@ def _rollout(
     def block(chosen: NDArray[np.int64]) -> None:
         filled = np.resize(chosen, (lanes, 2))  # idle lanes repeat the block's pairs
         vectors = pairs.vectors(filled)
-        state = pairs.starts(vectors)
         numbers = filled[:, 1].tolist()
+        state = pairs.starts(vectors, numbers)
         signals: list[Any] = [*pairs.sources(numbers)] if compiled else [*map(pairs.signals, numbers)]
         outcome, done, rows = run(vectors, signals, state, samples, stride, watched=slack, most=most)
         busy, (sets, scenes) = slice(len(chosen)), chosen.T

@@ -194,7 +194,7 @@ def _doubts(group: ScenarioGroup) -> Iterator[Any]:
     if not is_automatic(group.experiment):
         integrator = solver_of(group.experiment).integrator
         yield ~(substeps_for(fastest_swing(parts.plant), simulation, integrator) <= simulation.substeps)
-    first = starts(structure_of(group.experiment), group.vectors)
+    first = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
     yield ~np.isfinite(first).all(axis=1)
 
 

@@ -412,8 +412,9 @@ def _differentiate(
     pairs, loop, width, count = seeds.pairs, seeds.pairs.loop, run.varied.directions, len(chosen)
     directions = seeds.directions(chosen, width)
     vectors = pairs.vectors(np.array([pair]))
-    (vector,), (state,) = vectors, pairs.starts(vectors)
-    by_parameters = np.array(start_slopes(pairs.structure)(vector))[:, pairs.columns]
+    (vector,), (state,) = vectors, pairs.starts(vectors, pair[1:])
+    x = pairs.beginnings[pair[1]]
+    by_parameters = np.array(start_slopes(pairs.structure)(vector, x))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
     kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width))
     completed, rows, among = kept.outcome == Outcome.COMPLETED, len(kept.first), slice(chosen.start, chosen.stop)

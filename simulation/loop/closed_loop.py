@@ -178,20 +178,21 @@ class Timing:
     late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(experiment: Experiment, parts: Any = None) -> LoopState:
-    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads 0.
+def initial_loop_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> LoopState:
+    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads x.
 
     Args:
         experiment: says what there is.
         parts: gives the numbers (`symbolic_parts`); default: the experiment.
+        x: in m; default: where the reference begins.
     """
-    given = parts or experiment
+    given, begun = parts or experiment, experiment.reference.start if x is None else x
     preload, actuator, sensors = given.controller.limits.preload, given.actuator, given.sensors
-    rest = resting_state(preload, given.plant, 0.0 - sensors.position_bias)
+    rest = resting_state(preload, given.plant, begun - sensors.position_bias)
     holding = holding_torques(preload, given.plant)
     return LoopState(
         motion=Motion(rest),
-        controller=initial_controller_state(given.controller),
+        controller=initial_controller_state(given.controller, begun),
         readings=first_readings(rest, preload / 2, given.plant, sensors, silence_of(experiment.sensors)),
         timing=Timing() if experiment.simulation.jitter > 0 else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
@@ -203,14 +204,13 @@ def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
-def starting_state(experiment: Experiment, parts: Any = None) -> dict[str, Scalar]:
+def starting_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> dict[str, Scalar]:
     """State before the first sample by name: at rest, both ropes at preload/2, equilibrium torques under way.
 
-    The vehicle is where the position sensor reads 0: without a bias, at the beginning of the track. Arguments as of
-    `initial_loop_state`.
+    The vehicle is where the position sensor reads what the reference begins with. Arguments as of `initial_loop_state`.
     """
     given = parts or experiment
-    start = initial_loop_state(experiment, parts)
+    start = initial_loop_state(experiment, parts, x)
     holding = leaves(holding_torques(given.controller.limits.preload, given.plant))
     names = _queue_names(experiment.simulation.delay_samples)
     queue = {name: holding[name.rsplit(".", 1)[1]] for name in names}
@@ -399,17 +399,21 @@ Floats = NDArray[np.float64]
 
 @built_once
 def start_function(structure: Experiment) -> ca.Function:
-    """``start(parameters) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
-    parameters, state = _start(structure, steps=True)
-    return ca.Function("start", [parameters], [state], ["parameters"], ["state"])
+    """``start(parameters, x) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
+    parameters, x, state = _start(structure, steps=True)
+    return ca.Function("start", [parameters, x], [state], ["parameters", "x"], ["state"])
 
 
-def starts(structure: Experiment, vectors: Floats) -> Floats:
-    """States before the first sample (runs, states) of parameters (runs, parameters) as the closed loop takes them."""
-    function = _mapped(structure, len(vectors))
+def starts(structure: Experiment, vectors: Floats, x: float | Floats) -> Floats:
+    """States before the first sample (runs, states) of parameters (runs, parameters) as the closed loop takes them.
+
+    Each run begins at its x in m, (runs,) or one for all.
+    """
+    function, positions = _mapped(structure, len(vectors)), np.full(len(vectors), x, float)
     states = np.empty((len(vectors), function.size1_out(0)))
     buffer, evaluate = function.buffer()  # arrays in and out take CasADi longer than this function
     buffer.set_arg(0, np.ascontiguousarray(vectors).reshape(-1).data)  # pyright: ignore[reportCallIssue]
+    buffer.set_arg(1, positions.data)  # pyright: ignore[reportCallIssue]
     buffer.set_res(0, states.reshape(-1).data)  # pyright: ignore[reportCallIssue]
     evaluate()
     return states
@@ -422,13 +426,13 @@ def _mapped(structure: Experiment, count: int) -> ca.Function:
 
 @built_once
 def start_slopes(structure: Experiment) -> ca.Function:
-    """``start_slopes(parameters) -> slopes``, (states, parameters): the same derived, of encoders without steps."""
-    parameters, state = _start(structure, steps=False)
-    return ca.Function("start_slopes", [parameters], [ca.densify(ca.jacobian(state, parameters))])
+    """``start_slopes(parameters, x)``, (states, parameters): the same by parameters, of encoders without steps."""
+    parameters, x, state = _start(structure, steps=False)
+    return ca.Function("start_slopes", [parameters, x], [ca.densify(ca.jacobian(state, parameters))])
 
 
-def _start(structure: Experiment, *, steps: bool) -> tuple[ca.SX, ca.SX]:
-    symbols = {name: ca.SX.sym(name) for name in parameters_of(structure)}
+def _start(structure: Experiment, *, steps: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    x, symbols = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in parameters_of(structure)}
     stepless = {} if steps else {"sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
-    state = starting_state(structure, symbolic_parts(structure, {**symbols, **stepless}))
-    return ca.vertcat(*symbols.values()), ca.densify(ca.vertcat(*state.values()))
+    state = starting_state(structure, symbolic_parts(structure, {**symbols, **stepless}), x)
+    return ca.vertcat(*symbols.values()), x, ca.densify(ca.vertcat(*state.values()))

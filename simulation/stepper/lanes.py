@@ -187,7 +187,8 @@ class Scenarios:
             names = tuple(group.numbers)
             if names != self.loop.parameters:
                 self.loop.vector(group.numbers)  # says what differs
-            states = starts(structure_of(group.experiment), group.vectors)
+            x = group.experiment.reference.start
+            states = starts(structure_of(group.experiment), group.vectors, x)
             sources = exogenous_sources(group.experiment, group.columns, len(group.members), further=1)
             for place, numbers, state, source in zip(
                 group.members.tolist(), group.vectors, states, sources, strict=True

@@ -71,7 +71,7 @@ def test_the_formulas_are_what_is_computed(number: int, paper_run: PaperRun) -> 
 
 def test_a_public_name_comes_with_signature_meaning_and_units() -> None:
     text = public_markdown("linearise Rope")
-    assert "dualwinch.linearise(x=None, v=0.0, preload=None" in text
+    assert "dualwinch.linearise(experiment, x=None, v=0.0, *, preload=None" in text
     assert "**Args**" in text
     assert "| `damping` | N s/m |" in text
 

@@ -115,8 +115,8 @@ def test_bad_input_is_one_line(words: list[str], message: str, capsys: pytest.Ca
 
 
 def test_from_python() -> None:
-    point = dualwinch.operating_point(10, 1.8)
-    fastest = dualwinch.modes(dualwinch.linearise(10, 1.8))[-1]
+    point = dualwinch.operating_point(dualwinch.case(2), 10, 1.8)
+    fastest = dualwinch.modes(dualwinch.linearise(dualwinch.case(2), 10, 1.8))[-1]
     assert pytest.approx(200.0) == point.F2
     assert fastest.label == "rope 2 – drum 2"
 

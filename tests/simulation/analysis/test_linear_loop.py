@@ -155,7 +155,7 @@ def test_an_experiment_is_linearised_amid_its_own_track() -> None:
     long = override(case(2), {"plant.track.length": 120.0, "plant.vehicle.mass": 3e3})
     system = dw.linearise(long, v=0.5)
     assert system.operating_point["x"] == 60
-    assert system.A.tolist() == dw.linearise(60.0, 0.5, experiment=long).A.tolist()
+    assert system.A.tolist() == dw.linearise(long, 60.0, 0.5).A.tolist()
 
 
 def test_slopes_of_any_size_are_told_from_round_off_without_overflow() -> None:
