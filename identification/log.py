@@ -63,7 +63,7 @@ class Log:
         if len(backwards):
             row = int(backwards[0]) + 1
             raise ConfigurationError(
-                f"{self.name}: t = {self.t[row]:g} s in row {row + 1} after {self.t[row - 1]:g} s: must ascend"
+                f"{self.name}: t = {self.t[row]:.12g} s in row {row + 1} after {self.t[row - 1]:.12g} s: must ascend"
             )
         check_columns(self.name, self.columns)
         for name in TORQUES:

@@ -8,22 +8,27 @@ from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import is_zipfile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.identification.log import UNIT_OF, Log, check_columns, listed
-from dualwinch.model.csv_files import TableColumn, read_csv
+from dualwinch.identification.predictor import READINGS
+from dualwinch.model.csv_files import STAMPS, TableColumn, has_other_mark, named_columns, read_csv, split_header
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
-from dualwinch.model.recordings import parquet_units
-from dualwinch.model.units import factor, is_unit
+from dualwinch.model.recordings import read_parquet
+from dualwinch.model.units import is_same_unit, is_unit
 from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
 
-TIMES = ("time", "Time", "TIME", "timestamp", "Timestamp")
-"""Other names of the times."""
+TIMES = ("t", "time", "Time", "TIME", "timestamp", "Timestamp")
+"""Names of the times."""
+
+SAME_TIME = 1e-3
+"""Share of the step of the times within which two times are one: conversion of units rounds them."""
 
 OMITTED = "-"
 """In the place of a column's name: the reading is left out."""
@@ -31,26 +36,31 @@ OMITTED = "-"
 EPOCHS = {"s": (3e8, 1e10), "ms": (3e11, 1e13), "us": (3e14, 1e16), "ns": (3e17, 1e19)}
 """Unit of times without one → numbers that are the time since 1970 in it (from 1979 on), and no time of a run."""
 
-OTHER_CONTENTS = {"c": "complex", "b": "true or false", "U": "texts", "S": "texts", "O": "cells", "V": "complex"}
+TEXT, NUMBER = "text", "a single number"
+"""What files have beside their columns."""
+
+OTHER_CONTENTS = {"c": "complex", "b": "true or false", "U": TEXT, "S": TEXT, "O": "cells", "V": "complex"}
 """Kind of an array without real numbers → its words. MATLAB's cells are objects, its complex numbers pairs in HDF5."""
 
 CONTENTS = ("data", "values", "Data", "Values", "signals")
 """Last names of a MATLAB structure's fields that are named after what contains them."""
 
 
-def column_map(texts: Sequence[str]) -> dict[str, str]:
-    """Reading → column, from texts such as ``F1=load cell left``, ``F1=left:kN``, ``F1=left@left_time`` or ``F1=-``.
+def column_map(texts: str | Sequence[str]) -> dict[str, str]:
+    """Reading → column, from texts such as ``F1=load cell left``, ``F1=left:kN``, ``F1=left@left_time:ms`` or ``F1=-``.
 
     Raises:
-        ConfigurationError: another form, or an unknown reading.
+        ConfigurationError: another form, an unknown reading, or two columns for one.
     """
-    found = {}
-    for text in texts:
+    found = dict[str, str]()
+    for text in [texts] if isinstance(texts, str) else texts:
         parts = re.fullmatch(r"\s*(\w+)\s*=\s*(\S.*?)\s*", text)
         if not parts:
             raise ConfigurationError(f"--column {text}: must be READING=COLUMN or READING=COLUMN:UNIT, e.g. F1=left:kN")
         if parts[1] not in UNIT_OF:
             raise ConfigurationError(f"--column {text}: {unknown('reading', parts[1], UNIT_OF)}")
+        if found.get(parts[1], parts[2]) != parts[2]:
+            raise ConfigurationError(f"--column {text}: {parts[1]} is {found[parts[1]]} already: must be given once")
         found[parts[1]] = parts[2]
     return found
 
@@ -75,30 +85,53 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     table = read_columns(path, csv)
     chosen = _chosen(table, columns, path)
     check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
-    notes, values = list[str](), {reading: _in_si(reading, each, path) for reading, each in chosen.items()}
+    notes = list[str]()
+    values = {reading: _in_si(reading, each, path, notes) for reading, each in chosen.items()}
     for reading, (column, *_) in chosen.items():
-        if not len(column.words):
-            continue
-        row = column.words[0]
-        word = f"{path.name}: line {column.lines[row]}: {column.header} = {column.cells[row].strip()[:40]!r}"
-        if np.isnan(values[reading]).all():
-            raise ConfigurationError(f"{word}: must be a number or a gap")
-        more = f", and so are {len(column.words) - 1} others" if len(column.words) > 1 else ""
-        notes.append(f"{word}: is neither a number nor a usual word for a gap, taken for a gap{more}")
-    times = {reading: _own_times(table, each, chosen["t"]) for reading, each in chosen.items()}
+        notes += _without_number(reading, column, path)
+    t = chosen["t"].column
+    times = {reading: _own_times(table, each, chosen["t"]) or t for reading, each in chosen.items()}
     used = {id(each) for each in (*(each.column for each in chosen.values()), *times.values())}
     notes += _unused(path.name, [each for each in table if id(each) not in used], chosen)
-    own = {reading: values["t"] if at is None else _seconds(at, path) for reading, at in times.items()}
-    merged = _merged(path, chosen, values, own)
+    seconds = {id(t): values["t"]}
+    for reading, at in times.items():
+        if id(at) not in seconds:
+            seconds[id(at)] = _seconds(at, path, chosen[reading].times_unit)
+    for at in {id(each): each for each in times.values()}.values():
+        _check_ascending(at, seconds[id(at)], path)
+    own = {reading: seconds[id(at)] for reading, at in times.items()}
+    _check_times(path, chosen, values, times, own)
+    merged = _merged(values, own)
     return Log(merged.pop("t"), merged, path.name, tuple(notes))
 
 
 class LogColumn(NamedTuple):
-    """The column of a reading, its unit where it was named, and the column of its own times."""
+    """The column of a reading, its unit where it was named, the column of its own times, and their unit."""
 
     column: TableColumn
     unit: str | None = None
     times: TableColumn | None = None
+    times_unit: str | None = None
+
+
+def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[str]:
+    """A note on rows without a finite number that are no gaps either.
+
+    Raises:
+        ConfigurationError: these are most rows.
+    """
+    filled, count = int(np.isfinite(column.values).sum()), len(column.words)
+    if 2 * count > filled + count:
+        forms = f"a number, a time stamp as {STAMPS}," if reading == "t" else "a number"
+        marks = "; --csv SEPARATOR+MARK, e.g. ';,', says the decimal mark"
+        hint = marks if len(column.cells) and has_other_mark(column.cells[column.words[0]]) else ""
+        raise ConfigurationError(f"{path.name}: {column.at(column.words[0])}: must be {forms} or a gap{hint}")
+    if count:
+        more = f", and so are {count - 1} others" if count > 1 else ""
+        what = "is neither a number nor a usual word for a gap, " if len(column.cells) else ""
+        yield f"{path.name}: {column.at(column.words[0])}: {what}taken for a gap{more}"
+    elif not filled and len(column.values):
+        yield f"{path.name}: {column.header}: has no number in any row, not used"
 
 
 def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
@@ -122,90 +155,174 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
 
 
 def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
-    """The column with a header, else the one with a name."""
-    found = [each for each in table if each.header == name] or [each for each in table if each.name == name]
+    """The column with a header or name."""
+    found = named_columns(table, name)
+    found = [each for each in found if not each.content] or found
     if len(found) > 1:
         headers = dict.fromkeys(each.header for each in found)
-        which = f"; name one, --column READING=COLUMN: {', '.join(headers)}" if len(headers) > 1 else ""
+        which = f"; name one, --column READING=COLUMN: {listed(headers)}" if len(headers) > 1 else ""
         raise ConfigurationError(f"{path}: has more than one column '{name}'{which}")
     if found and found[0].content:
-        raise ConfigurationError(f"{path}: column '{found[0].header}': is {found[0].content}: must be real numbers")
+        reading = name.removesuffix(READ)
+        out = f", or left out (--column {reading}=-)" if reading in READINGS else ""
+        raise ConfigurationError(
+            f"{path}: column '{found[0].header}': is {found[0].content}: must be real numbers{out}"
+        )
     return found[0] if found else None
 
 
 def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
-    """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN@TIMES``, or both; names may have colons."""
+    """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN:UNIT@TIMES:UNIT``; names may have colons."""
+    if whole := _found(table, text, path):
+        return LogColumn(whole)
+    own, _, at = (part.strip() for part in text.rpartition("@"))
+    (found, unit), (times, last) = _with_unit(table, own, path), _with_unit(table, at, path)
+    if own and found and times:
+        of_times = last is not None and is_unit(last, "s")
+        return LogColumn(found, unit if of_times or last is None else last, times, last if of_times else None)
+    found, unit = _with_unit(table, text, path)
+    if found:
+        return LogColumn(found, unit)
     name, _, unit = (part.strip() for part in text.rpartition(":"))
-    for whole, stated in ((text, None), (name, unit)):
-        if found := _found(table, whole, path):
-            return LogColumn(found, stated)
-        own, _, times = (part.strip() for part in whole.rpartition("@"))
-        found, at = _found(table, own, path), _found(table, times, path)
-        if own and found and at:
-            return LogColumn(found, stated, at)
     wanted = name if name and is_unit(unit.removeprefix("-")) else text
     near = difflib.get_close_matches(wanted, [each.header for each in table], n=1, cutoff=0.6)
     hint = f"did you mean '{near[0]}'? It" if near else "it"
     raise ConfigurationError(f"{path}: unknown column '{wanted}'; {hint} has {listed(each.header for each in table)}")
 
 
-def _in_si(reading: str, chosen: LogColumn, path: Path) -> Floats:
-    if reading == "t":
-        return _seconds(chosen.column, path, chosen.unit)
-    unit = chosen.unit or chosen.column.unit or UNIT_OF[reading]
-    return chosen.column.values * _factor(unit, UNIT_OF[reading], chosen.column, path)
+def _with_unit(table: Sequence[TableColumn], text: str, path: Path) -> tuple[TableColumn | None, str | None]:
+    """The column of a text ``COLUMN`` or ``COLUMN:UNIT``, and the unit."""
+    if found := _found(table, text, path):
+        return found, None
+    name, _, unit = (part.strip() for part in text.rpartition(":"))
+    return _found(table, name, path), unit
 
 
-def _factor(unit: str, si: str, column: TableColumn, path: Path) -> float:
+def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Floats:
+    """A reading in SI units; adds a note where a unit was named that is not the file's."""
+    column, unit = chosen.column, chosen.unit
+    if column.stamps and reading != "t":
+        raise ConfigurationError(f"{path}: column '{column.header}': has time stamps: must be real numbers")
+    if unit and column.unit and not is_same_unit(unit.removeprefix("-"), column.unit):
+        notes.append(f"{path.name}: {column.header}: is read in {unit}, as --column says, and not in {column.unit}")
+    return (
+        _seconds(column, path, unit)
+        if reading == "t"
+        else column.values * _factor(column, UNIT_OF[reading], unit, path)
+    )
+
+
+def _factor(column: TableColumn, si: str, unit: str | None, path: Path) -> float:
     try:
-        return 1.0 if unit == si else factor(unit, si)
+        return column.factor(si, unit)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: column '{column.header}': {error}") from None
+        raise ConfigurationError(f"{path}: {error}") from None
 
 
 def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats:
     """Times in s: time stamps, times since 1970, or as the unit says."""
     if column.stamps:
+        if unit:
+            raise ConfigurationError(
+                f"{path}: column '{column.header}': has time stamps: must be without a unit, not {unit}"
+            )
         return column.values
     stated, first = unit or column.unit, float(column.values[np.isfinite(column.values)][:1].sum())
     if stated is None:
-        stated = next((name for name, (low, high) in EPOCHS.items() if low <= first < high), "s")
-    return column.values * _factor(stated, "s", column, path)
+        unit = next((name for name, (low, high) in EPOCHS.items() if low <= first < high), "s")
+    return column.values * _factor(column, "s", unit, path)
 
 
 def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn | None) -> TableColumn | None:
     """The column of a reading's own times: as named, or named after it, or beside it in a structure."""
     if chosen.times or chosen is t:
         return chosen.times
-    name, parts = chosen.column.name, chosen.column.header.split(".")
-    places = [".".join(parts[:count]) for count in range(len(parts) - 1, 0, -1)]
-    beside = [f"{place}.{each}" for place in places for each in ("t", *TIMES)]
+    name, (*places, _) = chosen.column.name, chosen.column.header.split(".")
+    within = [".".join(places[:count]) for count in range(len(places), 0, -1)]
+    forms = [form for each in TIMES for form in (f"{each}_{name}", f"{name}_{each}")]
+    forms += [f"{place}.{each}" for place in within for each in TIMES]
     spare = [each for each in table if not t or each is not t.column]
-    named = [each for header in (f"t_{name}", f"{name}_t", *beside) for each in spare if each.header == header]
+    named = [each for form in forms for each in spare if form in {each.header, each.name}]
     return next((each for each in named if len(each.values) == len(chosen.column.values)), None)
 
 
-def _merged(
-    path: Path, chosen: Mapping[str, LogColumn], values: Mapping[str, Floats], own: Mapping[str, Floats]
-) -> dict[str, Floats]:
-    """All readings over one time: that of the log, and in between those of columns with times of their own."""
-    for reading, times in own.items():
-        if len(times) != len(values[reading]):
+def _check_ascending(column: TableColumn, seconds: Floats, path: Path) -> None:
+    rows = np.flatnonzero(np.isfinite(seconds))
+    steps = np.diff(seconds[rows])
+    late = np.flatnonzero(steps <= 0)
+    if not len(late):
+        return
+    before, row = (int(rows[late[0] + more]) for more in (0, 1))
+    back, repeats = -steps[late[0]], int((steps == 0).sum())
+    hint = f"goes back by {back:.6g} s" if back else f"{repeats} of {len(rows)} times repeat the one before"
+    raise ConfigurationError(f"{path}: {column.at(row)}: must be later than {column.at(before)}; {hint}")
+
+
+def _check_times(
+    path: Path,
+    chosen: Mapping[str, LogColumn],
+    values: Mapping[str, Floats],
+    times: Mapping[str, TableColumn],
+    own: Mapping[str, Floats],
+) -> None:
+    """Refuse readings most of which have no time, or none within those of the torques.
+
+    Raises:
+        ConfigurationError: a reading of another length than its times, or of other times.
+    """
+    for reading, at in own.items():
+        read, column, header = values[reading], chosen[reading].column.header, times[reading].header
+        name = f"name its own times: --column '{reading}={column}@TIMES'"
+        if len(at) != len(read):
             raise ConfigurationError(
-                f"{path}: {reading} has {len(values[reading])} values and its times {len(times)}: must be as many; "
-                f"name its own times: --column '{reading}={chosen[reading].column.header}@TIMES'"
+                f"{path}: {reading} has {len(read)} values and its times {len(at)}: must be as many; {name}"
             )
+        known = np.isfinite(read)
+        timed = known & np.isfinite(at)
+        if 2 * timed.sum() < known.sum():
+            raise ConfigurationError(
+                f"{path}: {reading} has {known.sum()} values, {timed.sum()} with a time in {header}; {name}"
+            )
+        count = int(known.sum())
+        first_rows = count < len(at) and known[:count].all() and 2 * count <= np.isfinite(at).sum() + 1
+        if count and first_rows and chosen[reading].times is None and times[reading] is chosen["t"].column:
+            raise ConfigurationError(
+                f"{path}: {reading} has values in the first {count} of {len(at)} rows alone: is it of a lower rate? "
+                f"{name}; or, if {header} is right: --column '{reading}={column}@{header}'"
+            )
+        start, end = own["tau_1"][np.isfinite(own["tau_1"])][[0, -1]] if timed.any() else (0.0, 0.0)
+        within = (at[timed] >= start) & (at[timed] <= end)
+        if 2 * within.sum() < len(within):
+            first, last = at[timed][[0, -1]]
+            raise ConfigurationError(
+                f"{path}: {reading}: has times {first:.10g} to {last:.10g} s in {header}, tau_1 {start:.10g} to "
+                f"{end:.10g} s: must be of one origin, zone and unit (--column '{reading}={column}@{header}:UNIT')"
+            )
+
+
+def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str, Floats]:
+    """All readings over one time: that of the log, and in between those of columns with times of their own."""
     if all(times is values["t"] for times in own.values()):
         known = np.isfinite(values["t"])
         return {reading: each[known] for reading, each in values.items()}
-    t = np.unique(np.concatenate([times[np.isfinite(times)] for times in own.values()]))
+    t = values["t"][np.isfinite(values["t"])]
+    near = SAME_TIME * float(np.median(np.diff(t)))
+    rounded = {reading: _rounded_to(t, times, near) for reading, times in own.items()}
+    t = np.unique(np.concatenate([times[np.isfinite(times)] for times in rounded.values()]))
     merged = {"t": t}
-    for reading, times in own.items():
+    for reading, times in rounded.items():
         if reading != "t":
             known = np.isfinite(times)
             merged[reading] = np.full(len(t), np.nan)
             merged[reading][np.searchsorted(t, times[known])] = values[reading][known]
     return merged
+
+
+def _rounded_to(t: Floats, times: Floats, near: float) -> Floats:
+    """Times, but those of t where they are that near."""
+    right = np.searchsorted(t, times).clip(1, len(t) - 1)
+    nearest = np.where(times - t[right - 1] < t[right] - times, t[right - 1], t[right])
+    return np.where(np.abs(times - nearest) < near, nearest, times)
 
 
 def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
@@ -214,6 +331,8 @@ def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogC
     missing = [reading for reading in UNIT_OF if reading not in chosen]
     words = []
     for column in spare:
+        if column.content in {TEXT, NUMBER}:
+            continue
         if column.content:
             words.append(f"{column.header} ({column.content})")
             continue
@@ -245,33 +364,25 @@ def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
         raise ConfigurationError(f"{path}: not a {suffix} file: {str(error).splitlines()[0][:200]}") from error
 
 
-def _parquet(path: Path) -> list[TableColumn]:
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    table = parquet.read_table(path)
-    units, found = parquet_units(table.schema), list[TableColumn]()
-    for field in table.schema:
-        values, stamps = table[field.name], pa.types.is_timestamp(field.type)
-        if stamps:
-            values = values.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())
-        elif not (pa.types.is_integer(field.type) or pa.types.is_floating(field.type)):
-            found.append(_without_numbers(field.name, str(field.type)))
-            continue
-        numbers = np.array(values.to_numpy(), float) * (1e-9 if stamps else 1.0)
-        found.append(TableColumn(field.name, field.name, units.get(field.name), numbers, stamps))
-    return found
-
-
-def _without_numbers(header: str, content: str) -> TableColumn:
-    """A column that cannot be a reading, by what it has in the place of real numbers."""
-    return TableColumn(header, header.rsplit(".", 1)[-1], None, np.zeros(0), content=content)
-
-
 def _numpy(path: Path) -> list[TableColumn]:
+    if not is_zipfile(path):
+        raise ConfigurationError(f"{path}: not a .npz file")
     with np.load(path, allow_pickle=False) as arrays:
-        units = json.loads(str(arrays["units"])) if "units" in arrays.files else {}
-        return _of_tree({name: arrays[name] for name in arrays.files}, units)
+        tree = dict[str, Any]()
+        for name in arrays.files:
+            try:
+                tree[name] = arrays[name]
+            except ValueError:  # NumPy reads no Python objects
+                tree[name] = np.zeros(1, object)
+    if "units" in tree:
+        try:
+            units = json.loads(str(tree["units"]))
+        except ValueError:
+            units = None
+        if not isinstance(units, Mapping):
+            raise ConfigurationError(f'{path}: units: must be a JSON object of columns and units, e.g. {{"F1": "kN"}}')
+        tree["units"] = units
+    return _of_tree(tree)
 
 
 def _matlab(path: Path) -> list[TableColumn]:
@@ -283,8 +394,7 @@ def _matlab(path: Path) -> list[TableColumn]:
     except MatReadError as error:
         raise ConfigurationError(f"{path}: not a .mat file: {error}") from error
     arrays = _matlab_7_3(path) if is_hdf5 else loadmat(path, simplify_cells=True)
-    units = arrays.pop("units", None)
-    return _of_tree(arrays, {key: str(unit) for key, unit in units.items()} if isinstance(units, Mapping) else {})
+    return _of_tree({name: each for name, each in arrays.items() if not name.startswith("__")})
 
 
 def _matlab_7_3(path: Path) -> dict[str, Any]:
@@ -297,55 +407,82 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         ) from None
 
     def tree(group: Any) -> dict[str, Any]:
-        items = {name: each for name, each in group.items() if not name.startswith("#")}
+        own = [name for name in group if isinstance(group.get(name, getlink=True), h5py.HardLink)]  # no link elsewhere
+        items = {name: group[name] for name in own if not name.startswith("#")}
         return {name: array(each) if isinstance(each, h5py.Dataset) else tree(each) for name, each in items.items()}
 
     def array(dataset: Any) -> Any:
-        is_text = dataset.attrs.get("MATLAB_class") == b"char"
-        return "" if is_text else np.squeeze(dataset[()]).T
+        if dataset.attrs.get("MATLAB_class") == b"char":
+            return "".join(map(chr, np.ravel(dataset[()])))
+        return np.zeros(0) if "MATLAB_empty" in dataset.attrs else np.transpose(dataset[()])
 
     with h5py.File(path, "r") as file:
         return tree(file)
 
 
-def _of_tree(tree: Mapping[str, Any], units: Mapping[str, str]) -> list[TableColumn]:
-    """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part."""
-    found = list[TableColumn]()
-    for header, values in _arrays(tree):
-        if isinstance(values, str):
-            found.append(_without_numbers(header, values))
+def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[TableColumn]:
+    """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part.
+
+    ``units`` beside them is their common unit, but for times, or has one for each name.
+    """
+    found, stated = list[TableColumn](), tree.get("units")
+    units = {name: str(each) for name, each in stated.items() if each} if isinstance(stated, Mapping) else {}
+    unit = stated if isinstance(stated, str) else unit
+    for key, item in tree.items():
+        header, own = f"{within}{key}", units.get(key, None if key in TIMES else unit)
+        parts = _parts(item)
+        if key == "units" and (units or isinstance(stated, str)):
             continue
-        parts = header.split(".")
-        while len(parts) > 1 and parts[-1] in CONTENTS:
-            parts.pop()
-        name = parts[-1]
-        finite = np.where(np.isfinite(values), values, np.nan)
-        found.append(TableColumn(header, name, units.get(header), finite))
+        if parts is not None:
+            found += _of_tree(parts, f"{header}.", own)
+            continue
+        array = np.squeeze(item.toarray() if hasattr(item, "toarray") else item)  # a sparse matrix
+        if content := _content(array):
+            found.append(TableColumn(header, _name(header)[0], None, np.zeros(0), content=content))
+            continue
+        columns = {header: array} if array.ndim == 1 else {f"{header}.{k}": p for k, p in enumerate(array.T, start=1)}
+        for head, numbers in columns.items():
+            name, of_name = _name(head)
+            stamps = numbers.dtype.kind == "M"
+            values = (
+                np.where(np.isnat(numbers), np.nan, 1e-9 * numbers.astype("M8[ns]").astype(float))
+                if stamps
+                else numbers
+            )
+            found.append(TableColumn.of_numbers(head, name, own or of_name, np.array(values, float), stamps=stamps))
     return found
 
 
-def _arrays(tree: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, Floats | str]]:
-    """The name of each column of nested arrays, and its numbers, or what it has in the place of numbers."""
-    for key, item in tree.items():
-        name, each = within + key, item
-        if isinstance(item, list):
-            each = {str(number): value for number, value in enumerate(item, start=1)}
-        if isinstance(each, Mapping):
-            yield from _arrays(each, f"{name}.")
-        elif not isinstance(each, np.ndarray) or (each.size < 2 and each.dtype.kind != "O"):
-            continue  # a name, or a number beside the columns
-        elif each.dtype.kind not in "fiu":
-            yield name, OTHER_CONTENTS.get(each.dtype.kind, str(each.dtype))
-        elif each.ndim == 1:
-            yield name, np.array(each, float)
-        elif each.ndim == 2:
-            yield from ((f"{name}.{k}", np.array(part, float)) for k, part in enumerate(each.T, start=1))
-        else:
-            yield name, f"of {each.ndim} dimensions"
+def _parts(item: Any) -> Mapping[str, Any] | None:
+    """What is within a structure, a list or a structured array; None: it is none of these."""
+    if isinstance(item, list):
+        return {str(number): each for number, each in enumerate(item, start=1)}
+    names = getattr(getattr(item, "dtype", None), "names", None)
+    if names and names != ("real", "imag"):
+        return {name: item[name] for name in names}
+    return item if isinstance(item, Mapping) else None
+
+
+def _content(array: NDArray[Any]) -> str:
+    """What an array has in the place of columns of real numbers; empty: it has these."""
+    kind = array.dtype.kind
+    if kind not in "fiuM":
+        return OTHER_CONTENTS.get(kind, str(array.dtype))
+    if array.size < 2:
+        return NUMBER if array.size else "empty"
+    return f"of {array.ndim} dimensions" if array.ndim > 2 else ""
+
+
+def _name(header: str) -> tuple[str, str | None]:
+    """The last part of a header that does not merely say that it has the contents of what is before, and its unit."""
+    parts = header.split(".")
+    while len(parts) > 1 and parts[-1] in CONTENTS:
+        parts.pop()
+    return split_header(parts[-1])
 
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 """Suffixes of files with cells between separators."""
 
-READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".parquet": _parquet, ".npz": _numpy, ".mat": _matlab}
+READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".parquet": read_parquet, ".npz": _numpy, ".mat": _matlab}
 """Suffix → reader of the others."""

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.units import is_unit
+from dualwinch.model.units import factor, is_same_unit, is_unit
 
 Floats = NDArray[np.float64]
 
@@ -86,12 +86,54 @@ class TableColumn:
     content: str = ""
     other_unit: str | None = None
 
+    @classmethod
+    def of_numbers(
+        cls, header: str, name: str, unit: str | None, values: Floats, *, stamps: bool = False
+    ) -> "TableColumn":
+        """A column of a file that is no text; what is infinite is no number."""
+        words = np.flatnonzero(np.isinf(values)).tolist()
+        return cls(header, name, unit, np.where(np.isfinite(values), values, np.nan), stamps, words=words)
+
+    def place(self, row: int) -> str:
+        """Where a row is in the file."""
+        return f"line {self.lines[row]}" if len(self.lines) else f"row {row + 1}"
+
     def at(self, row: int) -> str:
-        """A cell in a message, and where it is."""
-        if not len(self.cells):
-            value = self.values[row]
-            return f"row {row + 1}: {self.header} = {f'{value:.15g}' if math.isfinite(value) else 'no finite number'}"
-        return f"line {self.lines[row]}: {self.header} = {self.cells[row].strip()[:40]!r}"
+        """A cell and its place."""
+        value = f"{self.values[row]:.15g}" if math.isfinite(self.values[row]) else "infinite"
+        cell = repr(self.cells[row].strip()[:40]) if len(self.cells) else value
+        return f"{self.place(row)}: {self.header} = {cell}"
+
+    def factor(self, si: str, unit: str | None = None) -> float:
+        """What its numbers are multiplied by to be in an SI unit.
+
+        Args:
+            si: the unit.
+            unit: that they are in; default: as the file says, else the SI unit.
+
+        Raises:
+            ConfigurationError: a unit of another quantity, or the header and the row of units state different ones.
+        """
+        if unit is None and self.other_unit:
+            raise ConfigurationError(self.contradiction)
+        stated = unit or self.unit or si
+        try:
+            return 1.0 if stated == si else factor(stated, si)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"column '{self.header}': {error}") from None
+
+    @property
+    def contradiction(self) -> str:
+        """What is wrong where its header and the row of units state different units."""
+        return f"column '{self.header}': is in {self.unit} by its header, in {self.other_unit} by the row of units"
+
+
+def named_columns(table: Sequence[TableColumn], name: str) -> list[TableColumn]:
+    """The columns with a header, else those with it as the last part of theirs, else those with a name."""
+    forms = [[each.header for each in table], [each.header.rpartition(".")[2] for each in table]]
+    forms.append([each.name for each in table])
+    found = [[each for each, form in zip(table, names, strict=True) if form == name] for names in forms]
+    return next((each for each in found if each), [])
 
 
 def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
@@ -139,7 +181,7 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
         name, own = split_header(text_of_header)
         values, words, stamps = _numbers(texts, mark)
         unit = own or stated or beside.get(name)
-        other = stated if unit != stated else None
+        other = stated if stated and unit and is_unit(stated) and not is_same_unit(unit, stated) else None
         found.append(TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines, other_unit=other))
     return found
 

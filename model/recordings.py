@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.csv_files import read_csv
+from dualwinch.model.csv_files import TableColumn, named_columns, read_csv, split_header
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import NONE, Numbers, unknown
 from dualwinch.model.units import factor
@@ -21,17 +20,12 @@ from dualwinch.model.units import factor
 KEPT = 32
 """Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""
 
-
-class Table(NamedTuple):
-    """Some columns of a file: by name (rows,) finite numbers, units where the file says them, and line of each row."""
-
-    columns: dict[str, NDArray[np.float64]]
-    units: dict[str, str]
-    lines: Sequence[int] | None
+SINCE_1970 = 3e8
+"""Times in s from which on they do not count from the beginning of a run."""
 
 
-def read_table(file: str, names: tuple[str | None, ...]) -> Table:
-    """Some columns of a file; kept until the file is another one.
+def read_table(file: str, names: tuple[str | None, ...]) -> list[TableColumn]:
+    """Some columns of a file, finite numbers in every row; kept until the file is another one.
 
     Args:
         file: ``.csv`` (`model.csv_files`) or ``.parquet``.
@@ -52,84 +46,76 @@ def read_table(file: str, names: tuple[str | None, ...]) -> Table:
 
 
 @lru_cache(maxsize=KEPT)
-def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> Table:  # noqa: ARG001
+def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> list[TableColumn]:  # noqa: ARG001
     path = Path(file)
-    table = READERS[path.suffix.lower()](path, names)
-    rows = len(next(iter(table.columns.values())))
-    if rows < 2:
-        raise ConfigurationError(f"{file}: is too short: must have two rows of numbers or more, not {rows}")
-    return table
-
-
-def chosen(file: Path, names: Sequence[str | None], header: Sequence[str]) -> list[str]:
-    """The names of the columns to be read, of those that a file has, each once and, but for the only one, named."""
-    found = []
-    for name in names:
-        others = [column for column in header if column not in names]
-        if name is None and len(others) != 1:
-            listed = ", ".join(others[:6]) + (", ..." if len(others) > 6 else "")
-            raise ConfigurationError(f"{file}: column: must be named; there is {listed or 'none but the times'}")
-        if name is not None and name not in header:
-            alike = [column for column in header if column.lower() == name.lower()]
-            raise ConfigurationError(f"{file}: {unknown('column', name, alike or filter(None, header))}")
-        column = others[0] if name is None else name
-        if list(header).count(column) > 1:
-            raise ConfigurationError(f"{file}: has more than one column '{column}'")
-        found.append(column)
-    return found
-
-
-def _read_csv(path: Path, names: tuple[str | None, ...]) -> Table:
-    table = read_csv(path)
-    headers = {column.header: column.name for column in table}
-    wanted = chosen(path, [name and headers.get(name, name) for name in names], [column.name for column in table])
-    columns = [next(column for column in table if column.name == name) for name in wanted]
+    columns = chosen(path, names, READERS[path.suffix.lower()](path))
+    for column in columns:
+        if column.content:
+            raise ConfigurationError(f"{path}: column '{column.name}' is of type {column.content}: must be numbers")
+        if column.other_unit:
+            raise ConfigurationError(f"{path}: {column.contradiction}")
     wrong = np.isnan([column.values for column in columns])
     if wrong.any():
         row = int(wrong.any(axis=0).argmax())
         column = columns[int(wrong[:, row].argmax())]
-        cell = column.cells[row].strip()[:40] or "nothing"
-        raise ConfigurationError(f"{path}: line {column.lines[row]}: {column.name} = {cell}: must be a finite number")
-    named = {column.name: np.ascontiguousarray(column.values) for column in columns}
-    return Table(named, {each.name: each.unit for each in columns if each.unit}, table[0].lines)
+        cell = (column.cells[row].strip()[:40] or "nothing") if len(column.cells) else "nan"
+        raise ConfigurationError(f"{path}: {column.place(row)}: {column.name} = {cell}: must be a finite number")
+    if wrong.shape[1] < 2:
+        raise ConfigurationError(f"{file}: is too short: must have two rows of numbers or more, not {wrong.shape[1]}")
+    return columns
 
 
-def _read_parquet(path: Path, names: tuple[str | None, ...]) -> Table:
+def chosen(file: Path, names: Sequence[str | None], table: Sequence[TableColumn]) -> list[TableColumn]:
+    """The columns to be read, by header or name; without one it is the only one beside the named ones."""
+    named = {name: _named(file, name, table) for name in names if name is not None}
+    others = [column for column in table if not any(column is each for each in named.values())]
+    if None in names and len(others) != 1:
+        listed = ", ".join(column.name for column in others[:6]) + (", ..." if len(others) > 6 else "")
+        raise ConfigurationError(f"{file}: column: must be named; there is {listed or 'none but the times'}")
+    return [others[0] if name is None else named[name] for name in names]
+
+
+def _named(file: Path, name: str, table: Sequence[TableColumn]) -> TableColumn:
+    found = named_columns(table, name)
+    if not found:
+        every = [column.name for column in table if column.name]
+        alike = [column for column in every if column.lower() == name.lower()]
+        raise ConfigurationError(f"{file}: {unknown('column', name, alike or every)}")
+    if len(found) > 1:
+        headers = list(dict.fromkeys(column.header for column in found))
+        which = f"; name one: {', '.join(headers)}" if len(headers) > 1 else ""
+        raise ConfigurationError(f"{file}: has more than one column '{name}'{which}")
+    return found[0]
+
+
+def read_parquet(path: Path) -> list[TableColumn]:
+    """Read all columns of a Parquet file; units by its metadata, else by their names.
+
+    Raises:
+        ConfigurationError: it is none.
+        OSError: it cannot be read.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
-        schema = parquet.read_schema(path)
-        wanted = chosen(path, names, schema.names)
-        table = parquet.read_table(path, columns=wanted)
+        found, table = list[TableColumn](), parquet.read_table(path)
     except pa.ArrowInvalid as error:
         raise ConfigurationError(f"{path}: not a Parquet file: {str(error).splitlines()[0]}") from error
-    columns = {name: _column(table.column(name), name, path) for name in wanted}
-    units = parquet_units(schema)
-    return Table(columns, {name: units[name] for name in wanted if name in units}, None)
+    for field, values in zip(table.schema, table.columns, strict=True):
+        unit, stamps = (field.metadata or {}).get(b"unit", b"").decode(), pa.types.is_timestamp(field.type)
+        name, own = (field.name, unit) if unit else split_header(field.name)
+        if stamps:
+            values = values.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())  # noqa: PLW2901
+        elif not (pa.types.is_integer(field.type) or pa.types.is_floating(field.type)):
+            found.append(TableColumn(field.name, name, own, np.zeros(0), content=str(field.type)))
+            continue
+        numbers = np.array(values.to_numpy(), float) * (1e-9 if stamps else 1.0)
+        found.append(TableColumn.of_numbers(field.name, name, own, numbers, stamps=stamps))
+    return found
 
 
-def parquet_units(schema: Any) -> dict[str, str]:
-    """Units of the columns of a Parquet file that have one."""
-    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in schema}
-    return {name: unit for name, unit in units.items() if unit}
-
-
-def _column(column: Any, name: str, path: Path) -> NDArray[np.float64]:
-    import pyarrow as pa
-
-    kind = column.type
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-        raise ConfigurationError(f"{path}: column '{name}' is of type {kind}: must be numbers")
-    values = np.asarray(column.to_numpy(), float)
-    wrong = ~np.isfinite(values)
-    if wrong.any():
-        row = int(wrong.argmax())
-        raise ConfigurationError(f"{path}: row {row + 1}: {name} = {values[row]:g}: must be a finite number")
-    return values
-
-
-READERS = {".csv": _read_csv, ".parquet": _read_parquet}
+READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".csv": read_csv, ".parquet": read_parquet}
 """Suffix → what reads it."""
 
 
@@ -219,21 +205,16 @@ def recorded(origin: Origin, kept: Recording | None, digest: str | None) -> Reco
 
 
 def _of_file(origin: Origin, file: str) -> Recording:
-    table = read_table(file, (origin.time_column, *origin.columns))
-    names = tuple(name for name in table.columns if name != origin.time_column)
-    unit = origin.time_unit or table.units.get(origin.time_column, "s")
+    times, *columns = read_table(file, (origin.time_column, *origin.columns))
     try:
-        t = factor(unit, "s") * table.columns[origin.time_column]
+        t = times.factor("s", origin.time_unit) * times.values
     except ConfigurationError as error:
-        raise ConfigurationError(f"{file}: column '{origin.time_column}': {error}") from error
-    times, lines = table.columns[origin.time_column], table.lines
-    _check_ascending(
-        times,
-        lambda row: f"{file}: {f'line {lines[row]}' if lines else f'row {row + 1}'}: {origin.time_column}",
-    )
-    return _recording(
-        origin, t, tuple(table.columns[name] for name in names), names, tuple(map(table.units.get, names))
-    )
+        raise ConfigurationError(f"{file}: {error}") from error
+    _check_ascending(times.values, lambda row: f"{file}: {times.place(row)}: {origin.time_column}")
+    if times.stamps or t[0] >= SINCE_1970:
+        raise ConfigurationError(f"{file}: {times.at(0)}: must be the time since the run began, in s or a stated unit")
+    names, units = (tuple(getattr(column, what) for column in columns) for what in ("name", "unit"))
+    return _recording(origin, t, tuple(column.values for column in columns), names, units)
 
 
 def _check_ascending(times: Floats, place: Callable[[int], str]) -> None:

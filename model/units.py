@@ -58,3 +58,8 @@ def factor(unit: str, si: str) -> float:
 def is_unit(text: str, si: str | None = None) -> bool:
     """Whether a text is a unit, of any quantity or of that with an SI unit."""
     return any(_plain(text) in units for name, units in KNOWN.items() if si in {None, name})
+
+
+def is_same_unit(one: str, other: str) -> bool:
+    """Whether two texts are forms of one unit."""
+    return any(units.get(_plain(one), 0.0) == units.get(_plain(other)) for units in KNOWN.values())

@@ -71,7 +71,7 @@ def test_wrong_maps_are_refused(texts: list[str], words: str) -> None:
 )
 def test_wrong_units_are_refused(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
-        read_log(csv(tmp_path / "rig.csv", "t,m1,tau_2,left,x"), column_map(["tau_1=m1", text]))
+        read_log(csv(tmp_path / "rig.csv", "t,m1,tau_2,left,x"), column_map(["tau_1=m1"]) | column_map([text]))
 
 
 def test_wrong_files_are_refused(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"unknown suffix '.xlsx'"):
         read_log(tmp_path / "log.xlsx")
     (tmp_path / "odd.parquet").write_text("no such thing")
-    with pytest.raises(ConfigurationError, match=r"odd.parquet: not a .parquet file"):
+    with pytest.raises(ConfigurationError, match=r"odd.parquet: not a Parquet file"):
         read_log(tmp_path / "odd.parquet")
     file = csv(tmp_path / "rig.csv", "zeit,tau_1,tau_2,x")
     with pytest.raises(ConfigurationError, match=r"t: no such column; did you mean 'zeit' \(--column t=zeit\)"):

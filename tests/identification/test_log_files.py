@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.sparse import csc_array
 
 from dualwinch.identification.log import Log, log
 from dualwinch.identification.log_files import column_map, read_log
@@ -347,3 +348,164 @@ def test_gaps_split_a_log() -> None:
     assert len(log(jump).between_gaps(0.1, 215)) == 2
     columns["tau_2"] = np.where(t < 0.2, np.nan, columns["tau_2"])
     assert [part.t[0] for part in log(columns).between_gaps(0.1, 90)] == pytest.approx([0.2, 0.55])
+
+
+def rates(path: Path, **columns: np.ndarray) -> Path:
+    """A CSV file of columns of other lengths, padded by empty cells."""
+    rows = max(map(len, columns.values()))
+    cells = [[str(float(value)) for value in each] + [""] * (rows - len(each)) for each in columns.values()]
+    path.write_text("\n".join([",".join(columns), *map(",".join, zip(*cells, strict=True))]) + "\n")
+    return path
+
+
+FAST = {"t": T, "tau_1": 20 + T, "tau_2": T - 20, "x": X}
+LEFT = {"left": SLOW["F1"], "left_time": SLOW["t"]}
+
+
+@pytest.mark.parametrize("name", ["t_F1", "F1_t", "F1_time", "time_F1", "t_F1 [ms]", "time_F1 (us)"])
+def test_own_times_are_found_by_their_names(tmp_path: Path, name: str) -> None:
+    by = {"ms": 1e3, "us": 1e6}.get(name[-3:-1], 1.0)
+    found = read_log(rates(tmp_path / "rig.csv", **FAST, F1=SLOW["F1"], **{name: by * SLOW["t"]}))
+    np.testing.assert_array_equal(found.t, T)
+    np.testing.assert_array_equal(found.columns["F1"][::4], SLOW["F1"])
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("column", "by"),
+    [("left@left_time:ms", (1, 1e3)), ("left:kN@left_time", (1e-3, 1)), ("left:kN@left_time:us", (1e-3, 1e6))],
+)
+def test_own_times_may_have_a_unit(tmp_path: Path, column: str, by: tuple[float, float]) -> None:
+    left = {name: factor * each for factor, (name, each) in zip(by, LEFT.items(), strict=True)}
+    found = read_log(rates(tmp_path / "rig.csv", **FAST, **left), column_map(f"F1={column}"))
+    np.testing.assert_allclose(found.columns["F1"][::4], SLOW["F1"])
+
+
+TWICE = np.concatenate([T[:20], T[:20]])
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"t": TWICE}, r"line 22: t = '0.0': must be later than line 21: t = '0.019'; goes back by 0.019 s"),
+        (
+            {"left_time": SLOW["t"][::-1]},
+            r"line 3: left_time = '0.032': must be later than line 2: left_time = '0.036",
+        ),
+        ({"left_time": 0 * SLOW["t"]}, r"line 3: left_time = '0.0': .*; 9 of 10 times repeat the one before"),
+        (
+            {"left_time": SLOW["t"] + 1.7e9},
+            r"F1: has times 1700000000 to .* s in left_time, tau_1 0 to 0.039 s: must be of",
+        ),
+        ({"left_time": 1e3 * SLOW["t"]}, r"F1: has times 0 to 36 s in left_time.*--column 'F1=left@left_time:UNIT'"),
+        ({"left_time": SLOW["t"][:3]}, r"F1 has 10 values, 3 with a time in left_time"),
+    ],
+)
+def test_own_times_ascend_and_are_within_those_of_the_log(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    file = rates(tmp_path / "rig.csv", **FAST | LEFT | changed)
+    with pytest.raises(ConfigurationError, match=words):
+        read_log(file, column_map(["F1=left@left_time"]))
+
+
+def test_a_column_of_a_lower_rate_needs_times(tmp_path: Path) -> None:
+    file = rates(tmp_path / "rig.csv", **FAST, F1=SLOW["F1"])
+    with pytest.raises(ConfigurationError, match=r"F1 has values in the first 10 of 40 rows alone: .*'F1=F1@TIMES'"):
+        read_log(file)
+    assert np.isfinite(read_log(file, column_map("F1=F1@t")).columns["F1"]).sum() == 10
+
+
+@pytest.mark.parametrize(
+    ("values", "content"),
+    [(np.zeros(0), "empty"), (np.array(3.0), "a single number"), (np.array("word"), "text"), (T > 1, "true or false"),
+     (np.array([{}]), "cells")],
+)  # fmt: skip
+def test_a_sensor_without_numbers_is_refused_or_left_out(tmp_path: Path, values: Any, content: str) -> None:
+    np.savez(tmp_path / "rig.npz", **FAST, F1=values)
+    with pytest.raises(ConfigurationError, match=rf"column 'F1': is {content}: must be .*left out \(--column F1=-\)"):
+        read_log(tmp_path / "rig.npz")
+    assert read_log(tmp_path / "rig.npz", column_map("F1=-")).readings == ("x",)
+
+
+@pytest.mark.parametrize("form", [lambda each: each[:, None], lambda each: each[None, :], lambda each: each])
+def test_numpy_arrays_of_one_row_or_column_with_units(tmp_path: Path, form: Callable[[Any], Any]) -> None:
+    stamps = np.datetime64("2024-05-01T12:00", "us") + (1e6 * T).astype("timedelta64[us]")
+    arrays = {name: form(each) for name, each in (FAST | {"t": stamps}).items()}
+    np.savez(tmp_path / "rig.npz", **arrays, **{"F1 [kN]": form(X)}, units='{"x": "mm", "tau_1": null}')
+    found = read_log(tmp_path / "rig.npz")
+    np.testing.assert_allclose(found.from_zero().t, T, atol=1e-6)
+    np.testing.assert_allclose(found.columns["x"], 1e-3 * X)
+    np.testing.assert_allclose(found.columns["F1"], 1e3 * X)
+    np.savez(tmp_path / "rig.npz", log=np.rec.fromarrays(list(FAST.values()), names=list(FAST)))
+    np.testing.assert_array_equal(read_log(tmp_path / "rig.npz").columns["x"], X)
+
+
+@pytest.mark.parametrize("units", ["kN", '["kN"]', ["s", "N"]])
+def test_numpy_units_are_a_json_object(tmp_path: Path, units: Any) -> None:
+    np.savez(tmp_path / "rig.npz", **FAST, units=units)
+    with pytest.raises(ConfigurationError, match=r"rig.npz: units: must be a JSON object of columns and units"):
+        read_log(tmp_path / "rig.npz")
+    (tmp_path / "rig.npz").write_text("no archive")
+    with pytest.raises(ConfigurationError, match=r"rig.npz: not a .npz file$"):
+        read_log(tmp_path / "rig.npz")
+
+
+def test_parquet_has_units_in_its_names_and_infinite_numbers_are_gaps(tmp_path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    columns = {"t [ms]": 1e3 * T, "tau_1": T, "tau_2": T, "x": np.where(T == 0, np.inf, X), "F1/kN": X}
+    parquet.write_table(pa.table(columns), tmp_path / "rig.parquet")
+    found = read_log(tmp_path / "rig.parquet")
+    np.testing.assert_allclose((found.t, found.columns["F1"]), (T, 1e3 * X))
+    assert found.notes == ("rig.parquet: row 1: x = infinite: taken for a gap",)
+
+
+def test_units_of_matlab_structures(tmp_path: Path) -> None:
+    left = {"time": T, "data": X, "units": "kN"}
+    savemat(tmp_path / "rig.mat", {"rig": FAST | {"units": {"x": "mm"}, "F1": left, "F2": csc_array(X[None])}})
+    found = read_log(tmp_path / "rig.mat")
+    for name, by in {"x": 1e-3, "F1": 1e3, "F2": 1}.items():
+        np.testing.assert_allclose(found.columns[name], by * X)
+
+
+def test_links_and_units_of_matlab_7_3(tmp_path: Path) -> None:
+    h5py: Any = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "rig.mat", "w", userblock_size=512) as content:
+        for name, values in FAST.items():
+            content[f"rig/{name}"] = values[np.newaxis]
+        content["rig/units/x"] = np.frombuffer(b"mm", "u1")[:, np.newaxis]
+        content["rig/units/x"].attrs["MATLAB_class"] = np.bytes_("char")
+        content["itself"], content["nothing"] = h5py.SoftLink("/"), h5py.SoftLink("/nowhere")
+    with (tmp_path / "rig.mat").open("r+b") as block:
+        block.write(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM")
+    np.testing.assert_allclose(read_log(tmp_path / "rig.mat").columns["x"], 1e-3 * X)
+
+
+def test_two_units_of_a_column_are_refused_and_another_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text(WHOLE.replace("F1\n", "F1 [kN]\ns;Nm;Nm;m;N\n", 1))
+    with pytest.raises(
+        ConfigurationError, match=r"column 'F1 \[kN\]': is in kN by its header, in N by the row of units"
+    ):
+        read_log(tmp_path / "rig.csv")
+    found = read_log(tmp_path / "rig.csv", column_map("F1=F1:N"))
+    assert found.notes == ("rig.csv: F1 [kN]: is read in N, as --column says, and not in kN",)
+    assert found.columns["F1"][0] == 1000.5
+
+
+def test_a_reading_without_numbers_is_noted_and_one_of_other_numbers_refused(tmp_path: Path) -> None:
+    file = rates(tmp_path / "rig.csv", **FAST, F1=T[:0])
+    assert read_log(file).notes == ("rig.csv: F1: has no number in any row, not used",)
+    (tmp_path / "rig.csv").write_text(COMMAS.replace(",5\n", ".5,5\n"))
+    with pytest.raises(
+        ConfigurationError, match=r"line 2: F1 = '1000.5,5': must be a number or a gap; --csv SEPARATOR"
+    ):
+        read_log(tmp_path / "rig.csv")
+    (tmp_path / "rig.csv").write_text(WHOLE.replace("0.00;", "12:00:00;").replace("0.01;", "12:00:01;", 1))
+    for text, words in (
+        ("t=x:kN", 'unit "kN": must be one of s, ms'),
+        ("F1=t", "has time stamps: must be real numbers"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            read_log(tmp_path / "rig.csv", column_map(text))
+    with pytest.raises(ConfigurationError, match=r"--column F1=b: F1 is a already: must be given once"):
+        column_map(["F1=a", "F1=b"])
