@@ -183,15 +183,22 @@ def headline(tuned: TuningResult) -> str:
 
 
 def worth(tuned: TuningResult) -> str:
-    """What was gained, with which probability the bounds are satisfied, and on which assumptions."""
+    """What was gained, what is violated, with which probability bounds on runs are satisfied, on which assumptions."""
     verdict = tuned.verdict
     gained = comparison(tuned)
     if not verdict.improved:
         gained = f"no improvement: the start is kept{'' if verdict.start_is_papers else f', {gained}'}"
     if verdict.contradiction:
         gained = f"{verdict.contradiction}: {gained}"
+    scored = verdict.scored
+    broken = [
+        f"{constraint.label} ({number(scored.statistics[constraint.statistic.name], 3)})"
+        for constraint in verdict.constraints
+        if scored.violations[constraint.label] > 0
+    ]
+    violated = [f"violates {', '.join(broken)}"] if broken else []
     chance = [verdict.chance.words] if verdict.chance else []
-    return "; ".join([gained, *chance, assumptions(tuned.problem.ensemble)])
+    return "; ".join([gained, *violated, *chance, assumptions(tuned.problem.ensemble)])
 
 
 def tested(tuned: TuningResult) -> str:

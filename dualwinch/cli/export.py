@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, print_note
 from dualwinch.cli.output import wrote
+
+if TYPE_CHECKING:
+    from dualwinch.simulation.experiment import Experiment
 
 app = App(
     name="export",
@@ -23,6 +26,18 @@ Everything comes from the functions that `dualwinch simulate` runs, with the val
 
 What = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
+
+
+def chosen_from(given: ExperimentOptions, what: str = "controller") -> Experiment:
+    """The experiment; a note on standard error says where a controller for another machine makes an unstable loop."""
+    from dualwinch.simulation.analysis.remarks import loop_remarks
+    from dualwinch.simulation.experiment import Experiment
+
+    found = given.experiment()
+    if what != "plant" and found.plant != Experiment().plant:
+        for words in loop_remarks(found):
+            print_note(words)
+    return found
 
 
 def wrote_to(folder: Path, files: list[Path]) -> None:
@@ -71,7 +86,7 @@ def export_c(
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
-    asked = given.experiment()
+    asked = chosen_from(given, what)
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
@@ -121,7 +136,7 @@ def export_st(
 
     if most_operations < 1:
         raise ConfigurationError(f"--most-operations {most_operations}: must be >= 1")
-    chosen = given.experiment()
+    chosen = chosen_from(given, what)
     files = run(chosen, out, what=what, precision=precision, flavour=flavour, most_operations=most_operations)
     wrote_to(out, files)
 
@@ -160,7 +175,7 @@ def export_fmu(
     from dualwinch.cli.progress import ProgressLine
     from dualwinch.export import export_fmu as run
 
-    chosen = given.experiment()
+    chosen = chosen_from(given, what)
     with ProgressLine("generating") as progress:
         words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=progress)
     wrote(words)
@@ -177,7 +192,7 @@ def export_mex(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
     from dualwinch.export import export_mex as run
 
-    wrote_to(out, run(given.experiment(), out))
+    wrote_to(out, run(chosen_from(given), out))
 
 
 @app.command(
@@ -191,4 +206,4 @@ def export_casadi(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
     from dualwinch.export import export_casadi as run
 
-    wrote_to(out, run(given.experiment(), out))
+    wrote_to(out, run(chosen_from(given), out))

@@ -190,9 +190,54 @@ def say_left(experiment: Experiment) -> None:
 
 
 def say_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
-    """Print, on standard error, in what the machine of a file is another than that of an ensemble."""
-    if file is not None and (words := other_machine(file, name, drawn)):
+    """Print, on standard error, in what the machine of a file is another than that of an ensemble, and what is not."""
+    if file is None:
+        return
+    for words in filter(None, (other_machine(file, name, drawn), sizes_of_ensemble(file, name, drawn))):
         print_note(words)
+
+
+def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
+    """Which sizes of the machine a built-in ensemble sets or draws that do not follow from the machine of a file.
+
+    They are in m, N and so on, for the paper's machine or its like; what is a share of something follows.
+
+    Args:
+        file: an experiment; what it gives itself is left out.
+        name: of the ensemble, or its file.
+        drawn: the ensemble as it is used.
+
+    Returns:
+        A sentence; empty where there is none, for the paper's machine and for ensembles of one's own.
+    """
+    from dualwinch.config.ensemble_file import built_in_ensembles, load_ensemble
+    from dualwinch.config.experiment_file import given_keys, load
+    from dualwinch.model.quantities.tree import leaves
+    from dualwinch.simulation.analysis.remarks import starred, swapped
+    from dualwinch.simulation.experiment import Experiment
+    from dualwinch.simulation.settings import leaf_of
+
+    if name not in built_in_ensembles() or load(file).plant == Experiment().plant:
+        return ""
+    own, usual = leaves(load_ensemble(name).experiment), leaves(Experiment())
+    absolute = {key: "" for key, how in drawn.distributions.items() if not how.relative}
+    sizes = {key: f" = {value:g}" for key, value in own.items() if isinstance(value, float) and value != usual.get(key)}
+    given = given_keys(file)
+    found = {
+        key: words
+        for key, words in (sizes | absolute).items()
+        if key.startswith("plant.")
+        and key not in given
+        and leaf_of(key, drawn.experiment).quantity.unit not in {"", "1", "rad"}
+    }
+    if not found:
+        return ""
+    alike = [f"{starred(key) if swapped(key) in found else key}{words}" for key, words in found.items()]
+    sizes_there = _first(list(dict.fromkeys(alike)), 5)
+    return (
+        f"the ensemble '{drawn.name}' has sizes that do not follow from {file}: {sizes_there}; for your own, edit a "
+        f"copy of it (dualwinch config --ensemble {name} > my.toml)"
+    )
 
 
 def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
@@ -222,14 +267,18 @@ def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
     if not (missed or replaced):
         return ""
     differences = [f"{key} = {there.get(key)} there, {here.get(key)} here" for key in missed + replaced]
-    more = f", and {len(differences) - 2} more" if len(differences) > 2 else ""
-    about = f"{file}: for another machine ({', '.join(differences[:2])}{more})"
+    about = f"{file}: for another machine ({_first(differences, 2)})"
     if missed:
         return f"{about}; to judge it on its own: --config {file}"
     return (
         f"{about}: the ensemble '{drawn.name}' sets these itself; for yours, edit a copy of it "
         f"(dualwinch config --ensemble {name} > my.toml)"
     )
+
+
+def _first(words: list[str], count: int) -> str:
+    """The first of some words, and how many more there are."""
+    return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
 
 
 def print_note(words: str) -> None:

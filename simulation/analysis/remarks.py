@@ -1,4 +1,4 @@
-"""What a run that was completed does not say by that: slack ropes, forces at their limit, chatter, an unstable loop."""
+"""What an outcome does not say of a run: slack ropes, forces at their limit, chatter, a loop that is unstable."""
 
 import re
 from collections.abc import Iterator
@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dualwinch.model.errors import DualwinchError
+from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
+from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.result import Result
 
@@ -22,11 +23,14 @@ class RemarkLimits:
         chatter: mean jump of a tension from sample to sample, as a share of half the preload; noise-free laws of the
             paper's cases are below a thousandth.
         saturated: share of the samples with the force command beyond its limit.
+        torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
+            rope is carried along at its least tension.
         unusual: ratio of a value of the machine to its default, or of that to it.
     """
 
     chatter: float = 0.01
     saturated: float = 0.05
+    torque_saturated: float = 0.6
     unusual: float = 300.0
 
 
@@ -59,9 +63,9 @@ def defaults_left(experiment: Experiment) -> list[str]:
             said.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
     alike: dict[str, list[str]] = {}
     for others, keys in said.items():
-        both = said.get(_swapped(others))
-        if both is not None and list(map(_swapped, keys)) == list(both):
-            alike[_starred(others)] = list(map(_starred, keys))
+        both = said.get(swapped(others))
+        if both is not None and list(map(swapped, keys)) == list(both):
+            alike[starred(others)] = list(map(starred, keys))
         else:
             alike[others] = list(keys)
     return [
@@ -70,17 +74,17 @@ def defaults_left(experiment: Experiment) -> list[str]:
     ]
 
 
-def _swapped(words: str) -> str:
+def swapped(words: str) -> str:
     """Keys of the other winch or rope."""
     return NUMBER.sub(lambda found: f"{found[1]}_{3 - int(found[2])}", words)
 
 
-def _starred(words: str) -> str:
-    """Keys of both."""
+def starred(words: str) -> str:
+    """Keys of both winches or ropes, as ``winch_*``."""
     return NUMBER.sub(r"\1_*", words)
 
 
-NUMBER = re.compile(r"\b(winch|rope)_([12])\b")
+NUMBER = re.compile(r"\b(winch|rope|creep)_([12])\b")
 
 
 def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
@@ -100,38 +104,53 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
 
 
 def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]:
-    """Say in words what is wrong with a completed run; nothing of other runs, whose outcome says it.
+    """Say in words what is wrong with a run, or with its loop (`loop_remarks`).
 
-    The closed loop is linearised at rest amid the track (`linear_closed_loop`), as `dualwinch linearise --loop closed`
-    does, where the plant is not the default one, or the run chatters.
+    The loop is looked at where the plant is not the default one, or the run chatters or was not completed: then it has
+    no figures of merit that could say anything.
 
     Args:
         result: the run.
         limits: from where on.
     """
-    if result.outcome != "completed":
-        return
     metrics, limits, experiment = result.metrics, limits or RemarkLimits(), result.experiment
     half = experiment.controller.limits.preload / 2
     if metrics.slack_share > 0:
         yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples: more preload, or slower"
     if metrics.saturated_share > limits.saturated:
         yield f"the force command is beyond its limit in {100 * metrics.saturated_share:.3g} % of the samples"
+    if metrics.torque_saturated_share > limits.torque_saturated:
+        yield f"a motor torque is at its limit in {100 * metrics.torque_saturated_share:.3g} % of the samples"
     chatters = metrics.chatter > limits.chatter * half
     if chatters:
         yield (
             f"it chatters: tensions jump by {metrics.chatter:.3g} N a sample, {100 * metrics.chatter / half:.2g} % of "
             "their mean"
         )
-    if chatters or experiment.plant != Experiment().plant:
-        middle = experiment.plant.track.length / 2
-        try:
-            radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
-        except (DualwinchError, ArithmeticError):
-            return  # there is no rest to linearise at
-        if radius > 1:
-            rate = np.log(radius) / experiment.simulation.sample_time
-            yield (
-                f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s "
-                f"(dualwinch linearise --loop closed --x {middle:g})"
-            )
+    if chatters or result.outcome != "completed" or experiment.plant != Experiment().plant:
+        yield from loop_remarks(experiment)
+
+
+def loop_remarks(experiment: Experiment) -> Iterator[str]:
+    """Say where a closed loop at rest amid the track is unstable, by its poles or by the rule for its drums' resonance.
+
+    By `linear_closed_loop` and `resonance_gains`, as `dualwinch linearise --loop closed` does.
+    """
+    middle = experiment.plant.track.length / 2
+    where = f"(dualwinch linearise --loop closed --x {middle:g})"
+    try:
+        radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
+    except (DualwinchError, ArithmeticError):
+        radius = 0.0  # there is no rest to linearise at
+    if radius > 1:
+        rate = np.log(radius) / experiment.simulation.sample_time
+        yield f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s {where}"
+    try:
+        worst = max(resonance_gains(experiment), key=lambda each: each.gain)
+    except ConfigurationError:
+        return  # a law that the rule is not about
+    if worst.verdict == "fails":
+        yield (
+            f"drum {worst.winch} may swing on its rope at {worst.frequency:.3g} Hz: the loop gain at that resonance is "
+            f"{worst.gain:.3g}, must be at most 1 {where}"
+        )

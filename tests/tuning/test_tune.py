@@ -193,6 +193,7 @@ def test_where_nothing_is_better_the_start_is_kept_and_what_would_help_is_said(
 def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_problem: MakeProblem) -> None:
     tuned = tune(make_problem(constraints=["mean.chatter<=0.001*paper"]), trials=20, held_out=6)
     assert not tuned.verdict.scored.feasible
+    assert "; violates mean.chatter <= " in worth(tuned)
     assert any(
         "a looser bound (--constraint)" in words and "break mean.chatter <= " in words for words in advice(tuned)
     )

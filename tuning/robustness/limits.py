@@ -1,5 +1,6 @@
 """What gains must keep to in a stress test, what they break, and numbers as people read them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -222,7 +223,7 @@ def statistic_of(constraint: Constraint) -> Statistic:
 
 
 def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledRuns) -> tuple[RobustnessLimit, ...]:
-    """Constraints as they hold for some gains.
+    """Constraints as they hold for some gains; without factors on what the paper's gains reach, where they do not.
 
     Args:
         constraints: maybe with factors on what the paper's gains reach; that is what they reach in the base.
@@ -231,6 +232,8 @@ def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledR
     """
     found = []
     for constraint in constraints:
+        if constraint.of_paper and not math.isfinite(paper.over(constraint)):
+            continue
         asked, near = constraint.given(paper.over(constraint)), NEAR if constraint.of_paper else 0.0
         reached = own.over(asked)
         larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one

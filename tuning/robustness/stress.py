@@ -39,7 +39,7 @@ from dualwinch.tuning.robustness.limits import (
     constraints_of,
     limits_of,
 )
-from dualwinch.tuning.robustness.result import Breakdown, ImperfectionResult, RobustnessResult
+from dualwinch.tuning.robustness.result import PAPER, Breakdown, ImperfectionResult, RobustnessResult
 from dualwinch.tuning.robustness.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
 
 NO_BASE = "none"
@@ -253,9 +253,6 @@ class ScaledRunner:
         metrics = [{name: values[row] for name, values in runs.metrics.items()} for row in range(len(sizes))]
         return [ScaledRuns(*each) for each in zip(runs.outcomes, metrics, strict=True)]
 
-
-PAPER = "paper"
-"""Name of the baseline controller: the paper's gains."""
 
 HALVINGS = int(math.log2(STEPS))
 """Rounds of a bisection behind its powers of ten."""

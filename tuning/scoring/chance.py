@@ -66,12 +66,12 @@ class ChanceConstraint:
 
     @property
     def words(self) -> str:
-        """With which probability the bounds are satisfied, and what that rests on, in words."""
+        """With which probability bounds on runs (no margins) are satisfied, and what that rests on, in words."""
         seen = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
         sure = f"{100 * self.confidence:g} % confidence"
         if self.satisfied:
-            return f"bounds are satisfied with probability ≥ {_share(1 - self.violation)} ({sure}: {seen})"
-        words = f"bounds are satisfied with probability ≥ {_share(1 - self.supported)} ({sure}: {seen}"
+            return f"bounds on runs are satisfied with probability ≥ {_share(1 - self.violation)} ({sure}: {seen})"
+        words = f"bounds on runs are satisfied with probability ≥ {_share(1 - self.supported)} ({sure}: {seen}"
         needed = draws_needed(self.violation, self.confidence, self.candidates)
         more = f", {needed} are needed" if self.draws < needed and not self.violations else ""
         return f"{words}{more}; asked for: {_share(1 - self.violation)})"

@@ -6,7 +6,7 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.compare import controllers, to_record
-from dualwinch.cli.options import ExperimentOptions, other_machine
+from dualwinch.cli.options import ExperimentOptions, other_machine, sizes_of_ensemble
 from dualwinch.cli.output import json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
@@ -126,6 +126,21 @@ def test_gains_for_another_machine_are_said_with_the_option_that_is_right(tmp_pa
     assert next_line(mine, "rig", options) == f"dualwinch compare paper {mine} --ensemble rig --config {mine}"
     assert next_line(mine, "sea", ExperimentOptions()) == f"dualwinch compare paper {mine} --ensemble sea"
     assert next_line(mine, None, options) == f"dualwinch simulate --config {mine}"
+
+
+def test_sizes_of_an_ensemble_that_do_not_follow_the_machine_are_said(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[plant.vehicle]\nmass = 3000\n[plant.winch_1]\neccentricity = 2e-4\n")
+    said = sizes_of_ensemble(mine, "rig", load_ensemble("rig", load(mine)))
+    assert said.startswith(
+        f"the ensemble 'rig' has sizes that do not follow from {mine}: plant.winch_*.coulomb_friction"
+    )
+    mine.write_text("[plant.vehicle]\nmass = 3000\n[plant.winch_1]\ncoulomb_friction = 30\n")
+    said = sizes_of_ensemble(mine, "sea", load_ensemble("sea", load(mine)))
+    assert f"{mine}: plant.winch_2.coulomb_friction = 96; for your own" in said
+    mine.write_text(to_toml(load(mine)))
+    assert not sizes_of_ensemble(mine, "sea", load_ensemble("sea", load(mine)))
+    assert not sizes_of_ensemble(mine, str(mine), load_ensemble("sea", load(mine)))
 
 
 def test_gains_for_the_papers_machine_are_said_on_another_and_an_ensemble_says_what_it_sets(tmp_path: Path) -> None:

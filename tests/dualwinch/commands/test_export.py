@@ -51,6 +51,16 @@ def test_casadi_files_load_again_with_their_names(tmp_path: Path) -> None:
     assert {"plant", "closed_loop"} < set(described)
 
 
+def test_a_controller_whose_loop_is_unstable_is_exported_with_a_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = ["--set", "simulation.delay_samples=40", "--set", "plant.winch_1.inertia=2.5"]
+    run("c", *late, "--out", tmp_path)
+    assert "note: unstable at small amplitudes: at rest at 25 m deviations grow by" in capsys.readouterr().err
+    run("c", *late, "--what", "plant", "--out", tmp_path)
+    assert "unstable" not in capsys.readouterr().err
+
+
 CHECK = """
 build; run = closed_loop(2000); dlmwrite('run.csv', run, 'precision', 17);
 try; dualwinch_plant_mex('step', 1, 2, 3); catch problem; puts(problem.message); end

@@ -49,7 +49,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
     assert "is the best; scored in 8 test scenarios" in said.out
-    assert "bounds are satisfied with probability ≥ " in said.out.splitlines()[0]
+    assert "bounds on runs are satisfied with probability ≥ " in said.out.splitlines()[0]
     assert "test set, with 95 % intervals: mean.mse = " in said.out
     assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out

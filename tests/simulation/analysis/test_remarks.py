@@ -1,5 +1,6 @@
-"""Remarks on completed runs: each said where its cause is, and none of the paper's own run."""
+"""Remarks on runs: each said where its cause is, and none of the paper's own run."""
 
+import math
 from dataclasses import replace
 
 from dualwinch.config.ensemble_file import load_ensemble
@@ -17,19 +18,25 @@ def test_the_papers_run_needs_no_remark() -> None:
 
 def test_slack_saturation_and_chatter_are_said() -> None:
     result = simulate(SHORT)
-    bad = replace(result.metrics, slack_share=0.02, saturated_share=0.5, chatter=50.0)
+    bad = replace(result.metrics, slack_share=0.02, saturated_share=0.5, torque_saturated_share=0.64, chatter=50.0)
     said = "; ".join(remarks(replace(result, metrics=bad)))
-    for words in ("slack in 2 %", "beyond its limit in 50 %", "jump by 50 N a sample, 5 % of"):
+    for words in (
+        "slack in 2 %",
+        "beyond its limit in 50 %",
+        "torque is at its limit in 64 %",
+        "jump by 50 N a sample, 5 % of",
+    ):
         assert words in said
-    assert not list(remarks(replace(result, metrics=bad, outcome="left_track")))
-    assert not list(remarks(replace(result, metrics=replace(bad, slack_share=0.0)), RemarkLimits(0.1, 0.9)))
+    assert not list(remarks(replace(result, metrics=replace(bad, slack_share=0.0)), RemarkLimits(0.1, 0.9, 0.9)))
 
 
 def test_a_loop_that_is_unstable_at_small_amplitudes_is_said() -> None:
     """23.6 ms more of delay are borne, 40 are not (`test_margins`)."""
     late = override(SHORT, {"simulation.delay_samples": 40, "plant.winch_1.inertia": 2.5})
-    said = list(remarks(simulate(late)))
-    assert any("unstable at small amplitudes: at rest at 25 m" in words for words in said)
+    run = simulate(late)
+    lost = replace(run, outcome="left_track", metrics=replace(run.metrics, slack_share=math.nan, chatter=math.nan))
+    for each in (run, lost):
+        assert any("unstable at small amplitudes: at rest at 25 m" in words for words in remarks(each))
 
 
 def test_defaults_that_do_not_follow_are_said() -> None:

@@ -42,11 +42,11 @@ def test_intervals_are_those_of_the_exact_binomial_test(draws: int, data: st.Dat
 
 def test_words_say_what_is_known_and_what_is_missing() -> None:
     assert constraint(819).words == (
-        "bounds are satisfied with probability ≥ 99.5 % (95 % confidence: no violations in 819 fresh draws)"
+        "bounds on runs are satisfied with probability ≥ 99.5 % (95 % confidence: no violations in 819 fresh draws)"
     )
     assert constraint(100).words == (
-        "bounds are satisfied with probability ≥ 95.98 % (95 % confidence: no violations in 100 fresh draws, 819 are "
-        "needed; asked for: 99.5 %)"
+        "bounds on runs are satisfied with probability ≥ 95.98 % (95 % confidence: no violations in 100 fresh draws, "
+        "819 are needed; asked for: 99.5 %)"
     )
     one = constraint(819, 1)
     assert not one.satisfied

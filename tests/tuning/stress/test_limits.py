@@ -36,6 +36,12 @@ def test_factors_are_on_what_the_papers_gains_reach_in_the_base() -> None:
     assert not any(limit.eased for limit in limits)
 
 
+def test_paper_gains_that_complete_no_run_bound_nothing() -> None:
+    constraints = constraints_of(("worst.mse<=4*paper", "worst.peak_tension<=5000"), (), EXPERIMENT)
+    lost = reached(GOOD, outcomes=("left_track", "diverged"))
+    assert [limit.words for limit in limits_of(constraints, lost, reached(GOOD))] == ["worst.peak_tension <= 5000 N"]
+
+
 def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
     constraints = constraints_of(("worst.min_tension>=100", "worst.peak_tension<=5000"), (), EXPERIMENT)
     limits = limits_of(constraints, reached(GOOD), reached(GOOD))

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness.imperfections import ImperfectionSize
-from dualwinch.tuning.robustness.limits import SHARE, multiple, plain
+from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, multiple, plain
 from dualwinch.tuning.robustness.result import RobustnessResult
 from dualwinch.tuning.robustness.stress import breakdowns
 from tests.tuning.stress.ensembles import of, sea
@@ -126,3 +127,9 @@ def test_numbers_in_words() -> None:
         "0",
     ]
     assert [multiple(value) for value in (0.00749894, 1.0, 1.3335, 100.0)] == ["0.0075×", "1×", "1.3×", "100×"]
+
+
+def test_bounds_that_the_papers_gains_do_not_reach_are_said_to_be_left_out(found: RobustnessResult) -> None:
+    lost = replace(found, lost=found.lost | {"paper": (BrokenLimit("left_track", 3, 0, ""),)})
+    said = "paper: breaks without any imperfection, left track in 3 scenarios; bounds that are multiples of what it"
+    assert any(words.startswith(said) for words in lost.notes())
