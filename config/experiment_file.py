@@ -1,7 +1,9 @@
 """Experiments as annotated TOML, read back with errors that name key, file and line."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -138,7 +140,7 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
 
     Args:
         experiment: to be written.
-        given: keys that a file of one's own gives; all others are marked as still the paper's, or a default.
+        given: keys that a file of one's own gives (`own_keys`); all others are marked: still the paper's, or a default.
     """
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
     if given is not None:
@@ -149,6 +151,16 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
 def given_keys(path: Path) -> frozenset[str]:
     """Keys of a file of an experiment, as they stand there."""
     return frozenset(key for key, _ in flattened(read_source(path).table()))
+
+
+MARKED = re.compile(r"^\s*[\w.-]+\s*=.*[^\s\[,]\s*#\s*(PAPER|DEFAULT): .*$", re.MULTILINE)
+"""A line of `to_toml` whose value nobody has given."""
+
+
+def own_keys(path: Path) -> frozenset[str]:
+    """Keys that a file of an experiment gives, without those that `to_toml` has completed and marked."""
+    source = read_source(path)
+    return frozenset(key for key, _ in flattened(replace(source, text=MARKED.sub("", source.text)).table()))
 
 
 def own_parts_to_toml(experiment: Experiment) -> str:

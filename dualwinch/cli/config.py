@@ -30,16 +30,17 @@ def config(
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
-    With --config, keys that the file does not give are marked: still the paper's, or a default.
+    With --config, keys that the file does not give are marked: still the paper's, or a default. Read again, they stay
+    marked until the mark is taken out of their line.
     With --plugin, the numbers of its parts follow, including those of parts that are not in use.
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
-    from dualwinch.config.experiment_file import given_keys, own_parts_to_toml, to_toml
+    from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml
     from dualwinch.model.errors import ConfigurationError
 
     if ensemble is None:
         asked = given.experiment()
-        mine = given_keys(given.config) | given.values.keys() if given.config else None
+        mine = own_keys(given.config) | given.values.keys() if given.config else None
         sys.stdout.write(to_toml(asked, mine) + (own_parts_to_toml(asked) if given.plugin else ""))
         return
     if given.case is not None or given.config or given.assignments:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,11 +118,12 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
         """
-        from dualwinch.config.experiment_file import experiment_from
+        from dualwinch.config.experiment_file import experiment_from, own_keys
 
         self.use_parts()
         found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
-        say_left(found)
+        own = own_keys(self.config) if self.config else frozenset()
+        say_left(found, own | self.values.keys())
         return found
 
     def nominal(self, ensemble: str | None) -> Experiment:
@@ -177,15 +178,15 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 """Where no option is given."""
 
 
-def say_left(experiment: Experiment) -> None:
-    """Print, on standard error, which defaults did not follow the values of an experiment, and which need a look."""
+def say_left(experiment: Experiment, own: Collection[str]) -> None:
+    """Print, on standard error, which defaults did not follow keys of one's own, and which values need a look."""
     from dualwinch.simulation.experiment import Experiment
 
     if experiment.plant == Experiment().plant:
         return
     from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values
 
-    for words in [*defaults_left(experiment), *unusual_values(experiment)]:
+    for words in [*defaults_left(experiment, own), *unusual_values(experiment)]:
         print_note(words)
 
 

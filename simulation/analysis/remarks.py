@@ -1,7 +1,7 @@
 """What an outcome does not say of a run: slack ropes, forces at their limit, chatter, a loop that is unstable."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,7 @@ WINCHES = ("winch_1", "winch_2")
 ROPES = ("rope_1", "rope_2")
 
 DEPENDENT: dict[str, tuple[str, ...]] = {
+    "plant.vehicle.normal_force": ("plant.vehicle.mass",),
     "plant.vehicle.drag_area": ("plant.vehicle.diameter", "plant.vehicle.height"),
     **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPES},
     **{f"plant.{winch}.inertia": (f"plant.{winch}.drum_radius",) for winch in WINCHES},
@@ -50,16 +51,20 @@ DEPENDENT: dict[str, tuple[str, ...]] = {
 """Key whose default was made for the defaults of others, which it does not follow."""
 
 
-def defaults_left(experiment: Experiment) -> list[str]:
+def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str]:
     """Say which defaults did not follow values that an experiment has in place of the defaults they were made for.
 
     What is alike of both winches or ropes is said once, as ``winch_*``.
+
+    Args:
+        experiment: any.
+        own: keys that its file gives: those are meant, even where they have the default's value.
     """
     values, usual = leaves(experiment), leaves(Experiment())
     said: dict[str, dict[str, None]] = {}
     for key, others in DEPENDENT.items():
         changed = [other for other in others if values.get(other) != usual[other]]
-        if changed and key in values and values[key] == usual.get(key):
+        if changed and key not in own and key in values and values[key] == usual.get(key):
             said.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
     alike: dict[str, list[str]] = {}
     for others, keys in said.items():
@@ -69,7 +74,7 @@ def defaults_left(experiment: Experiment) -> list[str]:
         else:
             alike[others] = list(keys)
     return [
-        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}"
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; if meant, give it"
         for others, keys in alike.items()
     ]
 

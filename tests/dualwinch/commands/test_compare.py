@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -166,3 +167,21 @@ def test_config_marks_what_is_still_the_papers(tmp_path: Path, capsys: pytest.Ca
     assert lines["height"].startswith("[m]")
     assert lines["diameter"].startswith("PAPER: [m]")
     assert lines["added_mass"].startswith("DEFAULT: [kg]")
+
+
+def test_marks_stay_until_they_are_taken_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, whole = tmp_path / "mine.toml", tmp_path / "whole.toml"
+    mine.write_text("[plant.vehicle]\nmass = 3000\n")
+    for file in (mine, whole):
+        main(["config", "--config", str(file)])
+        said = capsys.readouterr()
+        text = said.out
+        assert re.search(r"^diameter = 2\.0 +# PAPER: ", text, re.MULTILINE)
+        assert re.search(r"^points = \[\] +# DEFAULT: ", text, re.MULTILINE)
+        assert "plant.vehicle.normal_force = 4900: still the default" in said.err
+        whole.write_text(text)
+    whole.write_text(re.sub("# PAPER: (.*mean force on the rail)", r"# \1", text))
+    main(["config", "--config", str(whole)])
+    said = capsys.readouterr()
+    assert "still the default" not in said.err
+    assert re.search(r"^normal_force = 4900\.0 +# \[N\]", said.out, re.MULTILINE)

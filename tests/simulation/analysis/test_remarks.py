@@ -45,21 +45,25 @@ def test_defaults_that_do_not_follow_are_said() -> None:
         SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.4, "controller.winch_1.kp": 1e-3}
     )
     assert defaults_left(other) == [
-        "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height",
+        "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height; if meant, give it",
         (
             "plant.winch_1.inertia = 1.8, controller.winch_1.ki = 0.02: still the defaults, "
-            "not following plant.winch_1.drum_radius"
+            "not following plant.winch_1.drum_radius; if meant, give it"
         ),
     ]
+    (said,) = defaults_left(other, {"plant.vehicle.drag_area", "controller.winch_1.ki"})
+    assert said.startswith("plant.winch_1.inertia = 1.8: still the default")
+    (said,) = defaults_left(override(SHORT, {"plant.vehicle.mass": 3000.0}))
+    assert said.startswith("plant.vehicle.normal_force = 4900: still the default, not following plant.vehicle.mass")
     both = override(SHORT, {f"plant.winch_{number}.gear_ratio": 20.0 for number in (1, 2)})
     assert defaults_left(both) == [
         (
             "controller.winch_*.kp = 0.0005, controller.winch_*.ki = 0.02: still the defaults, "
-            "not following plant.winch_*.gear_ratio"
+            "not following plant.winch_*.gear_ratio; if meant, give it"
         )
     ]
     assert defaults_left(override(SHORT, {"plant.rope_2.area": 3e-4})) == [
-        "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area"
+        "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area; if meant, give it"
     ]
 
 
