@@ -61,16 +61,18 @@ class FittedModel:
                 f"torques act {delay} samples after they are logged; simulation.delay_samples = "
                 f"{described.simulation.delay_samples} stays as it is"
             )
-        sea = {"vortices": own.disturbance.vortex and not given.vortex}
-        sea["current"] = own.disturbance.current_sigma > given.current_sigma
-        sea["changes of the rail load"] = own.disturbance.normal_force_sigma > given.normal_force_sigma
+        sea = {"vortices (disturbance.vortex)": own.disturbance.vortex and not given.vortex}
+        sea["current (current_sigma)"] = own.disturbance.current_sigma > given.current_sigma
+        sea["changes of the rail load (normal_force_sigma)"] = (
+            own.disturbance.normal_force_sigma > given.normal_force_sigma
+        )
         if self.method.options.resampling.torque_rows:
             found.append(
                 "torques changed more often than they were logged: between rows their mean over "
                 f"{self.method.options.resampling.torque_rows} rows is taken to act, and chatter as noise"
             )
         if names := [name for name, added in sea.items() if added]:
-            found.append(f"estimated with {', '.join(names)}, which the experiment does not describe (--case 4)")
+            found.append(f"estimated with {', '.join(names)}, which the experiment does not describe")
         return (*found, *self._sea_of_another_size(described))
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Unknown parameters: keys, ranges and priors, and the coordinates in which they are searched."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
@@ -43,6 +44,23 @@ class Prior:
 
     mean: float
     deviation: float
+
+
+def prior_of(key: str, given: Prior | tuple[float, float]) -> Prior:
+    """The prior of a key, from mean and deviation.
+
+    Raises:
+        ConfigurationError: it is no pair of finite numbers, or the deviation is not positive.
+    """
+    try:
+        mean, deviation = map(float, vars(given).values() if isinstance(given, Prior) else given)
+    except (TypeError, ValueError):
+        mean = deviation = math.nan
+    if not (math.isfinite(mean) and 0 < deviation < math.inf):
+        raise ConfigurationError(
+            f"--prior {key}: {given!r}: must be mean and deviation, finite numbers, the deviation > 0, e.g. (1e4, 500)"
+        )
+    return Prior(mean, deviation)
 
 
 @dataclass(frozen=True)
@@ -188,7 +206,7 @@ def problem_of(
     known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
     experiment = experiment or (known.experiment if known else Experiment())
     wanted = estimable_keys([keys] if isinstance(keys, str) else keys, experiment)
-    given = {key: prior if isinstance(prior, Prior) else Prior(*prior) for key, prior in (priors or {}).items()}
+    given = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}
     if known:
         given = ensemble_priors(known, experiment, without=(*wanted, *given)) | given
     return experiment, (*wanted, *(key for key in given if key not in wanted)), given

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
@@ -197,11 +197,9 @@ def prior_from(text: str) -> tuple[str, tuple[float, float]]:
     from dualwinch.model.errors import ConfigurationError
 
     parts = re.fullmatch(r"\s*([\w.]+)\s*=\s*(\S+?)\s*(?:±|\+-)\s*(\S+)\s*", text)
-    values: Any = (parts[2], parts[3]) if parts else ("", "")
     try:
-        mean, deviation = map(float, values)
+        if parts:
+            return parts[1], (float(parts[2]), float(parts[3]))
     except ValueError:
-        mean = deviation = -1.0
-    if not parts or not 0 < deviation < float("inf") or abs(mean) == float("inf"):
-        raise ConfigurationError(f"--prior {text}: must be KEY=MEAN±DEVIATION, e.g. plant.vehicle.mass=1e4±500")
-    return parts[1], (mean, deviation)
+        pass
+    raise ConfigurationError(f"--prior {text}: must be KEY=MEAN±DEVIATION, e.g. plant.vehicle.mass=1e4±500")

@@ -1,6 +1,7 @@
 """Numbers found in logs: what they are, how well they are known, what cannot be told."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from dualwinch.identification.estimate import PredictionErrorMethod, covariance_
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
 from dualwinch.identification.resample import sections_of
-from dualwinch.identification.unknowns import Prior, UnknownParameter, estimable_keys, unknown_parameters
+from dualwinch.identification.unknowns import Prior, UnknownParameter, estimable_keys, prior_of, unknown_parameters
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -156,6 +157,12 @@ def test_priors_are_of_what_is_fitted_and_within_its_range() -> None:
         unknown_parameters(["plant.rope_1.modulus"], Experiment(), {"plant.vehicle.mass": Prior(1, 1)})
     with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass=-1: must be"):
         unknown_parameters(["plant.vehicle.mass"], Experiment(), {"plant.vehicle.mass": Prior(-1, 1)})
+
+
+@pytest.mark.parametrize("given", [(1e4, -1), (1e4, 0), (1e4, np.nan), (np.inf, 1), 5, (1, 2, 3), "ab", Prior(1e4, -1)])
+def test_priors_are_a_mean_and_a_positive_deviation(given: Any) -> None:
+    with pytest.raises(ConfigurationError, match=r"--prior plant.vehicle.mass: .*: must be mean and deviation"):
+        prior_of("plant.vehicle.mass", given)
 
 
 def test_a_pattern_stands_for_all_that_match_it_once() -> None:

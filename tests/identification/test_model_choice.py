@@ -48,7 +48,9 @@ def test_parameters_are_right_although_much_else_is_off(described: dict[str, obj
     assert any("torques act 2 samples after they are logged" in note for note in found.notes)
     assert found.experiment.simulation.delay_samples == 1, "as described"
     assert found.experiment.disturbance.vortex == (not described)
-    assert any("vortices, which the experiment does not describe" in note for note in found.notes) == bool(described)
+    assert any(
+        "vortices (disturbance.vortex), which the experiment does not describe" in note for note in found.notes
+    ) == bool(described)
 
 
 @pytest.mark.slow
