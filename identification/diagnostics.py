@@ -1,16 +1,15 @@
 """Diagnostics: plausible logs and fits, white innovations, unidentifiable directions, profile likelihoods."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 from scipy.stats import chi2, norm
 
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
-from dualwinch.identification.log import POSITIONS, TORQUES, UNIT_OF, Log
+from dualwinch.identification.log import POSITIONS, TORQUES, UNIT_OF, Log, longest_step
 from dualwinch.identification.noise import noise_by_differences
 from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
 from dualwinch.identification.predictor import READINGS
@@ -29,8 +28,19 @@ def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = D
     """Refuse a log with implausible columns.
 
     Raises:
-        ConfigurationError: a column that never changes, or one that must be in another unit.
+        ConfigurationError: a column that never changes, or one that must be in another unit; with the log's notes.
     """
+    try:
+        _check_changes(log)
+        _check_ranges(log, experiment, options)
+        _check_ways(log, experiment, options)
+        _check_step(log, experiment, options)
+        _check_pulls(log, experiment, options)
+    except ConfigurationError as error:
+        raise log.refused(str(error)) from None
+
+
+def _check_changes(log: Log) -> None:
     if all(np.nanmin(log.columns[name]) == np.nanmax(log.columns[name]) for name in TORQUES):
         raise ConfigurationError(f"{log.name}: tau_1, tau_2: never change, and torques drive the fit")
     for name in log.readings:
@@ -40,49 +50,113 @@ def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = D
                 f"{log.name}: {name}: is {low:g} in every row; name another column (--column {name}=NAME) or leave it "
                 f"out (--column {name}=-)"
             )
+
+
+def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
+    """Refuse a log with readings out of their ranges, with the units that would be within; few rows may be no readings.
+
+    That speeds are in another unit in most rows, `_check_ways` finds.
+    """
     for name, (low, high) in plausible_ranges(experiment, options).items():
-        if name not in log.columns:
+        if name not in (*TORQUES, *log.readings):
             continue
-        least, most = float(np.nanmin(log.columns[name])), float(np.nanmax(log.columns[name]))
-        if least < low or most > high:
-            worst = least if least < low else most
-            raise ConfigurationError(
-                f"{log.name}: {name} = {worst:.4g}: must be {low:.3g} to {high:.3g} on this machine; is it in another "
-                f"unit (--column {name}=NAME:UNIT)?"
-            )
-    _check_ways(log, experiment, options)
-    _check_pulls(log, experiment, options)
+        values = log.columns[name]
+        rows = np.flatnonzero((values < low) | (values > high))
+        few = 2 * len(rows) < np.isfinite(values).sum()
+        if not len(rows) or not (few or name in (*TORQUES, *POSITIONS, "F1", "F2")):
+            continue
+        worst = values[rows[0]] if few else values[rows[np.abs(values[rows]).argmax()]]
+        least, most = np.nanmin(values), np.nanmax(values)
+        fit = dict[str, float]()
+        for unit, by in UNITS[UNIT_OF[name]].items():
+            for stated, extremes in ((f"-{unit}", (-by * least, -by * most)), (unit, (by * least, by * most))):
+                if low <= min(extremes) and max(extremes) <= high:
+                    fit = {each: size for each, size in fit.items() if size != by} | {stated: by}
+        units = sorted(fit, key=lambda unit: -fit[unit])[:2] or ["UNIT"]
+        where = f" in row {rows[0] + 1} (t = {log.t[rows[0]]:.12g} s)" if few else ""
+        where += f" and {len(rows) - 1} others" if few and len(rows) > 1 else ""
+        gap = "a mark for a gap (leave its cell empty) or " if few else ""
+        raise ConfigurationError(
+            f"{log.name}: {name} = {worst:.4g}{where}: must be {low:.3g} to {high:.3g} on this machine; is it {gap}in "
+            f"another unit (--column {name}=NAME:{' or NAME:'.join(units)})?"
+        )
 
 
 def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
-    """Refuse a log whose positions, drum angles and integrated speeds are not one way, with the likeliest reason."""
-    ways = dict[str, Floats]()
+    """Refuse a log whose positions, drum angles and integrated speeds are not one way, with the likeliest reason.
+
+    1. Ways do not count what lies in gaps of the log.
+    2. The way that most others equal is the right one.
+    """
+    steps, around = np.diff(log.t), dict[str, float]()
+    inside = steps <= longest_step(log.t, DEFAULTS.resampling.longest_gap)
     for side in experiment.plant.sides:
-        around = side.direction * side.winch.drum_radius
-        ways |= {f"theta_{side.number}": np.array(around), f"omega_{side.number}": np.array(around)}
-    for name in (found := [name for name in (*POSITIONS, "v", "omega_1", "omega_2") if name in log.readings]):
+        radius = float(side.direction * side.winch.drum_radius)
+        around |= {f"theta_{side.number}": radius, f"omega_{side.number}": radius}
+    ways = dict[str, Floats]()
+    for name in (name for name in (*POSITIONS, "v", "omega_1", "omega_2") if name in log.readings):
         known = np.isfinite(log.columns[name])
-        values = np.interp(log.t, log.t[known], log.columns[name][known]) * ways.get(name, 1.0)
-        ways[name] = values if name in POSITIONS else cumulative_trapezoid(values, log.t, initial=0)
-    first, step = found[0], float(np.median(np.diff(log.t)))
-    way = ways[first] - ways[first].mean()
-    if way.std() < options.least_way * experiment.plant.track.length:
+        values = np.interp(log.t, log.t[known], log.columns[name][known]) * around.get(name, 1.0)
+        changes = np.diff(values) if name in POSITIONS else steps * (values[1:] + values[:-1]) / 2
+        way = np.cumsum(np.where(inside, changes, 0.0))
+        ways[name] = way - way.mean()
+    least = options.least_way * experiment.plant.track.length
+    moved = [name for name in ways if ways[name].std() >= least]
+    if not any(name in POSITIONS for name in moved):
         return
-    for name in found[1:]:
-        own = ways[name] - ways[name].mean()
+
+    def differ(one: str, other: str) -> float | None:
+        """How many times the way of the other one makes, where both are alike but for a factor."""
+        own, way = ways[one], ways[other]
         ratio, correlation = own @ way / (way @ way), own @ way / np.sqrt((own @ own) * (way @ way) or 1.0)
-        if abs(correlation) < options.like or 1 / options.other_scale < ratio < options.other_scale:
-            continue
-        same = f"{log.name}: {name} makes {ratio:.3g} times the way of {first}"
-        late = _unit_by(1 / ratio, "t")
-        if late and name not in POSITIONS and step > options.other_scale * experiment.simulation.sample_time:
-            raise ConfigurationError(f"{same}: is t in {late} (--column t=NAME:{late})?")
-        unit = f"-{UNIT_OF[name]}" if 1 / options.other_scale < -ratio < options.other_scale else None
-        unit = unit or _unit_by(1 / ratio, name)
-        reason = (
-            f"is it in {unit} (--column {name}=NAME:{unit})?" if unit else "is it in another unit, or of the motor?"
-        )
-        raise ConfigurationError(f"{same}: {reason}")
+        same = abs(correlation) < options.like or 1 / options.other_scale < ratio < options.other_scale
+        return None if same else float(ratio)
+
+    alike = {name: sum(differ(other, name) is None for other in ways if other != name) for name in moved}
+    first = max(moved, key=lambda name: alike[name])
+    for name in ways:
+        ratio = differ(name, first) if name != first else None
+        if ratio is not None:
+            reason = _reason(name, first, ratio, log, experiment, options, sure=alike[first] > 0)
+            raise ConfigurationError(f"{log.name}: {name} makes {ratio:.3g} times the way of {first}: {reason}")
+
+
+def _reason(
+    name: str, first: str, ratio: float, log: Log, experiment: Experiment, options: PlausibilityOptions, *, sure: bool
+) -> str:
+    """Why a reading makes so many times the way of another one, which is the right one if that is sure."""
+    step, found = float(np.median(np.diff(log.t))), list[str]()
+
+    def add(reading: str, by: float) -> None:
+        opposite = reading != "t" and 1 / options.other_scale < -by < options.other_scale
+        unit = f"-{UNIT_OF[reading]}" if opposite else _unit_by(by, reading)
+        _, high = plausible_ranges(experiment, options).get(reading, (0.0, np.inf))
+        if unit and np.nanmax(np.abs(by * log.columns.get(reading, 0.0))) <= high:
+            found.append(f"{reading if found or reading != name else 'it'} in {unit} (--column {reading}=NAME:{unit})")
+
+    if (name in POSITIONS) != (first in POSITIONS):
+        by = 1 / ratio if first in POSITIONS else ratio
+        if by > 1 or step > options.other_scale * experiment.simulation.sample_time:
+            add("t", by)
+    if not found or step <= options.longest_step:
+        add(name, 1 / ratio)
+    if not sure:
+        add(first, ratio)
+    return f"is {' or '.join(found) or 'it in another unit, or of the motor'}?"
+
+
+def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
+    """Refuse a log whose rows are so far from or near to each other that its times must be in another unit."""
+    step, (low, high) = float(np.median(np.diff(log.t))), (options.shortest_step, options.longest_step)
+    if low <= step <= high:
+        return
+    usual = experiment.simulation.sample_time
+    fit = {unit: abs(np.log(by * step / usual)) for unit, by in UNITS["s"].items() if low <= by * step <= high}
+    likely = sorted(fit, key=lambda each: fit[each])[:2] or ["UNIT"]
+    raise ConfigurationError(
+        f"{log.name}: t: has a row every {step:.3g} s: must be {low:g} to {high:g} s; is it in another unit (--column "
+        f"t=NAME:{' or NAME:'.join(likely)})?"
+    )
 
 
 def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
@@ -96,6 +170,10 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
         ratio = float(pull / read) if read else 1.0
         if 1 / options.other_pull < ratio < options.other_pull:
             continue
+        if swapped := _swapped(log, held, options):
+            raise ConfigurationError(
+                f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: {swapped}"
+            )
         units = {name: _unit_by(by, name) for name, by in ((torque, 1 / ratio), (tension, ratio))}
         said = [f"{name} in {unit} (--column {name}=NAME:{unit})" for name, unit in units.items() if unit]
         other = f"{torque} of the opposite sign (--column {torque}=NAME:-N m)" if ratio < 0 else "one in another unit"
@@ -103,6 +181,21 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
             f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: "
             f"is {' or '.join(said) or other}?"
         )
+
+
+def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> str | None:
+    """Which columns fit on average if those of the two sides change places."""
+    if not {"F1", "F2"} <= set(log.readings):
+        return None
+    mean = {name: float(np.nanmean(log.columns[name])) for name in (*TORQUES, "F1", "F2")}
+    own = [mean[torque] / float(held[torque]) for torque in TORQUES]
+    other = [mean[torque] / float(held[place]) for torque, place in zip(reversed(TORQUES), TORQUES, strict=True)]
+    found = list[str]()
+    for what, pulls, reads in (("F1 and F2", own, ("F2", "F1")), ("tau_1 and tau_2", other, ("F1", "F2"))):
+        ratios = [pull / mean[read] if mean[read] else 1.0 for pull, read in zip(pulls, reads, strict=True)]
+        if all(1 / options.other_pull < ratio < options.other_pull for ratio in ratios):
+            found.append(what)
+    return f"have {' or '.join(found)} changed places?" if found else None
 
 
 def _unit_by(by: float, name: str) -> str | None:
@@ -126,6 +219,9 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
         "theta_2": (-whole / radius_2, whole / radius_2),
         "tau_1": (-float(torques.tau_1), float(torques.tau_1)),
         "tau_2": (-float(torques.tau_2), float(torques.tau_2)),
+        "v": (-options.fastest, options.fastest),
+        "omega_1": (-options.fastest / radius_1, options.fastest / radius_1),
+        "omega_2": (-options.fastest / radius_2, options.fastest / radius_2),
     }
 
 

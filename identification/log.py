@@ -56,7 +56,7 @@ class Log:
             ConfigurationError: no rows, time that stands still or goes back, no torques, no position or encoder.
         """
         if len(self.t) < 2:
-            raise ConfigurationError(f"{self.name}: has {len(self.t)} rows: must be 2 or more")
+            raise self.refused(f"{self.name}: has {len(self.t)} rows: must be 2 or more")
         if not np.isfinite(self.t).all():
             raise ConfigurationError(f"{self.name}: t: must be a finite number in every row")
         backwards = np.flatnonzero(np.diff(self.t) <= 0)
@@ -68,7 +68,18 @@ class Log:
         check_columns(self.name, self.columns)
         for name in TORQUES:
             if not np.isfinite(self.columns[name]).any():
-                raise ConfigurationError(f"{self.name}: {name}: has no value in any row, and torques drive the fit")
+                raise self.refused(f"{self.name}: {name}: has no value in any row, and torques drive the fit")
+
+        if not set(POSITIONS) & set(self.readings):
+            raise self.refused(
+                f"{self.name}: {', '.join(each for each in POSITIONS if each in self.columns)}: has no value in "
+                "any row: must have a position or an encoder"
+            )
+
+    def refused(self, words: str) -> ConfigurationError:
+        """The error that refuses it, with what was noticed while it was read."""
+        notes = "; ".join(note.removeprefix(f"{self.name}: ") for note in self.notes)
+        return ConfigurationError(f"{words} (noticed: {notes})" if notes else words)
 
     @property
     def readings(self) -> tuple[str, ...]:
@@ -98,7 +109,7 @@ class Log:
 
         Rows without torques are left out at the ends of a part, and so are parts of fewer than `least_rows`.
         """
-        longest = max(longest, 2 * float(np.median(np.diff(self.t))))
+        longest = longest_step(self.t, longest)
         known = [np.flatnonzero(np.isfinite(self.columns[name])) for name in TORQUES]
         gaps = [(rows[at], rows[at + 1]) for rows in known for at in np.flatnonzero(np.diff(self.t[rows]) > longest)]
         first, last = max(rows[0] for rows in known), min(rows[-1] for rows in known)
@@ -117,6 +128,11 @@ class Log:
             replace(self.rows(part), name=f"{self.name}, {self.t[part][0]:.4g} to {self.t[part][-1]:.4g} s")
             for part in parts
         ]
+
+
+def longest_step(t: Floats, longest: float) -> float:
+    """The longest step of the times t that is no gap: `longest` seconds, or twice the usual step."""
+    return max(longest, 2 * float(np.median(np.diff(t))))
 
 
 def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:

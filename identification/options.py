@@ -239,6 +239,9 @@ class PlausibilityOptions:
     )
     other_pull: Annotated[Factor, Quantity("1", "mean pull by the torques, over that of a load cell, or inverse")] = 4.0
     beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
+    fastest: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
+    shortest_step: Annotated[Positive, Quantity("s", "plausible time between two rows, at least")] = 5e-6
+    longest_step: Annotated[Positive, Quantity("s", "plausible time between two rows, at most")] = 0.5
 
 
 @dataclass(frozen=True)

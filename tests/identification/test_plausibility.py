@@ -1,5 +1,6 @@
 """Logs that cannot be, each refused in one line that says what is wrong."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -127,3 +128,71 @@ def test_a_share_that_is_given_lets_such_a_log_pass_and_says_what_the_model_lack
     assert "the model lacks something" in repr(found)
     with pytest.raises(ConfigurationError, match="unrecorded = 0: must be > 0"):
         identify([log], ["plant.vehicle.mass"], machine(), unrecorded=0)
+
+
+def by(**factors: float) -> Log:
+    """The log, with some columns times a factor."""
+    log = logged(machine())
+    columns = {name: factors.get(name, 1.0) * values for name, values in log.columns.items()}
+    return replace(log, t=factors.get("t", 1.0) * log.t, columns=columns)
+
+
+def only(log: Log, *names: str) -> Log:
+    return replace(log, columns={name: log.columns[name] for name in ("tau_1", "tau_2", *names)})
+
+
+def marked(name: str, value: float) -> Log:
+    values = columns(name)[0].copy()
+    values[[70, 90]] = value
+    return changed(**{name: values})
+
+
+@pytest.mark.parametrize(
+    ("log", "words"),
+    [
+        (
+            lambda: only(by(t=1e3), "x"),
+            r"t: has a row every 1 s: must be 5e-06 to 0.5 s; .*--column t=NAME:ms or NAME:us\)",
+        ),
+        (lambda: only(by(t=1e6), "x"), r"t: has a row every 1e\+03 s: .*NAME:us or"),
+        (lambda: only(by(t=1 / 3600), "x"), r"t: has a row every 2.78e-07 s: .*NAME:h"),
+        (lambda: by(t=1 / 60), r"v makes 0.0167 times the way of x: is t in min \(--column t=NAME:min\)\?"),
+        (lambda: by(x=0.01), r"x makes 0.01 times the way of theta_1: is"),
+        (lambda: only(by(x=-0.1, v=0.1), "x", "v"), r"v makes -1 times the way of x: is it in -m/s .* or x in -m "),
+        (
+            lambda: marked("x", -9999),
+            r"x = -9999 in row 71 \(t = 0.07 s\) and 1 others: must be .* a mark for a gap \(leave",
+        ),
+        (
+            lambda: marked("v", 1e30),
+            r"v = 1e\+30 in row 71 .*: must be -50 to 50 on this machine; is it a mark for a gap",
+        ),
+        (lambda: marked("omega_1", -9999), r"omega_1 = -9999 in row 71"),
+    ],
+)
+def test_times_signs_and_marks_of_gaps_are_named(log: Callable[[], Log], words: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"run: {words}"):
+        check_log(log(), machine())
+
+
+def test_columns_that_changed_places_are_named() -> None:
+    F1, F2 = columns("F1", "F2")
+    with pytest.raises(ConfigurationError, match=r"tau_1 holds .* and F1 reads .*: have F1 and F2 .*changed places\?"):
+        check_log(changed(F1=F2, F2=F1), machine())
+
+
+def test_a_pause_is_no_way() -> None:
+    log = logged(machine())
+    late = np.arange(len(log.t)) >= len(log.t) // 2
+    check_log(replace(log, t=log.t + 600.0 * late), machine())
+
+
+def test_a_log_without_a_number_in_its_position_is_refused_and_what_was_noticed_is_said() -> None:
+    gap = np.full_like(logged(machine()).t, np.nan)
+    with pytest.raises(ConfigurationError, match="run: x: has no value in any row: must have a position or an encoder"):
+        only(changed(x=gap), "x", "v")
+    check_log(changed(x=gap, F1=gap), machine())
+    with pytest.raises(
+        ConfigurationError, match=r"never change, and torques drive the fit \(noticed: 9 of 10 are words\)"
+    ):
+        check_log(replace(changed(tau_1=0 * gap + 1, tau_2=0 * gap), notes=("run: 9 of 10 are words",)), machine())
