@@ -152,9 +152,9 @@ def marked(name: str, value: float) -> Log:
     [
         (
             lambda: only(by(t=1e3), "x"),
-            r"t: has a row every 1 s: must be 5e-06 to 0.5 s; .*--column t=NAME:ms or NAME:us\)",
+            r"t: has a row every 1 s: must be 5e-06 to 0.5 s; .*--column t=NAME:ms\)",
         ),
-        (lambda: only(by(t=1e6), "x"), r"t: has a row every 1e\+03 s: .*NAME:us or"),
+        (lambda: only(by(t=1e6), "x"), r"t: has a row every 1e\+03 s: .*NAME:us"),
         (lambda: only(by(t=1 / 3600), "x"), r"t: has a row every 2.78e-07 s: .*NAME:h"),
         (lambda: by(t=1 / 60), r"v makes 0.0167 times the way of x: is t in min \(--column t=NAME:min\)\?"),
         (lambda: by(x=0.01), r"x makes 0.01 times the way of theta_1: is"),
@@ -188,11 +188,11 @@ def test_a_pause_is_no_way() -> None:
 
 
 def test_a_log_without_a_number_in_its_position_is_refused_and_what_was_noticed_is_said() -> None:
-    gap = np.full_like(logged(machine()).t, np.nan)
+    zero = np.zeros_like(logged(machine()).t)
+    gap = zero + np.nan
     with pytest.raises(ConfigurationError, match="run: x: has no value in any row: must have a position or an encoder"):
         only(changed(x=gap), "x", "v")
     check_log(changed(x=gap, F1=gap), machine())
-    with pytest.raises(
-        ConfigurationError, match=r"never change, and torques drive the fit \(noticed: 9 of 10 are words\)"
-    ):
-        check_log(replace(changed(tau_1=0 * gap + 1, tau_2=0 * gap), notes=("run: 9 of 10 are words",)), machine())
+    still = replace(changed(tau_1=zero, tau_2=zero), notes=("run: 9 of 10 are words",))
+    with pytest.raises(ConfigurationError, match=r"torques drive the fit \(noticed: 9 of 10 are words\)"):
+        check_log(still, machine())
