@@ -255,6 +255,13 @@ EQUAL = 1e-6
 MOVING = 1e-3
 """Share of the largest speed below which the vehicle stands."""
 
+SLOWEST = 5e-3
+"""Largest speed in m/s of a motion below which the unit of its times must be stated."""
+
+LIKE, OTHER_SCALE = 0.8, 2.0
+"""Correlation of a recorded column with the derivative of another one from which on their ratio is judged, and what the
+ratio and its inverse must be below."""
+
 
 class RecordedMotion:
     """A curve through recorded positions, with its speed and its acceleration.
@@ -291,6 +298,33 @@ class RecordedMotion:
         return max(stretches, key=lambda stretch: stretch[1] - stretch[0], default=None)
 
 
+def _ratio(values: Floats, derivative: Floats) -> float | None:
+    """How many times a derivative some values are; None: they are the derivative, or like no multiple of it."""
+    size = float(np.sqrt((values @ values) * (derivative @ derivative)))
+    if not size or abs(values @ derivative) < LIKE * size:
+        return None
+    ratio = float(values @ derivative) / float(derivative @ derivative)
+    return None if 1 / OTHER_SCALE < ratio < OTHER_SCALE else ratio
+
+
+def _check_recorded(recording: Recording, found: dict[str, Floats], named: dict[str, str]) -> None:
+    """Refuse a motion whose times or derivatives must be in another unit."""
+    file, time = recording.origin.file, recording.origin.time_column
+    fastest = np.abs(np.diff(found["m"]) / np.diff(recording.t)).max()
+    if 0 < fastest < SLOWEST and recording.time_unit is None:
+        raise ConfigurationError(
+            f"{file}: moves at {fastest:.3g} m/s at most, as {time} is read in s: must be stated, "
+            'time_unit = "s" or "ms"'
+        )
+    for si, of in (("m/s", "m"), ("m/s^2", "m/s")):
+        ratio = _ratio(found[si], np.gradient(found[of], recording.t)) if si in found and of in found else None
+        if ratio is not None:
+            raise ConfigurationError(
+                f"{file}: column '{named[si]}': is {ratio:.3g} times the derivative of '{named[of]}': must be in its "
+                f"unit per s, or the header must state one, as in '{named[si]} [{si}]'"
+            )
+
+
 @lru_cache(maxsize=16)
 def recorded_motion(
     recording: Recording, units: tuple[str | None, ...], derivatives: tuple[str, ...]
@@ -298,9 +332,10 @@ def recorded_motion(
     """The motion of a recording whose columns are in some units (``None``: as the file says) of SI derivatives.
 
     Raises:
-        ConfigurationError: a unit is not stated, or is of another quantity.
+        ConfigurationError: a unit is not stated, or is of another quantity, or columns contradict each other.
     """
     found = {
         si: recording.column(index, unit, si) for index, (unit, si) in enumerate(zip(units, derivatives, strict=True))
     }
+    _check_recorded(recording, found, dict(zip(derivatives, recording.names, strict=True)))
     return RecordedMotion(recording.t, found["m"], found.get("m/s"), found.get("m/s^2"))

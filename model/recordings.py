@@ -151,7 +151,8 @@ class Recording:
         columns: the others, each (n,), in the units they came in.
         names: of the columns; ``values`` where they are a list.
         units: of the columns, where the file says them.
-        digest: SHA-256 of all this but the origin, the first 16 digits.
+        time_unit: of the times, where the origin or the file says it.
+        digest: SHA-256 of times, columns and their units, the first 16 digits.
     """
 
     origin: Origin
@@ -159,6 +160,7 @@ class Recording:
     columns: tuple[Floats, ...]
     names: tuple[str, ...]
     units: tuple[str | None, ...]
+    time_unit: str | None
     digest: str
 
     def column(self, index: int, unit: str | None, si: str) -> Floats:
@@ -214,7 +216,9 @@ def _of_file(origin: Origin, file: str) -> Recording:
     if times.stamps or t[0] >= SINCE_1970:
         raise ConfigurationError(f"{file}: {times.at(0)}: must be the time since the run began, in s or a stated unit")
     names, units = (tuple(getattr(column, what) for column in columns) for what in ("name", "unit"))
-    return _recording(origin, t, tuple(column.values for column in columns), names, units)
+    return _recording(
+        origin, t, tuple(column.values for column in columns), names, units, origin.time_unit or times.unit
+    )
 
 
 def _check_ascending(times: Floats, place: Callable[[int], str]) -> None:
@@ -236,14 +240,19 @@ def _listed(origin: Origin) -> Recording:
         if len(wrong):
             raise ConfigurationError(f"{name}[{wrong[0]}] = {numbers[wrong[0]]:g}: must be a finite number")
     _check_ascending(t, lambda index: f"times[{index}]")
-    return _recording(origin, factor(origin.time_unit or "s", "s") * t, (values,), ("values",), (None,))
+    return _recording(origin, factor(origin.time_unit or "s", "s") * t, (values,), ("values",), (None,), "s")
 
 
 def _recording(
-    origin: Origin, t: Floats, columns: tuple[Floats, ...], names: tuple[str, ...], units: tuple[str | None, ...]
+    origin: Origin,
+    t: Floats,
+    columns: tuple[Floats, ...],
+    names: tuple[str, ...],
+    units: tuple[str | None, ...],
+    time_unit: str | None,
 ) -> Recording:
     content = hashlib.sha256(repr(units).encode())
     for numbers in (t, *columns):
         numbers.flags.writeable = False
         content.update(np.ascontiguousarray(numbers, dtype="<f8").tobytes())
-    return Recording(origin, t, columns, names, units, content.hexdigest()[:16])
+    return Recording(origin, t, columns, names, units, time_unit, content.hexdigest()[:16])

@@ -20,6 +20,9 @@ Interpolation: TypeAlias = Literal["linear", "previous"]
 
 Beyond: TypeAlias = Literal["hold", "zero", "error"]
 
+COARSE, LONGER = 0.5, 100.0
+"""Median step in s, and duration over that of a run, beyond which the unit of times must be stated."""
+
 EARLY = 1e-9
 """Time in s by which a value counts before its own time: instants of samples are rounded."""
 
@@ -173,6 +176,12 @@ class Signal:
             raise ConfigurationError(
                 f"{self.file or 'times'}: none of its times is in the run: has {start:.10g} to {end:.10g} s, must have "
                 f"some of 0 to {last:g} s; count them from the run's start, and see to time_unit"
+            )
+        step = float(np.median(np.diff(self.recording.t)))
+        if self.recording.time_unit is None and step > COARSE and end - start > LONGER * last:
+            raise ConfigurationError(
+                f"{self.file}: has a row every {step:g} s and ends after {end:g} s, the run after {last:g} s, as "
+                f'{self.time_column} is read in s: must be stated, time_unit = "s" or "ms"'
             )
         if self.beyond == "error" and not (start <= EARLY and last <= end + EARLY):
             raise ConfigurationError(

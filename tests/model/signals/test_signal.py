@@ -83,6 +83,18 @@ def test_a_unit_in_the_header_is_the_files(file: Path) -> None:
         replace(signal, unit="N").check("N", 1.0)
 
 
+def test_columns_of_one_name_are_chosen_by_their_headers(file: Path) -> None:
+    file.write_text("t;push [kN];push [N]\n0;1;5\n1;2;6\n")
+    assert at(Signal.from_file(file, "push [kN]"), 1) == [2000]
+    with pytest.raises(ConfigurationError, match=r"more than one column 'push'; name one: push \[kN\], push \[N\]"):
+        Signal.from_file(file, "push")
+    file.write_text("t;push [kN]\ns;N\n0;1\n1;2\n")
+    with pytest.raises(
+        ConfigurationError, match=r"column 'push \[kN\]': is in kN by its header, in N by the row of units"
+    ):
+        Signal.from_file(file, "push")
+
+
 def test_the_unit_must_be_stated(file: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"gust\.csv: column 'F': has no unit; say which: unit = \"N\""):
         Signal.from_file(file, "F").check("N", 1.0)

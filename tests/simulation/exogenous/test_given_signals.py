@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -179,6 +180,47 @@ def test_what_does_not_go_together_is_one_line(values: dict[str, object], messag
     with pytest.raises(ConfigurationError) as caught:
         prepare(experiment)
     assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("rows", "settings", "words"),
+    [
+        ("t,x\n1.7e9,0\n1700000001,1\n", {}, r"line 2: t = '1.7e9': must be the time since the run began"),
+        ("t,x\n12:00:00,0\n12:00:01,1\n", {}, r"line 2: t = '12:00:00': must be the time since the run began"),
+        (
+            "t,x\n0,0\n20000,4\n40000,8\n",
+            {},
+            r'moves at 0.0002 m/s at most, as t is .*: must be stated, time_unit = "s"',
+        ),
+        (
+            "t,x,v\n0,0,0\n1,1,2000\n2,4,4000\n",
+            {"speed_column": "v"},
+            r"column 'v': is 1.14e\+03 times the derivative of 'x'",
+        ),
+        (
+            "t,x,v,a\n0,0,0,0\n1,1,2,-2\n2,4,4,-2\n",
+            {"speed_column": "v", "acceleration_column": "a"},
+            r"column 'a': is -0.667 times",
+        ),
+    ],
+)
+def test_a_motion_in_other_units_is_refused(tmp_path: Path, rows: str, settings: dict[str, Any], words: str) -> None:
+    file = tmp_path / "motion.csv"
+    file.write_text(rows)
+    with pytest.raises(ConfigurationError, match=rf"motion\.csv: {words}"):
+        prepare(replace(case(2), reference=Reference("file", file=str(file), column="x", unit="m", **settings)))
+
+
+def test_a_signal_of_another_time_unit_is_refused_unless_the_unit_is_stated(tmp_path: Path) -> None:
+    file = tmp_path / "push.csv"
+    file.write_text("t,F\n" + "".join(f"{10 * row},1\n" for row in range(1000)))
+    force = Signal.from_file(str(file), "F", unit="N")
+    with pytest.raises(
+        ConfigurationError, match=r"has a row every 10 s and ends after 9990 s, the run after 20 s.*time_unit"
+    ):
+        force.check("N", 20.0)
+    for stated in ("s", "ms"):
+        replace(force, time_unit=stated).check("N", 20.0)
 
 
 def test_a_recorded_motion_off_the_track_names_its_time(tmp_path: Path) -> None:
