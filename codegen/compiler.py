@@ -119,6 +119,10 @@ class Compiler:
             except OSError as error:
                 raise CompileError(f"cannot run the C compiler {self.command[0]}: {error.strerror}") from error
             if done.returncode == 0:
+                if not (Path(folder) / f"unit{target.suffix}").exists():
+                    raise CompileError(
+                        f"{' '.join(self.command)} made no library: is no C compiler (DUALWINCH_CC or CC)"
+                    )
                 (Path(folder) / f"unit{target.suffix}").replace(target)  # import libraries and the like stay behind
         if done.returncode != 0:
             complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])

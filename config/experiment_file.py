@@ -10,17 +10,24 @@ from typing import Any
 
 from dualwinch.codegen.text import one_line
 from dualwinch.config.plugins import load_entry_points
-from dualwinch.config.toml_text import Source, flattened, parse_assignment, read_source, toml_value
+from dualwinch.config.toml_text import Source, empty_tables, flattened, parse_assignment, read_source, toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
-from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity
+from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.paper import case as paper_case
-from dualwinch.simulation.settings import describe_choices, from_folder, override, with_settings, without_digests
+from dualwinch.simulation.settings import (
+    describe_choices,
+    from_folder,
+    known_keys,
+    override,
+    with_settings,
+    without_digests,
+)
 
 
 def load(
@@ -79,6 +86,11 @@ def from_table(
     """The experiment of a TOML table, as `load` gives it."""
     with source.located("metrics"):
         table = with_metric_kinds(table, tuple(base.metrics))
+    for key in empty_tables({name: value for name, value in table.items() if not name.startswith("metrics")}):
+        known = {name.rpartition(".")[0] for name in known_keys()}
+        if not any(f"{name}.".startswith(f"{key}.") for name in known):
+            with source.located(key):
+                raise ConfigurationError(unknown("table", key, sorted(known)))
     values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
     with_settings(base, values, source.located)  # what is wrong with the file is said of the file
     experiment, _ = with_settings(base, without_digests(values) | settings)

@@ -49,13 +49,25 @@ class Source:
             raise ConfigurationError(f"{self.name}{_line_of(key, self.text)}: {error}") from error
 
 
+def path_from(given: str | PathLike[str]) -> Path:
+    """The path of a file.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    try:
+        return Path(given)
+    except TypeError as error:
+        raise ConfigurationError(f"file: must be a path, not {type(given).__name__}") from error
+
+
 def read_source(path: str | PathLike[str]) -> Source:
     """The text of a file.
 
     Raises:
         ConfigurationError: it cannot be read.
     """
-    path = Path(path)
+    path = path_from(path)
     try:
         return Source(str(path), path.read_text(encoding="utf-8"), path.parent)
     except OSError as error:
@@ -102,6 +114,13 @@ def flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield prefix + name, value
 
 
+def empty_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Dotted names of tables without any key."""
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from empty_tables(value, f"{prefix}{name}.") if value else (prefix + name,)
+
+
 def parse_assignment(text: str) -> tuple[str, Any]:
     """Key and value of ``key=value``; the value is written as in TOML, words without quotes allowed.
 
@@ -145,6 +164,6 @@ def _line_of(key: str, text: str) -> str:
         if header:
             table = header.group(1) + "."
         name = re.match(r"\s*\"?([\w.\-]+)\"?\s*=", line)
-        if name and table + name.group(1) == key:
+        if (name and table + name.group(1) == key) or (header and header.group(1) == key):
             return f":{number}"
     return ""

@@ -69,8 +69,12 @@ class Signal:
     ] = "hold"
     time_column: Annotated[str, Quantity("", "column of the times in the file")] = "t"
     time_unit: Annotated[str | None, Quantity("", "unit of the times (default: as the file says, else s)")] = None
-    times: Annotated[tuple[float, ...], Quantity("", "instead of a file: the times, ascending")] = NONE
-    values: Annotated[tuple[float, ...], Quantity("", "instead of a file: the values at these times")] = NONE
+    times: Annotated[tuple[float, ...], Quantity("", "instead of a file: the times, ascending")] = field(
+        default=NONE, repr=False
+    )
+    values: Annotated[tuple[float, ...], Quantity("", "instead of a file: the values at these times")] = field(
+        default=NONE, repr=False
+    )
     digest: Annotated[
         str | None, Quantity("", "of the numbers that were read; other ones are an error (default: any)"), Mark.DIGEST
     ] = None
@@ -138,6 +142,9 @@ class Signal:
         Raises:
             ConfigurationError: fewer than two values, not as many as times, or what is no finite number.
         """
+        for name, given in (("t", t), ("values", values)):
+            if not isinstance(given, Iterable):
+                raise ConfigurationError(f"{name}: must be numbers, not {type(given).__name__}")
         times = Numbers(_numbers("times", _seconds(t)).tolist())
         numbers = Numbers(_numbers("values", values).tolist())
         if not times:

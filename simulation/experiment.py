@@ -37,7 +37,11 @@ class Simulation:
     duration: Annotated[
         float | None,
         at.Gt(0),
-        Quantity("s", "length of the run (default: uniform 25, profile 50, else that of the motion)", "paper 4.1"),
+        Quantity(
+            "s",
+            "length of the run, rounded to whole samples (default: uniform 25, profile 50, else that of the motion)",
+            "paper 4.1",
+        ),
         Mark.TIMING,
     ] = None
     delay_samples: Annotated[

@@ -83,6 +83,8 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     Raises:
         ConfigurationError: values do not fit together; the message names the key and its range.
     """
+    if not isinstance(experiment, Experiment):
+        raise ConfigurationError(f"experiment: must be an Experiment, not {type(experiment).__name__}")
     check_rules(experiment)
     _check_points(experiment.reference, experiment.plant.track)
     _check_rows(experiment.reference, experiment.plant.track)

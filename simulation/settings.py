@@ -73,6 +73,8 @@ def with_settings(
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     given = {current(key): key for key in values}
     values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}

@@ -30,7 +30,7 @@ MARGINS = {
     "gain_margin": ("gain", Quantity("1", "largest factor on the loop gain")),
     "phase_margin": ("phase", Quantity("deg", "largest extra phase lag")),
     "delay_margin": ("delay", Quantity("s", "largest extra delay")),
-    "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes, 0 to 2")),
+    "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes; from 2 on any gain")),
     "resonance_margin": (RESONANCE, Quantity("1", "largest factor on the loop gain at the drums' resonance, by rule")),
 }
 """Name of a margin → its kind (`simulation.analysis.margins.KINDS`, or `RESONANCE`), unit and meaning."""

@@ -1,6 +1,7 @@
 """A vehicle between two winches as an environment, or many side by side: a step of all is one call of compiled code."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any, ClassVar
 
 import gymnasium
@@ -53,13 +54,24 @@ class Environment(gymnasium.Env[Floats, Any]):
             ConfigurationError: an unknown experiment, or a number out of range.
         """
         self._task = task = Task(
-            experiment, 1, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised
+            experiment,
+            1,
+            command=command,
+            hold=hold,
+            reward=reward,
+            exact=exact,
+            normalised=normalised,
+            render_mode=render_mode,
         )
         self.render_mode = render_mode
         self.action_space: gymnasium.Space[Any] = task.action_space
         self.observation_space: gymnasium.Space[Any] = task.observation_space
         self.observed, self.units = SENSED, task.units
         self._seed, self._episode = -1, 0
+
+    def __copy__(self) -> "Environment":
+        """A copy that goes on by itself."""
+        return deepcopy(self)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin the next episode, of a seed the first; there are no options."""
@@ -140,7 +152,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         vars(self)["metadata"] = self.metadata | {"autoreset_mode": allowed[given]}
         self.num_envs, self.render_mode = num_envs, render_mode
         self._task = task = Task(
-            experiment, num_envs, command=command, hold=hold, reward=reward, exact=exact, normalised=normalised
+            experiment,
+            num_envs,
+            command=command,
+            hold=hold,
+            reward=reward,
+            exact=exact,
+            normalised=normalised,
+            render_mode=render_mode,
         )
         self.single_action_space, self.single_observation_space = task.action_space, task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -148,6 +167,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         self.observed, self.units = SENSED, task.units
         self._seeds: list[int] = []
         self._episodes = np.zeros(num_envs, np.int64)
+
+    def __copy__(self) -> "VectorEnvironment":
+        """A copy that goes on by itself."""
+        return deepcopy(self)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -158,16 +181,21 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             ConfigurationError: not as many seeds as lanes.
         """
         given = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if given is not None and not isinstance(given, Sequence | np.ndarray):
+            raise ConfigurationError(f"seed = {given!r}: must be a whole number, or one a lane")
+        for number in () if given is None else given:
+            if not (number is None or isinstance(number, int | np.integer)):
+                raise ConfigurationError(f"seed: {number!r} is none: must be a whole number >= 0")
         if given is not None and len(given) != self.num_envs:
             raise ConfigurationError(f"seed: has {len(given)} numbers: must have {self.num_envs}, one a lane")
-        first = next((number for number in given or () if number is not None), None)
+        first = next((number for number in (() if given is None else given) if number is not None), None)
         super().reset(seed=first, options=options)
         self._episodes += 1
         if not self._seeds:
             own = int(self.np_random.integers(2**31))
             self._seeds = [own + lane for lane in range(self.num_envs)]
             self._episodes[:] = 0
-        for lane, number in enumerate(given or ()):
+        for lane, number in enumerate(() if given is None else given):
             if number is not None:
                 self._seeds[lane], self._episodes[lane] = int(number), 0
         self._start(np.arange(self.num_envs))

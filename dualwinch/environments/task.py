@@ -47,7 +47,7 @@ class Reward:
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a weight is negative or not finite."""
         for name, value in vars(self).items():
-            if not 0 <= value < np.inf:
+            if not (isinstance(value, int | float | np.number) and 0 <= value < np.inf):
                 raise ConfigurationError(f"reward.{name} = {value}: must be a finite number >= 0")
 
     def of(self, now: Observation, before: Observation) -> Floats:
@@ -73,6 +73,8 @@ def weighted(weights: Mapping[str, float]) -> Reward:
     Raises:
         ConfigurationError: there is no such weight, or one is out of range.
     """
+    if not isinstance(weights, Mapping):
+        raise ConfigurationError(f"reward: must be a Reward, or weights by name, not {type(weights).__name__}")
     known = [field.name for field in fields(Reward)]
     for name in weights:
         if name not in known:
@@ -102,14 +104,20 @@ class Task:
         reward: Reward | Mapping[str, float] | None,
         exact: bool,
         normalised: bool = False,
+        render_mode: str | None = None,
     ) -> None:
         """Make the stepper; arguments as those of the environments.
 
         Raises:
             ConfigurationError: an unknown experiment, or a number out of range.
         """
+        for name, value in (("normalised", normalised), ("exact", exact)):
+            if not isinstance(value, bool):
+                raise ConfigurationError(f"{name} = {value!r}: must be True or False")
+        if render_mode is not None:
+            raise ConfigurationError(f"render_mode = {render_mode!r}: must be None; results have figures")
         given = named(experiment) if isinstance(experiment, str) else experiment
-        self._reward = reward if isinstance(reward, Reward) else weighted(reward or {})
+        self._reward = reward if isinstance(reward, Reward) else weighted({} if reward is None else reward)
         self.stepper = Stepper(
             with_fresh_noise(given),
             lanes,

@@ -360,9 +360,15 @@ def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
     return f"did you mean '{nearest(str(name), names)[0]}'? {listed}{more}"
 
 
+LONGEST_NAME = 100
+"""Characters of a name that an error shows."""
+
+
 def unknown(what: str, name: Any, known: Iterable[str], more: str = "") -> str:
     """An error about a name that there is not, as ``unknown metric 'ms'; did you mean 'mse'? Must be one of ...``."""
-    return f"unknown {what} {name!r}; {suggestion(name, known, more)}"
+    text = repr(name)
+    text = text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
+    return f"unknown {what} {text}; {suggestion(name, known, more)}"
 
 
 @dataclass(frozen=True, init=False)

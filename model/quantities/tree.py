@@ -1,7 +1,7 @@
 """Groups of numbers as trees: taken apart into named scalars, put together again from others, and checked."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from operator import is_
 from typing import Any, TypeVar
 
@@ -182,6 +182,7 @@ def validated(leaf: Leaf, value: Any) -> Any:
 
 def check_values(group: Any, prefix: str = "") -> None:
     """Raise `ConfigurationError` where a value is of the wrong type or out of range, or is another in another part."""
+    _check_groups(group, prefix)
     known = describe_parts(group, prefix)
     found: dict[str, Any] = {}
     for key, value in pairs(group, prefix, whole=True):
@@ -193,6 +194,16 @@ def check_values(group: Any, prefix: str = "") -> None:
             raise ConfigurationError(f"{key} = {shown(value)}: must be {leaf.wanted}")
         if found.setdefault(key, value) != value:
             raise ConfigurationError(f"{key} = {shown(value)}: must be {shown(found[key])}, as another part has it")
+
+
+def _check_groups(group: Any, prefix: str) -> None:
+    """Raise `ConfigurationError` where something else stands in place of a group, such as a number of a signal."""
+    for slot in slots(type(group), prefix):
+        value = getattr(group, slot.field)
+        if isinstance(slot.hint, type) and is_dataclass(slot.hint) and not slot.choice:
+            if not isinstance(value, slot.hint):
+                raise ConfigurationError(f"{slot.key}: must be a {slot.hint.__name__}, not {type(value).__name__}")
+            _check_groups(value, slot.below)
 
 
 def check_rules(group: Any, prefix: str = "") -> None:

@@ -75,7 +75,9 @@ class Margins:
     phase_frequency: Annotated[float, Quantity("rad/s", "gain crossover that bears the least lag")]
     delay: Annotated[float, Quantity("s", "largest extra delay")]
     delay_frequency: Annotated[float, Quantity("rad/s", "gain crossover that bears the least delay")]
-    disk: Annotated[float, Quantity("1", "radius of the largest disk of simultaneous gain and phase changes, 0 to 2")]
+    disk: Annotated[
+        float, Quantity("1", "radius of the largest disk of simultaneous gain and phase changes; from 2 on any gain")
+    ]
     disk_gain: Annotated[float, Quantity("1", "factor the gain may rise or fall by while the phase shifts too")]
     disk_phase: Annotated[float, Quantity("deg", "phase that may shift either way while the gain changes too")]
     disk_frequency: Annotated[float, Quantity("rad/s", "frequency at which the disk touches")]
@@ -116,7 +118,8 @@ def margins(loop: LinearSystem) -> Margins:
             ``StateSpace`` of python-control.
 
     Raises:
-        ConfigurationError: a continuous system, one of several inputs or outputs, or no state-space system.
+        ConfigurationError: a continuous system, one of several inputs or outputs, no state-space system, or one whose
+            elements are not finite.
     """
     wanted = "a discrete state-space system of one input and one output"
     if not hasattr(loop, "D"):
@@ -124,6 +127,8 @@ def margins(loop: LinearSystem) -> Margins:
     if loop.D.shape != (1, 1):
         outputs, inputs = loop.D.shape
         raise ConfigurationError(f"loop: has {inputs} inputs and {outputs} outputs: must be {wanted}")
+    if not all(np.isfinite(matrix).all() for matrix in (loop.A, loop.B, loop.C, loop.D)):
+        raise ConfigurationError(f"loop: has elements that are no finite numbers: must be {wanted}")
     if isinstance(loop.dt, bool) or not loop.dt or loop.dt < 0:
         raise ConfigurationError(
             f"loop: dt = {loop.dt}: must be > 0 s, {wanted} (control.sample_system makes one of a continuous system)"
@@ -135,11 +140,14 @@ def margins(loop: LinearSystem) -> Margins:
     (found,) = least_margins(closed, np.zeros(1, np.intp), (*KINDS, "fall"), 1, grid=FINE)
     gain, phase, delay, disk, fall = found.values()
     poles = np.linalg.eigvals(loop.A - loop.B @ loop.C / (1 + loop.D[0, 0]))
+    least_gain = 1 / fall.value
+    if fall.frequency == 0:  # T is round-off there where the loop is slow, L is not
+        least_gain = min(max(0.0, -1 / _at_rest(loop)), 1.0)
     return Margins(
         stable=bool(np.abs(poles).max(initial=0.0) < 1),
         gain=gain.value,
         gain_frequency=gain.frequency,
-        least_gain=1 / fall.value,
+        least_gain=least_gain,
         least_gain_frequency=fall.frequency,
         phase=phase.value,
         phase_frequency=phase.frequency,
@@ -150,6 +158,14 @@ def margins(loop: LinearSystem) -> Margins:
         disk_phase=math.degrees(2 * math.atan(disk.value / 2)),
         disk_frequency=disk.frequency,
     )
+
+
+def _at_rest(loop: LinearSystem) -> float:
+    """A loop at the frequency 0; infinite with an integrator."""
+    try:
+        return float((loop.C @ np.linalg.solve(np.eye(len(loop.A)) - loop.A, loop.B) + loop.D)[0, 0])
+    except np.linalg.LinAlgError:
+        return math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,11 @@ def test_a_wrong_wish_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         find_compiler()
 
 
+def test_a_command_that_makes_nothing_is_no_compiler(tmp_path: Path) -> None:
+    with pytest.raises(CompileError, match="true made no library: is no C compiler"):
+        find_compiler("true").build(ANSWER, tmp_path / "answer.so")
+
+
 def test_a_complaint_of_the_compiler_is_passed_on(tmp_path: Path) -> None:
     with pytest.raises(CompileError, match="error"):
         find_compiler().build("int answer(void) { return nothing; }\n", tmp_path / "broken.so")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.config.experiment_file import load, to_toml
+from dualwinch.config.experiment_file import load, loads, to_toml
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.master_slave import MasterSlave
 from dualwinch.controllers.estimators.kalman import Kalman, KalmanGains
@@ -164,6 +164,12 @@ def test_a_setting_must_count_though_a_files_key_need_not(tmp_path: Path) -> Non
     assert str(caught.value) == (
         'controller.adrc.control_bandwidth: belongs to controller.kind = "adrc", here it is "nftsm"'
     )
+
+
+@pytest.mark.parametrize("table", ["plnt", "plant.winch_3"])
+def test_an_empty_table_that_there_is_not_is_refused(table: str) -> None:
+    with pytest.raises(ConfigurationError, match=rf"^configuration:3: unknown table '{table}'; did you mean"):
+        loads(f"[plant.vehicle]\n[plant]\n[{table}]\n")
 
 
 def test_a_base_gives_what_a_file_does_not_have(tmp_path: Path) -> None:

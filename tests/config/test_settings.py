@@ -1,9 +1,12 @@
 """Values by key: set where they belong, refused in one line where they do not."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.experiment_file import load
 from dualwinch.config.plugins import register
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.coordinations.force_position import ForcePosition
@@ -17,8 +20,10 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, owners
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.settings import describe_choices, known_keys, leaf_of, override, with_settings
 from tests.own_metrics import Room
 
@@ -51,6 +56,25 @@ def test_wrong_input_is_one_line_that_helps(assignment: str, message: str) -> No
         override(Experiment(), dict([parse_assignment(assignment)]))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: Experiment(disturbance=Disturbance(force=5.0)), "disturbance.force: must be a Signal, not float"),  # pyright: ignore[reportArgumentType]
+        (lambda: Experiment(plant=None), "plant: must be a Plant, not NoneType"),  # pyright: ignore[reportArgumentType]
+        (lambda: override(Experiment(), "a=b"), "values: must be a dictionary of keys and values, not str"),  # pyright: ignore[reportArgumentType]
+        (lambda: load(None), "file: must be a path, not NoneType"),  # pyright: ignore[reportArgumentType]
+        (lambda: load_ensemble(None), "file: must be a path, not NoneType"),  # pyright: ignore[reportArgumentType]
+        (lambda: block(Experiment()), "unknown block Experiment(plant="),  # pyright: ignore[reportArgumentType]
+        (lambda: prepare(None), "experiment: must be an Experiment, not NoneType"),  # pyright: ignore[reportArgumentType]
+    ],
+)
+def test_what_is_of_another_type_is_said_in_a_line(wrong: Callable[[], object], message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        wrong()
+    assert str(caught.value).startswith(message)
+    assert len(str(caught.value)) < 250
 
 
 def test_another_law_keeps_what_both_share() -> None:

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from copy import copy
 from typing import Any
 
 import gymnasium
@@ -45,6 +46,34 @@ def test_every_name_makes_an_environment(name: str) -> None:
     assert isinstance(envs.unwrapped, VectorEnvironment)
     assert isinstance(gymnasium.make(f"dualwinch.environments:{name}").unwrapped, Environment)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"reward": 5}, "reward: must be a Reward, or weights by name, not int"),
+        ({"reward": {"slack": "a"}}, "reward.slack = a: must be a finite number >= 0"),
+        ({"normalised": "a"}, "normalised = 'a': must be True or False"),
+        ({"render_mode": "human"}, "render_mode = 'human': must be None"),
+    ],
+)
+def test_wrong_arguments_are_said(given: dict[str, Any], message: str) -> None:
+    for make in (Environment, VectorEnvironment):
+        with pytest.raises(ConfigurationError, match=message):
+            make(**given)
+
+
+def test_seeds_are_whole_numbers_and_copies_go_on_by_themselves() -> None:
+    one, two = Environment(short()), VectorEnvironment(2, short())
+    for seed in (1.5, [1, 1.5]):
+        with pytest.raises(ConfigurationError, match=r"seed.*: must be a whole number"):
+            two.reset(seed=seed)  # pyright: ignore[reportArgumentType]
+    for env in (one, two):
+        env.reset(seed=1)
+        action = env.action_space.sample()
+        env.step(action)
+        copied = copy(env)
+        assert np.array_equal(copied.step(action)[0], env.step(action)[0])
 
 
 def plain(infos: dict[str, Any]) -> dict[str, Any]:

@@ -169,6 +169,12 @@ def test_bad_arrays_name_the_element(t: list[float], values: list[float], messag
         Signal.from_arrays(t, values, unit="N")
 
 
+def test_numbers_are_asked_for_and_not_shown() -> None:
+    with pytest.raises(ConfigurationError, match="t: must be numbers, not NoneType"):
+        Signal.from_arrays(None, None, unit="N")  # pyright: ignore[reportArgumentType]
+    assert len(repr(Signal.from_arrays(np.arange(1000), np.arange(1000), unit="N"))) < 300
+
+
 def test_a_file_is_read_once_and_known_by_its_numbers(file: Path) -> None:
     signal = Signal.from_file(file, "F", unit="N")
     file.write_text(CSV.replace("3", "7"))

@@ -105,6 +105,11 @@ def test_margins_of_loops_without_states_by_hand() -> None:
     assert margins(sampled(0.0, 0.0, -0.5)).gain == pytest.approx(2)
 
 
+def test_an_integrator_that_is_all_but_silent_may_vanish() -> None:
+    assert margins(sampled(1.0, 1e-14, 0.0)).least_gain == 0.0
+    assert margins(sampled(0.0, 0.0, 2.0)).disk == pytest.approx(6)
+
+
 def test_a_loop_that_carries_nothing_bears_everything() -> None:
     """Cruise at 1.8 m/s: rope 2's winch rests on its lower limit and answers to nothing."""
     found = margins(linear_broken_loop(PAPER, 25.0, 1.8, "tau_2"))
@@ -136,6 +141,9 @@ def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
 def test_margins_need_a_sampled_loop_of_one_signal() -> None:
     with pytest.raises(ConfigurationError, match="one input and one output"):
         margins(linear_closed_loop(PAPER))
+    for pole, through in ((math.nan, 0.0), (0.5, math.inf)):
+        with pytest.raises(ConfigurationError, match="elements that are no finite numbers"):
+            margins(sampled(pole, 1.0, through))
     with pytest.raises(ConfigurationError, match=r"dt = 0: must be > 0 s"):
         margins(control.ss([[0.0]], [[5e-4]], [[1.0]], [[0.0]], 0))  # pyright: ignore[reportArgumentType]
     with pytest.raises(ConfigurationError, match=r"is a TransferFunction: must be a discrete"):
