@@ -18,7 +18,7 @@ from inspect import signature
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
+from dualwinch.codegen.errors import CompileError, CompilerNotFoundError, installing
 
 Arguments = ParamSpec("Arguments")
 
@@ -54,8 +54,7 @@ SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 NO_COMPILER = (
-    "no C compiler found; either install gcc or clang (e.g. the system package 'gcc'), "
-    "or run: pip install 'dualwinch[zig]'"
+    f"no C compiler found; either install gcc or clang (e.g. the system package 'gcc'), or run: {installing('zig')}"
 )
 
 

@@ -27,3 +27,8 @@ class CodegenWarning(UserWarning):
 
 class CacheWarning(UserWarning):
     """The folder of compiled libraries cannot be trusted, and another one is used."""
+
+
+def installing(extra: str) -> str:
+    """How an optional dependency is installed, as messages say it: by pip, or by uv, whose environments lack pip."""
+    return f"pip install 'dualwinch[{extra}]', or uv run --extra {extra} ..."

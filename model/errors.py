@@ -1,6 +1,6 @@
 """Errors of what a user asks for."""
 
-from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.errors import DualwinchError, installing
 
 
 class ConfigurationError(DualwinchError):
@@ -8,7 +8,11 @@ class ConfigurationError(DualwinchError):
 
 
 class MissingExtraError(DualwinchError):
-    """An optional library is not installed; the message says how to install it."""
+    """An optional library is not installed; its arguments are the library and the extra that brings it."""
+
+    def __str__(self) -> str:
+        library, extra = self.args
+        return f"{library} is not installed; install it with: {installing(extra)}"
 
 
 class UnknownNameError(DualwinchError, KeyError):

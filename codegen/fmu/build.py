@@ -13,7 +13,7 @@ from itertools import accumulate
 
 from dualwinch.codegen.cache import library
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError
+from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError, installing
 from dualwinch.codegen.fmu.description import About, build_description, model_description
 from dualwinch.codegen.fmu.model import FmuModel, FmuVariable
 from dualwinch.codegen.source.c_source import c_source
@@ -84,7 +84,7 @@ def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
     except CompilerNotFoundError:
         if wanted is not host_platform():
             raise CompilerNotFoundError(
-                f"no compiler for {wanted.name}: it needs zig; run: pip install 'dualwinch[zig]'"
+                f"no compiler for {wanted.name}: it needs zig; run: {installing('zig')}"
             ) from None
         return find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
     return replace(zig, command=(*zig.command, "-target", wanted.target)), PORTABLE

@@ -15,9 +15,7 @@ def register() -> None:
     try:
         from gymnasium.envs import registration
     except ImportError:
-        raise MissingExtraError(
-            "gymnasium is not installed; install it with: pip install 'dualwinch[gymnasium]'"
-        ) from None
+        raise MissingExtraError("gymnasium", "gymnasium") from None
     for name in NAMES.keys() - registration.registry.keys():
         registration.register(
             id=name,

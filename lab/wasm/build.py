@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CompilerNotFoundError
+from dualwinch.codegen.errors import CompilerNotFoundError, installing
 from dualwinch.lab.wasm.settings import Settings
 from dualwinch.lab.wasm.source import module_source
 
@@ -30,9 +30,7 @@ def wasm_compiler() -> Compiler:
     try:
         return find_compiler("zig")
     except CompilerNotFoundError:
-        raise CompilerNotFoundError(
-            "no compiler for WebAssembly: it needs zig; run `uv run --extra zig dualwinch …`, or pip install ziglang"
-        ) from None
+        raise CompilerNotFoundError(f"no compiler for WebAssembly: it needs zig; run: {installing('zig')}") from None
 
 
 def modules(settings: Iterable[Settings]) -> Iterator[bytes]:

@@ -160,8 +160,7 @@ class LinearSystem:
         try:
             import control
         except ImportError:
-            message = "python-control is not installed; install it with: pip install 'dualwinch[control]'"
-            raise MissingExtraError(message) from None
+            raise MissingExtraError("python-control", "control") from None
         names = {
             key: [name.replace(".", "_") for name in getattr(self, key)] for key in ("states", "inputs", "outputs")
         }

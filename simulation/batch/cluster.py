@@ -40,9 +40,7 @@ def cluster_client(where: str) -> Iterator["Client"]:
     try:
         from distributed import Client
     except ImportError:
-        raise MissingExtraError(
-            "a cluster needs Dask's distributed; install it with: pip install 'dualwinch[cluster]'"
-        ) from None
+        raise MissingExtraError("Dask's distributed", "cluster") from None
     for name in QUIET:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     file, _, function = where.rpartition(":")

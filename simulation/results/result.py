@@ -263,4 +263,4 @@ def _extra(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError:
-        raise MissingExtraError(f"{name} is not installed; install it with: pip install 'dualwinch[{name}]'") from None
+        raise MissingExtraError(name, name) from None

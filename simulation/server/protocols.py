@@ -36,9 +36,7 @@ class Protocol(ABC):
         try:
             __import__(self.library)
         except ImportError:
-            raise MissingExtraError(
-                f"{self.library} is not installed; install it with: pip install 'dualwinch[serve]'"
-            ) from None
+            raise MissingExtraError(self.library, "serve") from None
         logging.getLogger(self.library).setLevel(logging.CRITICAL)  # what clients do wrong is answered to them
         self.host, self.port = host, port
 

@@ -101,7 +101,7 @@ def _gp(seed: int) -> "optuna.samplers.BaseSampler":
     import optuna
 
     if importlib.util.find_spec("torch") is None:
-        raise ConfigurationError("--method gp: needs PyTorch, `pip install torch`")
+        raise ConfigurationError("--method gp: needs PyTorch, `pip install torch`, or `uv run --with torch ...`")
     return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import quote, quote_plus
 
-from dualwinch.codegen.errors import DualwinchError
+from dualwinch.codegen.errors import DualwinchError, installing
 from dualwinch.codegen.text import one_line, without_secrets
 from dualwinch.model.errors import ConfigurationError
 
@@ -189,5 +189,5 @@ def check_storage(storage: str) -> None:
     import importlib.util
 
     if importlib.util.find_spec("psycopg") is None:
-        raise ConfigurationError("--storage: PostgreSQL needs psycopg, `pip install 'dualwinch[postgresql]'`")
+        raise ConfigurationError(f"--storage: PostgreSQL needs psycopg; install it with: {installing('postgresql')}")
     check_url(storage)

@@ -98,7 +98,7 @@ def test_a_missing_zig_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch, capsys
     with pytest.raises(SystemExit):
         main(["lab", "--no-browser"])
     complaint = capsys.readouterr().err
-    assert "pip install ziglang" in complaint
+    assert "pip install 'dualwinch[zig]', or uv run --extra zig" in complaint
     assert complaint.count("\n") == 1
 
 

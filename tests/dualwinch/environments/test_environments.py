@@ -259,7 +259,10 @@ def test_without_gymnasium_the_error_says_how_to_get_it(monkeypatch: pytest.Monk
         "except dualwinch.DualwinchError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "gymnasium is not installed; install it with: pip install 'dualwinch[gymnasium]'"
+    assert done.stdout.strip() == (
+        "gymnasium is not installed; install it with: pip install 'dualwinch[gymnasium]', "
+        "or uv run --extra gymnasium ..."
+    )
 
 
 def test_nothing_else_needs_gymnasium() -> None:

@@ -50,4 +50,6 @@ def test_a_missing_library_is_one_line_that_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingExtraError) as caught:
         getattr(run, f"to_{name}")()
-    assert str(caught.value) == f"{name} is not installed; install it with: pip install 'dualwinch[{name}]'"
+    assert str(caught.value) == (
+        f"{name} is not installed; install it with: pip install 'dualwinch[{name}]', or uv run --extra {name} ..."
+    )
