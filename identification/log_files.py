@@ -143,7 +143,7 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
                 chosen[reading] = _named(table, columns[reading], path)
             continue
         found = next((each for name in (f"{reading}{READ}", reading) if (each := _found(table, name, path))), None)
-        if found:
+        if found and not _is_other(found, reading):
             chosen[reading] = LogColumn(found)
     if "t" not in columns and "t" not in chosen:
         times = [each for each in table if each.name in TIMES]
@@ -152,6 +152,12 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
         elif len(times) == 1:
             chosen["t"] = LogColumn(times[0])
     return chosen
+
+
+def _is_other(column: TableColumn, reading: str) -> bool:
+    """Whether what looks like a unit at the end of a name, such as that of ``x_d``, is none of the reading's."""
+    ends = f"{column.name}_{column.unit}" == column.header.rpartition(".")[2]
+    return ends and column.unit is not None and not is_unit(column.unit, UNIT_OF[reading])
 
 
 def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
@@ -306,8 +312,7 @@ def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str
         known = np.isfinite(values["t"])
         return {reading: each[known] for reading, each in values.items()}
     t = values["t"][np.isfinite(values["t"])]
-    near = SAME_TIME * float(np.median(np.diff(t)))
-    rounded = {reading: _rounded_to(t, times, near) for reading, times in own.items()}
+    rounded = {reading: _rounded_to(t, times) if len(t) > 1 else times for reading, times in own.items()}
     t = np.unique(np.concatenate([times[np.isfinite(times)] for times in rounded.values()]))
     merged = {"t": t}
     for reading, times in rounded.items():
@@ -318,11 +323,11 @@ def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str
     return merged
 
 
-def _rounded_to(t: Floats, times: Floats, near: float) -> Floats:
-    """Times, but those of t where they are that near."""
+def _rounded_to(t: Floats, times: Floats) -> Floats:
+    """Times, but those of t where they are next to them."""
     right = np.searchsorted(t, times).clip(1, len(t) - 1)
     nearest = np.where(times - t[right - 1] < t[right] - times, t[right - 1], t[right])
-    return np.where(np.abs(times - nearest) < near, nearest, times)
+    return np.where(np.abs(times - nearest) < SAME_TIME * np.median(np.diff(t)), nearest, times)
 
 
 def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:

@@ -54,6 +54,9 @@ STAMPS = "2024-12-31T23:59:59.9 (ISO 8601), 31.12.2024 23:59:59.9, 12/31/2024 23
 DECIMALS = {mark: rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?" for mark in ".,"}
 """Decimal mark → numbers that have it."""
 
+LINE = r"(?m)^[ \t]*{}[ \t]*$"
+"""A cell that is a number, in a text with a line for each cell."""
+
 GROUPED = {mark: rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d\d\d)+" for mark in ".,"}
 """Mark → numbers in which it may as well be one between thousands."""
 
@@ -326,21 +329,18 @@ def _decimal_marks(columns: Sequence[Sequence[str]]) -> list[str]:
 
     Where it may as well stand between thousands in all of them, and other columns have the other mark, it is the other.
     """
-    marks, groups = list[str](), list[bool]()
+    found = list[str]()
     for cells in columns:
         text = "\n".join(cells)
-        counts = {mark: _count(DECIMALS[mark], text) for mark in DECIMALS if mark in text}
-        mark = max(counts, key=lambda each: counts[each], default=".")
-        marks.append(mark)
-        groups.append(_count(GROUPED[mark], text) == counts.get(mark, 0))
-    sure = {mark for mark, grouped in zip(marks, groups, strict=True) if not grouped}
-    return [
-        sure.copy().pop() if grouped and len(sure) == 1 else mark for mark, grouped in zip(marks, groups, strict=True)
-    ]
-
-
-def _count(number: str, lines: str) -> int:
-    return sum(1 for _ in re.finditer(rf"(?m)^[ \t]*{number}[ \t]*$", lines))
+        marks = [mark for mark in DECIMALS if mark in text] or ["."]
+        mark = (
+            max(marks, key=lambda each: len(re.findall(LINE.format(DECIMALS[each]), text))) if marks[1:] else marks[0]
+        )
+        sure = re.search(LINE.format(rf"(?!{GROUPED[mark]}[ \t]*$){DECIMALS[mark]}"), text)
+        found.append(mark if sure else f"{mark}?")
+    sure_marks = {mark for mark in found if mark in DECIMALS}
+    usual = sure_marks.pop() if len(sure_marks) == 1 else None
+    return [mark if mark in DECIMALS else usual or mark[0] for mark in found]
 
 
 def has_other_mark(cell: str) -> bool:

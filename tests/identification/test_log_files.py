@@ -509,3 +509,13 @@ def test_a_reading_without_numbers_is_noted_and_one_of_other_numbers_refused(tmp
             read_log(tmp_path / "rig.csv", column_map(text))
     with pytest.raises(ConfigurationError, match=r"--column F1=b: F1 is a already: must be given once"):
         column_map(["F1=a", "F1=b"])
+
+
+def test_a_name_that_ends_as_a_unit_of_another_quantity_is_no_reading(tmp_path: Path) -> None:
+    """``x_d`` is a desired position, no position in days."""
+    columns = {name: each for name, each in FAST.items() if name != "x"} | {"x_d": X, "theta_1_deg": X}
+    np.savez(tmp_path / "rig.npz", **columns)
+    for file in (tmp_path / "rig.npz", rates(tmp_path / "rig.csv", **columns)):
+        found = read_log(file)
+        assert found.readings == ("theta_1",)
+        np.testing.assert_allclose(found.columns["theta_1"], np.radians(X))
