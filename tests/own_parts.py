@@ -18,7 +18,7 @@ from dualwinch.controllers.parts import (
     PositionLaw,
     PositionOutput,
 )
-from dualwinch.model.quantities.quantity import Mark, Quantity, Rule, Tunable
+from dualwinch.model.quantities.quantity import Elements, Mark, Quantity, Rule, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip
 
@@ -27,9 +27,10 @@ from dualwinch.model.scalar import Scalar, clip
 class Belief:
     """Vector and matrix of a Kalman filter that finds its gain under way."""
 
-    z: Annotated[Any, Quantity("m", "expected position, and speed in a second")] = field(
-        default_factory=lambda: np.zeros(2)
-    )
+    z: Annotated[
+        Any,
+        Elements((Quantity("m", "expected position"), Mark.POSITION), (Quantity("m/s", "expected speed"), Mark.SPEED)),
+    ] = field(default_factory=lambda: np.zeros(2))
     P: Annotated[Any, Quantity("m^2", "their covariance, over that of the position")] = field(
         default_factory=lambda: np.eye(2)
     )

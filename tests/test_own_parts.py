@@ -98,7 +98,8 @@ def test_their_states_have_names_by_their_places() -> None:
     ]
     loop = closed_loop(structure_of(EXPERIMENT))
     assert loop.marks["controller.estimator.x"] == {Mark.POSITION}
-    assert loop.marks["controller.law.z.0"] == frozenset()
+    assert [loop.marks[f"controller.law.z.{index}"] for index in (0, 1)] == [{Mark.POSITION}, {Mark.SPEED}]
+    assert loop.marks["controller.law.P.0.0"] == frozenset()
 
 
 def test_their_gains_stand_below_their_kind() -> None:

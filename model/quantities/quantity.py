@@ -153,7 +153,7 @@ class Mark(Enum):
     SHAPES_CODE_AT_ZERO = "a number whose being zero is written into the compiled code"
     UNKNOWN = "what makes a real machine differ from its data sheet: no controller believes it"
     READS_IN_STEPS = "rounds what is read: derivatives are those without it"
-    POSITION = "a state that moves on with the vehicle, and is its position in steady motion"
+    POSITION = "a state that begins where the vehicle does, and is its position in steady motion"
     SPEED = "a state that is the vehicle's speed in steady motion"
     RATE = "a state that is the rate of another one of a mechanism"
     SETTLES = "a state of friction, which settles faster than steps of an integrator are long"
