@@ -168,8 +168,19 @@ class Constraint:
     of_paper: bool = False
 
     def given(self, reached: float) -> "Constraint":
-        """The constraint with its bound as a number, given what the paper's controller reaches."""
-        return replace(self, bound=self.bound * reached, of_paper=False) if self.of_paper else self
+        """The constraint with its bound as a number, given what the paper's controller reaches.
+
+        What that does not reach, as it completes no run (NaN), bounds nothing: the bound is infinite.
+        """
+        if not self.of_paper:
+            return self
+        nothing = -math.inf if self.at_least else math.inf
+        return replace(self, bound=nothing if math.isnan(reached) else self.bound * reached, of_paper=False)
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether nothing violates it."""
+        return self.bound == (-math.inf if self.at_least else math.inf)
 
     def violation(self, value: float, margin: float = 0.0) -> float:
         """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is kept to.
@@ -180,12 +191,16 @@ class Constraint:
         """
         if not math.isfinite(value):
             return -1.0 if value == (math.inf if self.at_least else -math.inf) else 1.0
+        if math.isinf(self.bound):
+            return -1.0 if self.unbounded else 1.0
         beyond = self.bound - value if self.at_least else value - self.bound
         return beyond / (abs(self.bound) or 1.0) + margin
 
     @property
     def label(self) -> str:
         """The constraint with its bound as a number with its unit, or as a factor."""
+        if self.unbounded:
+            return f"{self.statistic.name}: no bound, as the paper's gains complete no run"
         sign = ">=" if self.at_least else "<="
         bound = f"{self.bound:.6g}{behind_number(self.statistic.unit)}"
         if self.of_paper:

@@ -166,7 +166,7 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
         if len(edge):
             axes.plot(*edge.T, color=BLUE, marker="o", markersize=3, label=label)
         for constraint in constraints:
-            if constraint.statistic == upward:
+            if constraint.statistic == upward and not constraint.unbounded:
                 words = f"bound {constraint.bound:.3g}{behind_number(upward.unit)}"
                 axes.axhline(constraint.bound, color=GREY, linestyle=(0, (1, 1.5)), label=words)
         _scale(axes.set_xscale, points[kept, 0])

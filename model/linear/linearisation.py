@@ -47,7 +47,7 @@ def names_of(plant: Plant) -> dict[str, Any]:
 
 
 def linearise(
-    x: float = 25.0,
+    x: float | None = None,
     v: float = 0.0,
     preload: float = PRELOAD,
     plant: Plant | None = None,
@@ -66,7 +66,7 @@ def linearise(
     motions that are quick against length/v. Ropes stay taut, and teeth in contact as they are at the operating point.
 
     Args:
-        x: position in m.
+        x: position in m; default: amid the track.
         v: speed in m/s.
         preload: sum of both tensions in N.
         plant: default: the paper's.
@@ -87,7 +87,7 @@ def linearise(
 
 
 def linearise_sweep(
-    x: ArrayLike = 25.0,
+    x: ArrayLike | None = None,
     v: ArrayLike = 0.0,
     preload: ArrayLike = PRELOAD,
     plant: Plant | None = None,

@@ -256,7 +256,7 @@ class OperatingPoint:
 
 
 def operating_point(
-    x: float = 25.0,
+    x: float | None = None,
     v: float = 0.0,
     preload: float = PRELOAD,
     plant: Plant | None = None,
@@ -273,7 +273,7 @@ def operating_point(
     tension_max, or torques beyond the winches' limits, is returned with its violations in words.
 
     Args:
-        x: position in m.
+        x: position in m; default: amid the track.
         v: speed in m/s, -10 to 10; negative: towards winch 2.
         preload: sum of both tensions in N, between twice tension_min and twice tension_max.
         plant: default: the paper's.
@@ -293,7 +293,7 @@ def operating_point(
 
 
 def operating_points(
-    x: ArrayLike,
+    x: ArrayLike | None,
     v: ArrayLike,
     preload: ArrayLike,
     plant: Plant,
@@ -305,10 +305,12 @@ def operating_points(
 ) -> list[OperatingPoint]:
     """Many operating points at once: x, v and preload are broadcast against each other (see `operating_point`).
 
+    Without x they are amid the track.
+
     Raises:
         ConfigurationError: as `operating_point`, for the first point that is wrong.
     """
-    given = {"x": x, "v": v, "preload": preload}
+    given = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
     asked = np.broadcast_arrays(*(np.atleast_1d(_numbers(name, values)) for name, values in given.items()))
     points = np.array([np.ravel(values) for values in asked])
     check_range("tension_min", tension_min, 0.0, math.inf, "N")

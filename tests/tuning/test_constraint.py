@@ -42,6 +42,14 @@ def test_what_no_run_has_is_nan_and_violates_all_of_a_bound() -> None:
     assert bound("worst.min_tension>=100").violation(np.inf) == -1
 
 
+def test_what_the_papers_gains_do_not_reach_bounds_nothing() -> None:
+    for text in ("mean.chatter<=1*paper", "worst.min_tension>=0.5*paper"):
+        constraint = constraints_from([text], case(4))[0].given(np.nan)
+        assert constraint.violation(1e9) == constraint.violation(0.0) == -1
+        assert constraint.violation(np.nan) == 1
+        assert constraint.label.endswith(": no bound, as the paper's gains complete no run")
+
+
 def test_shares_are_given_in_per_cent() -> None:
     assert bound("mean.saturated_share<=1%").bound == 0.01
     assert bound("mean.saturated_share <= 0.5 %").bound == 0.005

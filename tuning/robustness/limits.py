@@ -1,6 +1,5 @@
 """What gains must keep to in a stress test, what they break, and numbers as people read them."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -232,9 +231,9 @@ def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledR
     """
     found = []
     for constraint in constraints:
-        if constraint.of_paper and not math.isfinite(paper.over(constraint)):
-            continue
         asked, near = constraint.given(paper.over(constraint)), NEAR if constraint.of_paper else 0.0
+        if asked.unbounded:
+            continue
         reached = own.over(asked)
         larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)

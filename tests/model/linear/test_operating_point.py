@@ -37,6 +37,7 @@ def test_at_rest_it_is_the_initial_state_of_a_run() -> None:
     assert point.torques == pytest.approx(holding_torques(3000.0, Plant()))
     assert (point.F1, point.F2) == (1500.0, 1500.0)
     assert point.violations == point.remarks == ()
+    assert operating_point(plant=Plant(track=Track(length=120.0))).x == 60.0, "amid the track"
 
 
 @pytest.mark.parametrize("values", [DEFAULTS, CHANGED], ids=["paper", "changed"])
