@@ -30,6 +30,9 @@ TIMES = ("t", "time", "Time", "TIME", "timestamp", "Timestamp")
 SAME_TIME = 1e-3
 """Share of the step of the times within which two times are one: conversion of units rounds them."""
 
+LEAST_SPAN = 0.05
+"""Share of the time of the torques that own times of a reading span, at least: else they are in another unit."""
+
 OMITTED = "-"
 """In the place of a column's name: the reading is left out."""
 
@@ -87,19 +90,18 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
     notes = list[str]()
     values = {reading: _in_si(reading, each, path, notes) for reading, each in chosen.items()}
-    for reading, (column, *_) in chosen.items():
+    times = {reading: _own_times(table, each, chosen["t"]) or chosen["t"].column for reading, each in chosen.items()}
+    used = {id(each.column): (reading, each.column) for reading, each in chosen.items()}
+    used |= {id(column): ("t", column) for column in times.values()}
+    for reading, column in used.values():
         notes += _without_number(reading, column, path)
-    t = chosen["t"].column
-    times = {reading: _own_times(table, each, chosen["t"]) or t for reading, each in chosen.items()}
-    used = {id(each) for each in (*(each.column for each in chosen.values()), *times.values())}
     notes += _unused(path.name, [each for each in table if id(each) not in used], chosen)
-    seconds = {id(t): values["t"]}
-    for reading, at in times.items():
-        if id(at) not in seconds:
-            seconds[id(at)] = _seconds(at, path, chosen[reading].times_unit)
-    for at in {id(each): each for each in times.values()}.values():
-        _check_ascending(at, seconds[id(at)], path)
-    own = {reading: seconds[id(at)] for reading, at in times.items()}
+    seconds: dict[tuple[int, str | None], Floats] = {(id(times["t"]), None): values["t"]}
+    for reading, column in times.items():
+        which = id(column), chosen[reading].times_unit
+        seconds[which] = seconds[which] if which in seconds else _seconds(column, path, which[1])
+        _check_ascending(column, seconds[which], path)
+    own = {reading: seconds[id(column), chosen[reading].times_unit] for reading, column in times.items()}
     _check_times(path, chosen, values, times, own)
     merged = _merged(values, own)
     return Log(merged.pop("t"), merged, path.name, tuple(notes))
@@ -162,8 +164,7 @@ def _is_other(column: TableColumn, reading: str) -> bool:
 
 def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
     """The column with a header or name."""
-    found = named_columns(table, name)
-    found = [each for each in found if not each.content] or found
+    found = named_columns([each for each in table if not each.content], name) or named_columns(table, name)
     if len(found) > 1:
         headers = dict.fromkeys(each.header for each in found)
         which = f"; name one, --column READING=COLUMN: {listed(headers)}" if len(headers) > 1 else ""
@@ -276,6 +277,7 @@ def _check_times(
     Raises:
         ConfigurationError: a reading of another length than its times, or of other times.
     """
+    of_torques = own["tau_1"][np.isfinite(own["tau_1"])]
     for reading, at in own.items():
         read, column, header = values[reading], chosen[reading].column.header, times[reading].header
         name = f"name its own times: --column '{reading}={column}@TIMES'"
@@ -296,10 +298,11 @@ def _check_times(
                 f"{path}: {reading} has values in the first {count} of {len(at)} rows alone: is it of a lower rate? "
                 f"{name}; or, if {header} is right: --column '{reading}={column}@{header}'"
             )
-        start, end = own["tau_1"][np.isfinite(own["tau_1"])][[0, -1]] if timed.any() else (0.0, 0.0)
+        if at is own["tau_1"] or not timed.any() or not len(of_torques):
+            continue
+        (first, last), (start, end) = at[timed][[0, -1]], of_torques[[0, -1]]
         within = (at[timed] >= start) & (at[timed] <= end)
-        if 2 * within.sum() < len(within):
-            first, last = at[timed][[0, -1]]
+        if 2 * within.sum() < len(within) or last - first < LEAST_SPAN * (end - start):
             raise ConfigurationError(
                 f"{path}: {reading}: has times {first:.10g} to {last:.10g} s in {header}, tau_1 {start:.10g} to "
                 f"{end:.10g} s: must be of one origin, zone and unit (--column '{reading}={column}@{header}:UNIT')"
@@ -436,14 +439,16 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
     for key, item in tree.items():
         header, own = f"{within}{key}", units.get(key, None if key in TIMES else unit)
         parts = _parts(item)
-        if key == "units" and (units or isinstance(stated, str)):
+        if key == "units" and not np.issubdtype(np.asarray(item).dtype, np.number):
+            if not isinstance(stated, Mapping | str):
+                found.append(_without_numbers(header, "must be a text, or a structure of texts by the columns' names"))
             continue
         if parts is not None:
             found += _of_tree(parts, f"{header}.", own)
             continue
         array = np.squeeze(item.toarray() if hasattr(item, "toarray") else item)  # a sparse matrix
         if content := _content(array):
-            found.append(TableColumn(header, _name(header)[0], None, np.zeros(0), content=content))
+            found.append(_without_numbers(header, content))
             continue
         columns = {header: array} if array.ndim == 1 else {f"{header}.{k}": p for k, p in enumerate(array.T, start=1)}
         for head, numbers in columns.items():
@@ -456,6 +461,11 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
             )
             found.append(TableColumn.of_numbers(head, name, own or of_name, np.array(values, float), stamps=stamps))
     return found
+
+
+def _without_numbers(header: str, content: str) -> TableColumn:
+    """A column that cannot be a reading, by what it has in the place of real numbers."""
+    return TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
 
 
 def _parts(item: Any) -> Mapping[str, Any] | None:

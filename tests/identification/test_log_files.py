@@ -358,8 +358,8 @@ def rates(path: Path, **columns: np.ndarray) -> Path:
     return path
 
 
-FAST = {"t": T, "tau_1": 20 + T, "tau_2": T - 20, "x": X}
-LEFT = {"left": SLOW["F1"], "left_time": SLOW["t"]}
+FAST: dict[str, Any] = {"t": T, "tau_1": 20 + T, "tau_2": T - 20, "x": X}
+LEFT: dict[str, Any] = {"left": SLOW["F1"], "left_time": SLOW["t"]}
 
 
 @pytest.mark.parametrize("name", ["t_F1", "F1_t", "F1_time", "time_F1", "t_F1 [ms]", "time_F1 (us)"])
@@ -398,6 +398,10 @@ TWICE = np.concatenate([T[:20], T[:20]])
             r"F1: has times 1700000000 to .* s in left_time, tau_1 0 to 0.039 s: must be of",
         ),
         ({"left_time": 1e3 * SLOW["t"]}, r"F1: has times 0 to 36 s in left_time.*--column 'F1=left@left_time:UNIT'"),
+        (
+            {"left_time": SLOW["t"] / 60},
+            r"F1: has times 0 to 0.0006 s in left_time, tau_1 0 to 0.039 s: must be of one",
+        ),
         ({"left_time": SLOW["t"][:3]}, r"F1 has 10 values, 3 with a time in left_time"),
     ],
 )
@@ -435,7 +439,7 @@ def test_numpy_arrays_of_one_row_or_column_with_units(tmp_path: Path, form: Call
     np.testing.assert_allclose(found.from_zero().t, T, atol=1e-6)
     np.testing.assert_allclose(found.columns["x"], 1e-3 * X)
     np.testing.assert_allclose(found.columns["F1"], 1e3 * X)
-    np.savez(tmp_path / "rig.npz", log=np.rec.fromarrays(list(FAST.values()), names=list(FAST)))
+    np.savez(tmp_path / "rig.npz", log=np.rec.fromarrays(list(FAST.values()), dtype=[(name, float) for name in FAST]))
     np.testing.assert_array_equal(read_log(tmp_path / "rig.npz").columns["x"], X)
 
 
@@ -458,6 +462,13 @@ def test_parquet_has_units_in_its_names_and_infinite_numbers_are_gaps(tmp_path: 
     found = read_log(tmp_path / "rig.parquet")
     np.testing.assert_allclose((found.t, found.columns["F1"]), (T, 1e3 * X))
     assert found.notes == ("rig.parquet: row 1: x = infinite: taken for a gap",)
+
+
+def test_units_without_names_and_single_numbers_beside_columns_are_no_readings(tmp_path: Path) -> None:
+    savemat(tmp_path / "rig.mat", {"x": 5.0, "rig": FAST | {"units": ["s", "Nm", "Nm", "mm"]}})
+    found = read_log(tmp_path / "rig.mat")
+    np.testing.assert_array_equal(found.columns["x"], X)
+    assert "not used: rig.units (must be a text, or a structure of texts" in found.notes[0]
 
 
 def test_units_of_matlab_structures(tmp_path: Path) -> None:
@@ -513,7 +524,7 @@ def test_a_reading_without_numbers_is_noted_and_one_of_other_numbers_refused(tmp
 
 def test_a_name_that_ends_as_a_unit_of_another_quantity_is_no_reading(tmp_path: Path) -> None:
     """``x_d`` is a desired position, no position in days."""
-    columns = {name: each for name, each in FAST.items() if name != "x"} | {"x_d": X, "theta_1_deg": X}
+    columns: dict[str, Any] = {name: each for name, each in FAST.items() if name != "x"} | {"x_d": X, "theta_1_deg": X}
     np.savez(tmp_path / "rig.npz", **columns)
     for file in (tmp_path / "rig.npz", rates(tmp_path / "rig.csv", **columns)):
         found = read_log(file)
