@@ -225,8 +225,8 @@ def _check_ascending(times: Floats, place: Callable[[int], str]) -> None:
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         index = int(late[0]) + 1
-        before = f"must be > {times[index - 1]:g}, the time before it"
-        raise ConfigurationError(f"{place(index)} = {times[index]:g}: {before}")
+        before = f"must be > {times[index - 1]:.15g}, the time before it"
+        raise ConfigurationError(f"{place(index)} = {times[index]:.15g}: {before}")
 
 
 def _listed(origin: Origin) -> Recording:
