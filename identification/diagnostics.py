@@ -105,19 +105,21 @@ def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) 
     if not any(name in POSITIONS for name in moved):
         return
 
-    def differ(one: str, other: str) -> float | None:
-        """How many times the way of the other one makes, where both are alike but for a factor."""
+    def ratio_of(one: str, other: str) -> float | None:
+        """How many times the way of the other one makes; None: they are not alike."""
         own, way = ways[one], ways[other]
-        ratio, correlation = own @ way / (way @ way), own @ way / np.sqrt((own @ own) * (way @ way) or 1.0)
-        same = abs(correlation) < options.like or 1 / options.other_scale < ratio < options.other_scale
-        return None if same else float(ratio)
+        alike = abs(own @ way) > options.like * np.sqrt((own @ own) * (way @ way))
+        return float(own @ way) / float(way @ way) if alike else None
 
-    alike = {name: sum(differ(other, name) is None for other in ways if other != name) for name in moved}
-    first = max(moved, key=lambda name: alike[name])
+    def equal(ratio: float | None) -> bool:
+        return ratio is not None and 1 / options.other_scale < ratio < options.other_scale
+
+    same = {name: sum(equal(ratio_of(other, name)) for other in ways if other != name) for name in moved}
+    first = max(moved, key=lambda name: same[name])
     for name in ways:
-        ratio = differ(name, first) if name != first else None
-        if ratio is not None:
-            reason = _reason(name, first, ratio, log, experiment, options, sure=alike[first] > 0)
+        ratio = ratio_of(name, first)
+        if ratio is not None and not equal(ratio):
+            reason = _reason(name, first, ratio, log, experiment, options, sure=same[first] > 0)
             raise ConfigurationError(f"{log.name}: {name} makes {ratio:.3g} times the way of {first}: {reason}")
 
 

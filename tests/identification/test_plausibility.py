@@ -158,6 +158,10 @@ def marked(name: str, value: float) -> Log:
         (lambda: only(by(t=1 / 3600), "x"), r"t: has a row every 2.78e-07 s: .*NAME:h"),
         (lambda: by(t=1 / 60), r"v makes 0.0167 times the way of x: is t in min \(--column t=NAME:min\)\?"),
         (lambda: by(x=0.01), r"x makes 0.01 times the way of theta_1: is"),
+        (
+            lambda: changed(v=np.sin(40 * logged(machine()).t), theta_1=-columns("theta_1")[0]),
+            "theta_1 makes -1 times the",
+        ),
         (lambda: only(by(x=-0.1, v=0.1), "x", "v"), r"v makes -1 times the way of x: is it in -m/s .* or x in -m "),
         (
             lambda: marked("x", -9999),
