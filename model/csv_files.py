@@ -179,8 +179,7 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     lines = [line for line, _ in rows]
     beside = csv_units(path)
     found = []
-    marks_of = [decimal] * len(header) if decimal else _decimal_marks(cells)
-    for text_of_header, stated, texts, mark in zip(header, units, cells, marks_of, strict=True):
+    for text_of_header, stated, texts, mark in zip(header, units, cells, _decimal_marks(cells, decimal), strict=True):
         name, own = split_header(text_of_header)
         values, words, stamps = _numbers(texts, mark)
         unit = own or stated or beside.get(name)
@@ -324,10 +323,10 @@ def _is_data(row: Sequence[str]) -> bool:
     )
 
 
-def _decimal_marks(columns: Sequence[Sequence[str]]) -> list[str]:
+def _decimal_marks(columns: Sequence[Sequence[str]], stated: str) -> list[str]:
     """The decimal mark of each column: the one that most of its numbers have.
 
-    Where it may as well stand between thousands in all of them, and other columns have the other mark, it is the other.
+    Where it may as well stand between thousands in all of them, it is the stated one, else that of all other columns.
     """
     found = list[str]()
     for cells in columns:
@@ -339,7 +338,7 @@ def _decimal_marks(columns: Sequence[Sequence[str]]) -> list[str]:
         sure = re.search(LINE.format(rf"(?!{GROUPED[mark]}[ \t]*$){DECIMALS[mark]}"), text)
         found.append(mark if sure else f"{mark}?")
     sure_marks = {mark for mark in found if mark in DECIMALS}
-    usual = sure_marks.pop() if len(sure_marks) == 1 else None
+    usual = stated or (sure_marks.pop() if len(sure_marks) == 1 else None)
     return [mark if mark in DECIMALS else usual or mark[0] for mark in found]
 
 

@@ -199,6 +199,19 @@ def test_tables_in_other_forms_have_the_same_numbers(tmp_path: Path, text: str) 
     np.testing.assert_allclose(found.columns["F1"], 1000.5 + row)
 
 
+@pytest.mark.parametrize(("marks", "read"), [("", True), (";,", True), (";.", False)])
+def test_a_stated_decimal_mark_decides_where_marks_may_be_between_thousands(
+    tmp_path: Path, marks: str, read: bool
+) -> None:
+    rows = [f"{row};{20 + row};-20;{row};1,{row + 100}" for row in range(300)]
+    (tmp_path / "rig.csv").write_text("\n".join(["t;tau_1;tau_2;x;F1", *rows]))
+    if read:
+        assert read_log(tmp_path / "rig.csv", csv=marks).columns["F1"][5] == 1.105
+    else:
+        with pytest.raises(ConfigurationError, match=r"F1 = '1,100': must be a number or a gap; --csv SEPARATOR"):
+            read_log(tmp_path / "rig.csv", csv=marks)
+
+
 def test_a_row_of_units_counts_beside_a_column_without_one(tmp_path: Path) -> None:
     (tmp_path / "rig.csv").write_text(WHOLE.replace("\n", "\ns;daN m;daN m;mm;1\n", 1))
     found = read_log(tmp_path / "rig.csv")
