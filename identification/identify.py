@@ -24,7 +24,7 @@ from dualwinch.identification.log_files import column_map, read_log
 from dualwinch.identification.model_choice import ModelChoice, marginal
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import READINGS
-from dualwinch.identification.resample import LogSection, sections_of
+from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.result import IdentificationResult
 from dualwinch.identification.smoother import smoothed_force
 from dualwinch.identification.unknowns import (
@@ -129,6 +129,7 @@ def identify(
     given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
     found = [part for log in given for part in log.between_gaps(gap, least_rows)]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
+    sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
 
     def of_first(fraction: float, phase: str = "", status: str = "") -> None:
         progress(fraction / starts, phase, status)
@@ -148,8 +149,11 @@ def identify(
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
     chosen = replace(model, estimate=best)
-    wider = np.ones(n) if chosen.white else sandwich_factors(method, best)[:n]
-    covariance = covariance_of(information, unknowns) * np.outer(wider, wider)
+    whiteness = whiteness_tests(innovations, torques, diagnostics)
+    encoders_alone = all(test.name in ANGLES for test in whiteness)
+    white = chosen.white and (not encoders_alone or all(test.white for test in whiteness))
+    wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
+    covariance = covariance_of(information, unknowns) * np.outer(wider[:n], wider[:n])
     return IdentificationResult(
         experiment=with_leaves(
             experiment, {each.key: value for each, value in zip(method.unknowns, best.values.tolist(), strict=True)}
@@ -160,7 +164,7 @@ def identify(
         unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
         noise=_sensor_noise(fitted, best),
         process_noise=best.noise.process_of(best.experiment.plant.vehicle),
-        whiteness=whiteness_tests(innovations, torques, diagnostics),
+        whiteness=whiteness,
         held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
         innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),
         logs=tuple(log.name for log in found),
@@ -175,8 +179,8 @@ def identify(
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=(*(note for log in given for note in log.notes), *model.notes(experiment), *excess),
-        along=chosen.along(n),
-        widened=float(wider.max(initial=1.0)),
+        along=chosen.along(n, wider),
+        widened=float(wider[:n].max(initial=1.0)),
     )
 
 

@@ -108,6 +108,9 @@ class Log:
         """The log in parts, split where torques are missing for longer than `longest` seconds, or twice the usual step.
 
         Rows without torques are left out at the ends of a part, and so are parts of fewer than `least_rows`.
+
+        Raises:
+            ConfigurationError: no part is left.
         """
         longest = longest_step(self.t, longest)
         known = [np.flatnonzero(np.isfinite(self.columns[name])) for name in TORQUES]
@@ -124,6 +127,11 @@ class Log:
         begins[[after for _, after in gaps]] = True
         edges = np.flatnonzero(begins | (np.diff(inside.astype(int), prepend=0) != 0))
         parts = [slice(int(a), int(b)) for a, b in pairwise([*edges, len(self.t)]) if inside[a] and b - a >= least_rows]
+        if not parts:
+            raise ConfigurationError(
+                f"{self.name}: {' and '.join(TORQUES)}: gaps of more than {longest:.3g} s leave no "
+                f"{least_rows} rows in a row"
+            )
         return [
             replace(self.rows(part), name=f"{self.name}, {self.t[part][0]:.4g} to {self.t[part][-1]:.4g} s")
             for part in parts

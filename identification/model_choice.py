@@ -6,9 +6,11 @@ Strouhal number, delay of the torques, and a sea that no experiment describes.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +30,7 @@ from dualwinch.identification.unknowns import (
     with_drum_friction,
     with_sea,
 )
-from dualwinch.identification.vortices import vortex_starts
+from dualwinch.identification.vortices import shows_other_vortices, vortex_starts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.simulation.experiment import Experiment
@@ -92,10 +94,10 @@ class FittedModel:
                     f"these logs show {own.deviation / by:.2g}{unit} and {own.time:.2g} s"
                 )
 
-    def along(self, count: int) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of the unknowns behind the first so many."""
+    def along(self, count: int, wider: Floats) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation of the unknowns behind the first so many, each so many times as wide."""
         unknowns, estimate = self.method.unknowns, self.estimate
-        deviations = np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
+        deviations = wider * np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
         pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
 
@@ -109,6 +111,16 @@ class FittedModel:
         off, value = self.estimate.values[index] - unknown.prior.mean, self.estimate.values[index]
         expected = math.sqrt(max(unknown.prior.deviation**2 - left, 0.0))
         return not unknown.lower < value < unknown.upper or abs(off) > most * expected
+
+    @property
+    def samples(self) -> int:
+        """Of the logs, as far as they count."""
+        return sum(len(section.readings) for section in self.method.filters.sections)
+
+    @property
+    def mean_deviance(self) -> float:
+        """A sample's: with another delay of the torques there are others."""
+        return self.estimate.deviance / self.samples
 
     @property
     def white(self) -> bool:
@@ -130,8 +142,10 @@ class ModelChoice:
 
     1. Where torques were logged every few samples only, the likelier at the start is chosen of torques that are held
        from row to row, and of torques that change in between (`CoarseLogOptions`), of these with each delay.
-    2. The experiment as it is described is chosen where its innovations are white, and nothing may be estimated along.
-    3. The delay of torques that were logged in every sample is that of ARX models of the load cells (`torque_lags`).
+    2. The experiment as it is described is chosen where its innovations are white and smoothed readings show no other
+       vortices (slow forces leave innovations white), or nothing may be estimated along.
+    3. The delay of torques that were logged in every sample is that of ARX models of the load cells (`torque_lags`);
+       where these do not show it clearly, the likeliest of the fits (`_with_likelier_delay`).
     4. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
        no sea or only a part, the same with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The
        search begins anew: where a model without them ends says little.
@@ -191,20 +205,69 @@ class ModelChoice:
             refusal = error
             if plain is None and not isinstance(error, DivergedFilterError):
                 raise
-        if plain and not refusal and (plain.white or not search.nuisance_share):
-            return plain
-        delayed = coarse or self._with_delay(experiment)
+        sound = plain if not refusal else None
+        white = bool(sound and sound.white)
+        if sound and (not search.nuisance_share or (white and not (sea and self._other_vortices(sound)))):
+            return sound
+        delayed = coarse or (experiment if white else self._with_delay(experiment))
         if plain and not coarse and delayed == experiment:
-            if refusal and not isinstance(refusal, UnrecordedForceError):
+            if refusal and not isinstance(refusal, UnrecordedForceError) and not self._may_be_late(experiment):
                 raise refusal
             if notes:
                 return roughly()
         rubbing = with_drum_friction(delayed, search)
         candidates = list(dict.fromkeys((rubbing, with_sea(rubbing, search) if sea else rubbing)))
-        found = self._likeliest(candidates, [plain] if plain and not refusal else []) or plain
+        lead = search.likelier_deviance if white else 0.0
+        found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
-        return roughly() if found is plain else found
+        return roughly() if found is plain else found if coarse else self._with_likelier_delay(found)
+
+    def _other_vortices(self, model: FittedModel) -> bool:
+        """Whether logs show vortices that an estimate lacks: slow forces leave innovations white."""
+        own = model.estimate.experiment
+        reach = self.options.search.strouhal_reach * self.options.search.strouhal_share * own.disturbance.strouhal
+        return shows_other_vortices(self.logs, own, reach, self.options)
+
+    def _may_be_late(self, experiment: Experiment) -> bool:
+        """Whether logs are likelier with another delay of the torques, where the search begins."""
+        late = range(self.options.search.most_delay_samples + 1)
+        return min((_delayed(experiment, each) for each in late), key=self.deviance_at_start) != experiment
+
+    def _with_likelier_delay(self, model: FittedModel) -> FittedModel:
+        """A model with the delay of the torques next to its own, as long as that is clearly likelier.
+
+        An ARX model shows the delay badly where drums answer slowly to torques that hardly chatter, and a fit makes up
+        for a sample by inertia and damping. Where it shows one delay clearly, no other is looked at.
+        """
+        search = self.options.search
+        lags = self._lags(model.experiment)
+        *_, second, first = np.sort(lags).tolist()
+        if lags[model.experiment.simulation.delay_samples] == first > search.likelier_delay * second:
+            return model
+        for way in (1, -1):
+            moved = False
+            while 0 <= (late := model.experiment.simulation.delay_samples + way) <= search.most_delay_samples:
+                delayed = _delayed(model.experiment, late)
+                sections = sections_of(self.logs, delayed, self.options.resampling)
+                method = PredictionErrorMethod(sections, delayed, model.method.unknowns, self.options, self.threads)
+                values, found = model.estimate.values, list[FittedModel]()
+                vortices = np.array([each.key in (STROUHAL, AMPLITUDE) for each in method.unknowns])
+                for start in (np.where(vortices, values, [each.start for each in method.unknowns]), values):
+                    with suppress(DivergedFilterError):
+                        found.append(FittedModel(delayed, method, method.run(start)))
+                likelier = min(found, key=attrgetter("mean_deviance"), default=model)
+                if likelier.mean_deviance > model.mean_deviance - search.likelier_deviance / model.samples:
+                    break
+                model, moved = likelier, True
+            if moved:
+                break
+        return model
+
+    def _lags(self, experiment: Experiment) -> Floats:
+        """Significance of each delay of the torques (`torque_lags`)."""
+        sections = sections_of(self.logs, _delayed(experiment, 0), self.options.resampling)
+        return torque_lags(sections, self.options.search.delay_order)
 
     def with_likeliest_torques(self, experiment: Experiment) -> "tuple[ModelChoice, Experiment | None]":
         """The choice and the experiment by which torques between rows, and their delay, are likeliest at the start.
@@ -227,7 +290,7 @@ class ModelChoice:
         other = replace(self, options=replace(self.options, resampling=resampling, noise=noise))
         held, found = self.deviance_at_start(experiment), list[tuple[float, Experiment]]()
         for late in range(search.most_delay_samples + 1):
-            delayed = replace(experiment, simulation=replace(experiment.simulation, delay_samples=late))
+            delayed = _delayed(experiment, late)
             found.append((other.deviance_at_start(delayed), delayed))
         least, delayed = min(found, key=lambda each: each[0])
         if least >= held:
@@ -262,16 +325,14 @@ class ModelChoice:
 
     def _with_delay(self, experiment: Experiment) -> Experiment:
         """The experiment with the delay of the torques that the logs have, as far as they show it."""
-        search, recorded = self.options.search, replace(experiment.simulation, delay_samples=0)
-        sections = sections_of(self.logs, replace(experiment, simulation=recorded), self.options.resampling)
-        significance = torque_lags(sections, search.delay_order)
+        search, significance = self.options.search, self._lags(experiment)
         delay, described = (
             int(np.argmax(significance[: search.most_delay_samples + 1])),
             experiment.simulation.delay_samples,
         )
         if described < len(significance) and significance[delay] <= search.likelier_delay * significance[described]:
             return experiment
-        return replace(experiment, simulation=replace(recorded, delay_samples=delay))
+        return _delayed(experiment, delay)
 
     def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
         """The estimate with parameters estimated along, the vortices' amplitude near the described one if possible."""
@@ -290,8 +351,13 @@ class ModelChoice:
         model = fitted(search)
         return fitted(wide) if model.contradicts(AMPLITUDE, search.contradiction) else model
 
-    def _likeliest(self, candidates: Sequence[Experiment], others: Sequence[FittedModel]) -> FittedModel | None:
-        """The likeliest of some experiments with parameters estimated along, and others; None: all filters diverge."""
+    def _likeliest(
+        self, candidates: Sequence[Experiment], others: Sequence[FittedModel], lead: float
+    ) -> FittedModel | None:
+        """The likeliest of some experiments with parameters estimated along, and others; None: all filters diverge.
+
+        What is estimated along makes each likelier, others have a lead in the deviance for that.
+        """
         found, ends = list[FittedModel](), np.linspace(0.4, 1.0, len(candidates) + 1).tolist()
         for number, each in enumerate(candidates):
             words = f"fitting friction, inertia and damping of winches and ropes along{', and a sea' * (number > 0)}"
@@ -302,7 +368,9 @@ class ModelChoice:
         if not found:
             return None
         found += others
-        return min(found, key=lambda model: self._deviance_with_all_noises(model, found))
+        leads = [0.0] * (len(found) - len(others)) + [lead * len(found)] * len(others)
+        deviances = [self._deviance_with_all_noises(model, found) for model in found]
+        return found[int(np.argmin(np.subtract(deviances, leads)))]
 
     def _deviance_with_all_noises(self, own: FittedModel, every: Sequence[FittedModel]) -> float:
         """The sum of a model's deviances with its own sea and the noise of sensors and torques of every model.
@@ -366,6 +434,10 @@ class ModelChoice:
                     values[at] = np.clip(value, own[at].lower, own[at].upper)
             starts.append(values)
         return starts or [start]
+
+
+def _delayed(experiment: Experiment, samples: int) -> Experiment:
+    return replace(experiment, simulation=replace(experiment.simulation, delay_samples=samples))
 
 
 def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:

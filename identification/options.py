@@ -142,6 +142,9 @@ class SearchOptions:
     likelier_delay: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which on it counts")
     ] = 3.0
+    likelier_deviance: Annotated[
+        Positive, Quantity("1", "fall of the deviance from which on another delay, or more than white needs, is taken")
+    ] = 20.0
     drum_friction: Annotated[
         Positive, Quantity("1", "drum friction that nobody described, over the largest torque of the rope")
     ] = 0.02
@@ -193,6 +196,15 @@ class VortexOptions:
     least_gain: Annotated[
         Share, Quantity("1", "squares left over those with the first row as origin, from which down one is taken")
     ] = 0.8
+    correlated: Annotated[
+        Count, Quantity("1", "rows of the regression over which its residuals are one independent value")
+    ] = 8
+    alike: Annotated[Share, Quantity("1", "difference of two Strouhal numbers, over one, that makes them others")] = (
+        0.02
+    )
+    suspected: Annotated[
+        Share, Quantity("1", "squares left over those with the estimated vortices, from which down others are tried")
+    ] = 0.95
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,6 @@ from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-NEEDED = ("x", "F1", "F2")
-"""Readings that show vortices."""
-
 
 @dataclass(frozen=True, eq=False)
 class SmoothedMotion:
@@ -44,26 +41,43 @@ class SmoothedMotion:
 
 
 def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> SmoothedMotion | None:
-    """Position and load cells smoothed by a Gaussian, position differentiated twice; None: too few of them."""
-    search, step = options.vortices, experiment.simulation.sample_time
-    if any(name not in log.readings for name in NEEDED) or experiment.disturbance.integrated_phase:
+    """Position and net force smoothed by a Gaussian, position differentiated twice; None: too little motion.
+
+    Without a position they are those of the drums, without load cells those of the torques: what drums differ by goes
+    with acceleration and direction, too.
+    """
+    search, step, sides = options.vortices, experiment.simulation.sample_time, experiment.plant.sides
+    if experiment.disturbance.integrated_phase:
         return None
     inputs, readings = resampled(log, experiment, options.resampling)
-    width, known = search.smoothing / step, dict[str, Floats]()
-    for name in NEEDED:
+    width = search.smoothing / step
+
+    def known(name: str) -> Floats:
         values = readings[:, READINGS.index(name)]
         there = np.flatnonzero(np.isfinite(values))
-        known[name] = np.interp(np.arange(len(values)), there, values[there])
+        return np.interp(np.arange(len(values)), there, values[there])
+
+    if "x" in log.readings:
+        x = known("x")
+    else:
+        drums = [side for side in sides if f"theta_{side.number}" in log.readings]
+        ways = [side.direction * side.winch.drum_radius * known(f"theta_{side.number}") for side in drums]
+        x = np.asarray(np.mean(ways, axis=0), float)
+    if {"F1", "F2"} <= set(log.readings):
+        net = known("F1") - known("F2")
+    else:
+        pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
+        net = inputs[:, 1:3] @ pulls
     rows = slice(int(search.reach * width), -int(search.reach * width), max(1, int(search.spacing / step)))
 
     def smooth(values: Floats, order: int = 0) -> Floats:
         return gaussian_filter1d(values, width, order=order, truncate=search.reach)[rows] / step**order
 
-    v = smooth(known["x"], 1)
+    v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
     if moving.sum() < search.least_rows:
         return None
-    a, net, t = smooth(known["x"], 2), smooth(known["F1"] - known["F2"]), inputs[rows, 0]
+    a, net, t = smooth(x, 2), smooth(net), inputs[rows, 0]
     return SmoothedMotion(t[moving], v[moving], a[moving], net[moving], bool(moving[0]))
 
 
@@ -74,15 +88,20 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
 
     1. The net force of the ropes is regressed on acceleration, direction, and drag with vortices (`smoothed_motion`),
        for each Strouhal number and origin of a grid (separable least squares).
-    2. The best origin is taken where it leaves clearly less than the log's first row as origin.
+    2. The likeliest number is taken with the described one as a prior: in a short log a number and an origin make up
+       for one another.
+    3. Its best origin is taken where it leaves clearly less than the log's first row as origin.
     """
-    search, motion = options.vortices, smoothed_motion(log, experiment, options)
-    if motion is None or not motion.at_once:
+    search, resampling = options.vortices, options.resampling
+    parts = log.between_gaps(resampling.longest_gap, resampling.least_rows)
+    motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
+    if not motions or not motions[0].at_once:
         return log
     rows = slice(search.most_rows)
-    v, t = motion.v[rows], motion.t[rows] - log.t[0]
-    q, _ = np.linalg.qr(motion.base[rows])
-    net = motion.net[rows] - q @ (q.T @ motion.net[rows])
+    v, t, net = (np.concatenate([getattr(each, name) for each in motions])[rows] for name in ("v", "t", "net"))
+    t = t - log.t[0]
+    q, _ = np.linalg.qr(np.concatenate([each.base for each in motions])[rows])
+    net = net - q @ (q.T @ net)
     most, given = float(np.max(np.abs(v))), experiment.disturbance
     left, origins = list[float](), list[float]()
     shares = np.linspace(1 - search.strouhal_share, 1 + search.strouhal_share, search.strouhal_points)
@@ -98,7 +117,8 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         left.append(float(squares[best]))
         origins.append(float(before[best]))
         at_first_row = min(at_first_row, float(squares[0]))
-    chosen = int(np.argmin(left))
+    prior = ((shares - 1) / options.search.strouhal_share) ** 2
+    chosen = int(np.argmin(len(net) / search.correlated * np.log(left) + prior))
     if left[chosen] > search.least_gain * at_first_row:
         return log
     origin = origins[chosen]
@@ -106,31 +126,76 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     return replace(log, t=log.t + origin, notes=(*log.notes, note))
 
 
-def vortex_starts(
-    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
-) -> list[tuple[float, float]]:
-    """Strouhal numbers and amplitudes of vortices at which logs are likely, the likeliest first.
+@dataclass(frozen=True, eq=False)
+class VortexRegression:
+    """The net force of the ropes of some logs, regressed on what a vehicle resists by, vortices among it.
 
-    1. The net force of the ropes is regressed on acceleration, direction, drag, and drag times the sine of the
-       vortices' phase, for each Strouhal number of a grid within `reach` of the described one.
-    2. Each minimum of the squares that are left is one, where drag and amplitude are positive: the longer a log, the
-       more there are. Those with clearly larger squares than the least are left out.
+    On acceleration, direction, drag, and drag times the sine of the vortices' phase, for each Strouhal number of a grid
+    within some reach of the described one.
+
+    Attributes:
+        numbers: (n,) Strouhal numbers.
+        left: (n,) squares that are left with each.
+        ratios: (n,) amplitudes of the vortices, over the drag.
+        described: squares that are left with the described Strouhal number, or without vortices if none are described.
     """
+
+    numbers: Floats
+    left: Floats
+    ratios: Floats
+    described: float
+
+
+def vortex_regression(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> VortexRegression | None:
+    """The regression, within `reach` of the described Strouhal number; None: these logs show no vortices."""
     search, given = options.vortices, experiment.disturbance
     motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
     if not motions or not given.strouhal:
-        return []
+        return None
     t, v, net = (np.concatenate([getattr(each, name) for each in motions]) for name in ("t", "v", "net"))
-    known = np.column_stack([np.concatenate([each.base for each in motions]), v * np.abs(v)])
+    base, drag = np.concatenate([each.base for each in motions]), v * np.abs(v)
     turn = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle) * v * t  # phase by number
     count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
     numbers = np.linspace(max(given.strouhal - reach, 0.0), given.strouhal + reach, 2 * count + 1)
     left, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
     for index, number in enumerate(numbers):
-        rows = np.column_stack([known, v * np.abs(v) * np.sin(number * turn)])
-        found = np.linalg.lstsq(rows, net)[0]
-        left[index] = np.sum((net - rows @ found) ** 2)
+        found, left[index] = _least_squares(np.column_stack([base, drag, drag * np.sin(number * turn)]), net)
         ratios[index] = -found[3] / found[2] if found[2] > 0 else 0.0
+    known = [drag, drag * np.sin(given.strouhal * turn)] if given.vortex else [drag]
+    return VortexRegression(numbers, left, ratios, _least_squares(np.column_stack([base, *known]), net)[1])
+
+
+def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
+    """Coefficients, and the sum of the squares that they leave."""
+    found = np.asarray(np.linalg.lstsq(rows, values)[0], float)
+    return found, float(np.sum((values - rows @ found) ** 2))
+
+
+def vortex_starts(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> list[tuple[float, float]]:
+    """Strouhal numbers and amplitudes of vortices at which logs are likely, the likeliest first.
+
+    They are the minima of the regression's squares, with a positive amplitude: the longer a log, the more there are.
+    Those with clearly larger squares than the least are left out.
+    """
+    found = vortex_regression(logs, experiment, reach, options)
+    if found is None:
+        return []
+    left, ratios, most = found.left, found.ratios, options.vortices.nearly_least * found.left.min()
     lowest = np.r_[False, (left[1:-1] < left[:-2]) & (left[1:-1] <= left[2:]), False] & (ratios > 0)
-    likely = np.flatnonzero(lowest & (left < search.nearly_least * left.min()))
-    return [(float(numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
+    likely = np.flatnonzero(lowest & (left < most))
+    return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
+
+
+def shows_other_vortices(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> bool:
+    """Whether vortices of another Strouhal number than the described one, or any at all, explain more of logs."""
+    found, search, given = vortex_regression(logs, experiment, reach, options), options.vortices, experiment.disturbance
+    if found is None or found.left.min() > search.suspected * found.described:
+        return False
+    number = float(found.numbers[np.argmin(found.left)])
+    return not given.vortex or abs(number - given.strouhal) > search.alike * given.strouhal

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dualwinch.identification import model_choice
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
 from dualwinch.identification.model_choice import torque_lags
 from dualwinch.identification.options import DEFAULTS
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import nuisance_parameters, with_drum_friction, with_sea
-from dualwinch.identification.vortices import vortex_starts, with_vortex_origin
+from dualwinch.identification.vortices import shows_other_vortices, vortex_starts, with_vortex_origin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -96,6 +97,58 @@ def test_searches_begin_where_smoothed_readings_show_vortices() -> None:
     assert len(vortex_starts([far_off(amplitude=0.02)[0]], believed, reach=0.04)) > 1, "they hardly show"
     still = machine(reference__kind="uniform", reference__speed=1e-3)
     assert vortex_starts([logged(still)], still, reach=0.04) == []
+
+
+def test_vortices_that_an_estimate_lacks_are_suspected() -> None:
+    right = machine(disturbance__strouhal=0.21, disturbance__current_sigma=0.04)
+    for believed, other in ((right, False), (machine(), True), (machine(disturbance__vortex=False), True)):
+        assert shows_other_vortices([logged(right)], believed, 0.08) == other
+
+
+@pytest.mark.slow
+def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -> None:
+    right = machine(plant__vehicle__mass=3300.0, disturbance__strouhal=0.21, simulation__duration=40.0)
+    calm = dict.fromkeys(("disturbance.current_sigma", "disturbance.normal_force_sigma"), 0.0)
+    believed = override(right, {**calm, "disturbance.vortex": False, "disturbance.strouhal": 0.2})
+    found = identify([logged(right)], ["plant.vehicle.mass", "plant.vehicle.drag_coefficient"], believed)
+    assert (np.abs(found.values - [3300.0, 0.3]) < 3 * found.deviations).all()
+    assert found.along["disturbance.strouhal"][0] == pytest.approx(0.21, abs=0.002)
+
+
+@pytest.mark.slow
+def test_a_delay_that_arx_models_do_not_show_is_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where they show each alike, a fit without the delay makes up for it by inertia and damping."""
+    monkeypatch.setattr(model_choice, "torque_lags", lambda _sections, order: np.ones(order))
+    right = override(machine(simulation__duration=20.0), OFF | {"simulation.delay_samples": 2})
+    found = identify(
+        [logged(right)], ["plant.vehicle.mass", "plant.winch_*.inertia"], machine(simulation__duration=20.0)
+    )
+    values = leaves(right)
+    assert (np.abs(found.values - [values[key] for key in found.keys]) < 3 * found.deviations).all()
+    assert any("torques act 2 samples after they are logged" in note for note in found.notes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensors", [("theta_1", "theta_2"), ("theta_1", "theta_2", "x")])
+def test_a_log_cut_out_of_a_run_is_fitted_without_load_cells(sensors: tuple[str, ...]) -> None:
+    whole = logged(machine(simulation__duration=40.0)).from_zero()
+    cut = whole.rows(whole.t >= 20.0)
+    cut = replace(cut, columns={name: cut.columns[name] for name in ("tau_1", "tau_2", *sensors)})
+    found = identify([cut], ["plant.vehicle.mass"], machine())
+    assert abs(found.values[0] - 1e4) < 3 * found.deviations[0] < 1000
+    assert any("begins under way" in note for note in found.notes)
+
+
+def test_a_log_with_a_gap_is_fitted_in_parts() -> None:
+    whole = logged(machine())
+    torques = {name: np.where(abs(whole.t - 8.0) < 1.0, np.nan, whole.columns[name]) for name in ("tau_1", "tau_2")}
+    gap = replace(whole, columns={**whole.columns, **torques})
+    found = identify([gap], ["plant.vehicle.mass"], machine())
+    assert len(found.logs) == 2
+    assert abs(found.values[0] - 1e4) < 3 * found.deviations[0] < 500
+    rare = {name: np.where(np.arange(len(whole.t)) % 500, np.nan, whole.columns[name]) for name in ("tau_1", "tau_2")}
+    with pytest.raises(ConfigurationError, match=r"gaps of more than 0\.1 s leave no 200 rows in a row"):
+        identify([replace(whole, columns={**whole.columns, **rare})], ["plant.vehicle.mass"], machine())
 
 
 @pytest.mark.slow
