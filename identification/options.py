@@ -106,7 +106,7 @@ class CoarseLogOptions:
     The further torques are then the torques' chatter: white, and relative to the size that the logged ones show.
     """
 
-    rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 8
+    rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
     spacing: Annotated[Factor, Quantity("samples", "time between rows from which on that is looked for")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
     least_chatter: Annotated[Positive, Quantity("1", "least chatter, over the size that the logged torques show")] = 0.7
@@ -223,6 +223,9 @@ class DiagnosticsOptions:
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates that is reported")] = 0.9
     uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
     blocks: Annotated[int, Ge(2), Quantity("1", "blocks of time of the sandwich covariance, of each section")] = 20
+    untrusted: Annotated[
+        Factor, Quantity("1", "factor of the sandwich covariance's deviations from which on they are not to be trusted")
+    ] = 4.0
     optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "its points on each side")] = 4

@@ -203,6 +203,10 @@ class IdentificationResult:
                 "innovations are not white: the model lacks something; standard deviations are up to "
                 f"{self.widened:.3g} times those of the model (sandwich covariance)"
             )
+        if self.widened > self.options.diagnostics.untrusted:
+            words.append(
+                "such deviations are not to be trusted: fit what else may be off, such as plant.rope_*.modulus"
+            )
         words += [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
         words += [f"{key}: the logs add next to nothing to its prior" for key in self.uninformed]

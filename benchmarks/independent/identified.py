@@ -92,7 +92,8 @@ def main() -> int:
     text = table(sorted(records, key=lambda record: record["scenario"])[: chosen.logs], DURATION)
     print(text)
     if chosen.write:
-        put(chosen.write, "coverage of the independent machine", text)
+        at = f" at {1000 / chosen.every:g} Hz" if chosen.every > 1 else ""
+        put(chosen.write, f"coverage of the independent machine{at}", text)
     return 0
 
 
