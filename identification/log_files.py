@@ -13,6 +13,7 @@ from zipfile import is_zipfile
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.errors import installing
 from dualwinch.identification.log import UNIT_OF, Log, check_columns, listed
 from dualwinch.identification.predictor import READINGS
 from dualwinch.model.csv_files import STAMPS, TableColumn, has_other_mark, named_columns, read_csv, split_header
@@ -129,7 +130,7 @@ def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[s
         hint = marks if len(column.cells) and has_other_mark(column.cells[column.words[0]]) else ""
         raise ConfigurationError(f"{path.name}: {column.at(column.words[0])}: must be {forms} or a gap{hint}")
     if count:
-        more = f", and so are {count - 1} others" if count > 1 else ""
+        more = f", and so {'is 1 other' if count == 2 else f'are {count - 1} others'}" if count > 1 else ""
         what = "is neither a number nor a usual word for a gap, " if len(column.cells) else ""
         yield f"{path.name}: {column.at(column.words[0])}: {what}taken for a gap{more}"
     elif not filled and len(column.values):
@@ -411,7 +412,7 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         h5py: Any = import_module("h5py")
     except ImportError:
         raise ConfigurationError(
-            f"{path}: is of MATLAB's version 7.3: pip install h5py, or save it with save(..., '-v7')"
+            f"{path}: is of MATLAB's version 7.3: {installing('matlab')}, or save it with save(..., '-v7')"
         ) from None
 
     def tree(group: Any) -> dict[str, Any]:

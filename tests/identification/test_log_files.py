@@ -156,7 +156,7 @@ def test_another_word_is_a_gap_with_a_note_and_a_column_of_words_is_refused(tmp_
     found = read_log(file)
     assert found.readings == ("x", "F1")
     note = "rig.csv: line 3: x [m] = 'ERR': is neither a number nor a usual word for a gap, taken for a gap"
-    assert found.notes == (note, note.replace("3: x [m]", "2: F1") + ", and so are 1 others")
+    assert found.notes == (note, note.replace("3: x [m]", "2: F1") + ", and so is 1 other")
     words = "\n".join(["t,tau_1,tau_2,x", *(f"{t},20,20,bad" for t in T)])
     (tmp_path / "words.csv").write_text(words)
     with pytest.raises(ConfigurationError, match=r"words.csv: line 2: x = 'bad': must be a number or a gap"):
@@ -337,7 +337,7 @@ def test_matlab_7_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM" + bytes(384))
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "h5py", None)
-        with pytest.raises(ConfigurationError, match=r"version 7.3: pip install h5py, or save it with save"):
+        with pytest.raises(ConfigurationError, match=r"version 7.3: pip install 'dualwinch\[matlab\]', or uv run"):
             read_log(file)
     h5py: Any = pytest.importorskip("h5py")
     with h5py.File(file, "w", userblock_size=512) as content:
