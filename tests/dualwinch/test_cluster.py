@@ -36,6 +36,14 @@ def dask(tmp_path: Path) -> Iterator[DaskProcesses]:
         yield processes
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Interrupts count, even where a shell has tests in the background ignore them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def lasting(seconds: float) -> Ensemble:
     return reset(load_ensemble("sea"), {"simulation.duration": seconds})
 
@@ -239,6 +247,7 @@ def test_a_scheduler_that_goes_away_is_one_line(end: signal.Signals, dask: DaskP
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: DaskProcesses) -> None:
     def interrupt(done: float) -> None:  # noqa: ARG001
         signal.raise_signal(signal.SIGINT)
