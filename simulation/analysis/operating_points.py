@@ -187,8 +187,13 @@ def loop_operating_point(
     parameters = loop.vector(parameters_of(calm, nominal and still_plant(nominal)))
     found = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
     kind = calm.controller.law.kind
-    if not found.repeats[0] or not _goes_on(_open_sample(structure, compiled=False), found):
+    if not found.repeats[0]:
         raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains comes to no steady motion")
+    if not _goes_on(_open_sample(structure, compiled=False), found):
+        raise ConfigurationError(
+            f"v = {v:g}: '{kind}' with these gains comes to no steady motion: its force command changes within "
+            f"{LASTING} samples; must a state of law or estimator that moves with the vehicle be marked Mark.POSITION?"
+        )
     if not found.steady[0]:
         command, _, *pulls = found.facts[0].tolist()
         raise ConfigurationError(
