@@ -148,10 +148,9 @@ def identify(
     kept = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
-    chosen = replace(model, estimate=best)
     whiteness = whiteness_tests(innovations, torques, diagnostics)
-    encoders_alone = all(test.name in ANGLES for test in whiteness)
-    white = chosen.white and (not encoders_alone or all(test.white for test in whiteness))
+    beside_encoders = [test for test in whiteness if test.name not in ANGLES]
+    white = all(test.white for test in beside_encoders or whiteness)
     wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
     covariance = covariance_of(information, unknowns) * np.outer(wider[:n], wider[:n])
     return IdentificationResult(
@@ -179,7 +178,7 @@ def identify(
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
         excess=(*(note for log in given for note in log.notes), *model.notes(experiment), *excess),
-        along=chosen.along(n, wider),
+        along=replace(model, estimate=best).along(n, wider),
         widened=float(wider[:n].max(initial=1.0)),
     )
 

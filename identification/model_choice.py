@@ -6,11 +6,10 @@ Strouhal number, delay of the torques, and a sea that no experiment describes.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from operator import attrgetter
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,7 +210,11 @@ class ModelChoice:
             return sound
         delayed = coarse or (experiment if white else self._with_delay(experiment))
         if plain and not coarse and delayed == experiment:
-            if refusal and not isinstance(refusal, UnrecordedForceError) and not self._may_be_late(experiment):
+            if (
+                refusal
+                and not isinstance(refusal, UnrecordedForceError)
+                and self.likeliest_at_start(experiment)[1] == experiment
+            ):
                 raise refusal
             if notes:
                 return roughly()
@@ -221,18 +224,19 @@ class ModelChoice:
         found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
-        return roughly() if found is plain else found if coarse else self._with_likelier_delay(found)
+        if found is plain:
+            return roughly()
+        return found if coarse else self._with_likelier_delay(found)
 
     def _other_vortices(self, model: FittedModel) -> bool:
         """Whether logs show vortices that an estimate lacks: slow forces leave innovations white."""
         own = model.estimate.experiment
-        reach = self.options.search.strouhal_reach * self.options.search.strouhal_share * own.disturbance.strouhal
-        return shows_other_vortices(self.logs, own, reach, self.options)
+        return shows_other_vortices(self.logs, own, self._strouhal_reach(own), self.options)
 
-    def _may_be_late(self, experiment: Experiment) -> bool:
-        """Whether logs are likelier with another delay of the torques, where the search begins."""
-        late = range(self.options.search.most_delay_samples + 1)
-        return min((_delayed(experiment, each) for each in late), key=self.deviance_at_start) != experiment
+    def _strouhal_reach(self, experiment: Experiment) -> float:
+        """How far from an experiment's the Strouhal number may be."""
+        search = self.options.search
+        return search.strouhal_reach * search.strouhal_share * experiment.disturbance.strouhal
 
     def _with_likelier_delay(self, model: FittedModel) -> FittedModel:
         """A model with the delay of the torques next to its own, as long as that is clearly likelier.
@@ -248,15 +252,15 @@ class ModelChoice:
         for way in (1, -1):
             moved = False
             while 0 <= (late := model.experiment.simulation.delay_samples + way) <= search.most_delay_samples:
+                values, unknowns = model.estimate.values, model.method.unknowns
+                vortices = np.array([each.key in (STROUHAL, AMPLITUDE) for each in unknowns])
+                starts = [np.where(vortices, values, [each.start for each in unknowns]), values]
+                words = f"fitting torques that act {late} samples late"
                 delayed = _delayed(model.experiment, late)
-                sections = sections_of(self.logs, delayed, self.options.resampling)
-                method = PredictionErrorMethod(sections, delayed, model.method.unknowns, self.options, self.threads)
-                values, found = model.estimate.values, list[FittedModel]()
-                vortices = np.array([each.key in (STROUHAL, AMPLITUDE) for each in method.unknowns])
-                for start in (np.where(vortices, values, [each.start for each in method.unknowns]), values):
-                    with suppress(DivergedFilterError):
-                        found.append(FittedModel(delayed, method, method.run(start)))
-                likelier = min(found, key=attrgetter("mean_deviance"), default=model)
+                try:
+                    likelier = replace(self._fitted(delayed, unknowns, words, (0.9, 1.0), starts=starts), others=())
+                except DivergedFilterError:
+                    break
                 if likelier.mean_deviance > model.mean_deviance - search.likelier_deviance / model.samples:
                     break
                 model, moved = likelier, True
@@ -277,7 +281,7 @@ class ModelChoice:
         Raises:
             ConfigurationError: torques change between rows that are too far apart.
         """
-        search, coarse, step = self.options.search, self.options.search.coarse, experiment.simulation.sample_time
+        coarse, step = self.options.search.coarse, experiment.simulation.sample_time
         if all(np.median(np.diff(log.t)) < coarse.spacing * step for log in self.logs):
             return self, None
         noise = replace(
@@ -288,15 +292,16 @@ class ModelChoice:
         )
         resampling = replace(self.options.resampling, torque_rows=coarse.rows)
         other = replace(self, options=replace(self.options, resampling=resampling, noise=noise))
-        held, found = self.deviance_at_start(experiment), list[tuple[float, Experiment]]()
-        for late in range(search.most_delay_samples + 1):
-            delayed = _delayed(experiment, late)
-            found.append((other.deviance_at_start(delayed), delayed))
-        least, delayed = min(found, key=lambda each: each[0])
-        if least >= held:
+        least, delayed = other.likeliest_at_start(experiment)
+        if least >= self.deviance_at_start(experiment):
             return self, None
         self._check_spacing(experiment)
         return other, delayed
+
+    def likeliest_at_start(self, experiment: Experiment) -> tuple[float, Experiment]:
+        """The least deviance where the search begins, and the experiment with the delay of the torques that has it."""
+        delayed = [_delayed(experiment, late) for late in range(self.options.search.most_delay_samples + 1)]
+        return min(((self.deviance_at_start(each), each) for each in delayed), key=itemgetter(0))
 
     def _check_spacing(self, experiment: Experiment) -> None:
         """Refuse logs with torques that change between rows, and rows too far apart to see the drums' resonance.
@@ -344,7 +349,7 @@ class ModelChoice:
             return self._fitted(experiment, unknowns, phase, shares)
 
         described, far = experiment.disturbance.vortex_amplitude, search.other_amplitude
-        reach = search.strouhal_reach * search.strouhal_share * experiment.disturbance.strouhal
+        reach = self._strouhal_reach(experiment)
         shown = vortex_starts(self.logs, experiment, reach, self.options) if experiment.disturbance.vortex else []
         if shown and not described / far < shown[0][1] < described * far:
             return fitted(wide)
@@ -396,12 +401,16 @@ class ModelChoice:
         shares: tuple[float, float],
         *,
         unless_coloured: bool = False,
+        starts: Sequence[Floats] | None = None,
     ) -> FittedModel:
-        """The estimate by a model; one that leaves coloured innovations may be but a rough one."""
+        """The estimate by a model; one that leaves coloured innovations may be but a rough one.
+
+        Searches begin at `starts`, by default those of the method's.
+        """
         sections = sections_of(self.logs, experiment, self.options.resampling)
         method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
         self.progress(shares[0], phase)
-        starts = self.starts(method)
+        starts = starts or self.starts(method)
         ends, found, refusal = np.linspace(*shares, len(starts) + 1).tolist(), list[ParameterEstimate](), None
 
         def coloured(there: Experiment, noise: NoiseCovariances) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dualwinch.identification.log import TORQUES, Log
+from dualwinch.identification.log import TORQUES, Log, longest_step
 from dualwinch.identification.options import DEFAULTS, ResamplingOptions
 from dualwinch.identification.predictor import READINGS
 from dualwinch.model.errors import ConfigurationError
@@ -120,7 +120,7 @@ def _held_torque(
     values = log.columns[name]
     rows = np.flatnonzero(np.isfinite(values))
     gaps = np.diff(numbers[rows], prepend=0, append=count - 1)
-    longest = max(options.longest_gap, 2 * float(np.median(np.diff(log.t))))
+    longest = longest_step(log.t, options.longest_gap)
     if gaps.max() * step > longest:
         at = int(np.argmax(gaps))
         begins = log.t[0] + step * (numbers[rows[at - 1]] if at else 0)

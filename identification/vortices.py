@@ -81,6 +81,12 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     return SmoothedMotion(t[moving], v[moving], a[moving], net[moving], bool(moving[0]))
 
 
+def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
+    """Motions one after the other."""
+    t, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in ("t", "v", "a", "net"))
+    return SmoothedMotion(t, v, a, net, motions[0].at_once)
+
+
 def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> Log:
     """A log whose time counts from the origin of its vortices' phase, where it begins under way and shows them.
 
@@ -98,10 +104,10 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     if not motions or not motions[0].at_once:
         return log
     rows = slice(search.most_rows)
-    v, t, net = (np.concatenate([getattr(each, name) for each in motions])[rows] for name in ("v", "t", "net"))
-    t = t - log.t[0]
-    q, _ = np.linalg.qr(np.concatenate([each.base for each in motions])[rows])
-    net = net - q @ (q.T @ net)
+    motion = joined(motions)
+    v, t = motion.v[rows], motion.t[rows] - log.t[0]
+    q, _ = np.linalg.qr(motion.base[rows])
+    net = motion.net[rows] - q @ (q.T @ motion.net[rows])
     most, given = float(np.max(np.abs(v))), experiment.disturbance
     left, origins = list[float](), list[float]()
     shares = np.linspace(1 - search.strouhal_share, 1 + search.strouhal_share, search.strouhal_points)
@@ -154,8 +160,8 @@ def vortex_regression(
     motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
     if not motions or not given.strouhal:
         return None
-    t, v, net = (np.concatenate([getattr(each, name) for each in motions]) for name in ("t", "v", "net"))
-    base, drag = np.concatenate([each.base for each in motions]), v * np.abs(v)
+    motion = joined(motions)
+    t, v, net, base, drag = motion.t, motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
     turn = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle) * v * t  # phase by number
     count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
     numbers = np.linspace(max(given.strouhal - reach, 0.0), given.strouhal + reach, 2 * count + 1)
