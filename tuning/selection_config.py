@@ -73,10 +73,10 @@ class SelectionConfig:
         pool_memory: weight of what was known of a scenario's violations before (exponential smoothing).
         pool_range: least and largest violation that counts there.
         pool_review: every so many batches all hard scenarios are run for the leader.
-        first_share, kept_share: of the scenarios in which all candidates of a batch are run, and of the candidates that
-            are run in the rest; five of sixteen candidates in six scenarios nearly fill two blocks of vector lanes.
-        prune_above: batches of more candidates are pruned.
-        leaders, most_leaders: candidates of a batch that are run in the active scenarios at a time, and at most.
+        first_share: of the common scenarios, in which all candidates of a batch are run (the first rung).
+        eta: η of successive halving: one in η candidates of a rung is run in the scenarios of the next.
+        prune_above: batches of more candidates are pruned in the first rung.
+        most_leaders: candidates of a batch that are run in the active scenarios, the last rung, at most.
         hopeless: violation beyond which a candidate is run in no further scenarios.
         most_slack: share of a run with a slack rope beyond which the run is stopped, where no rope may be slack.
         penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. 2 % cost a factor
@@ -113,9 +113,8 @@ class SelectionConfig:
     pool_range: tuple[float, float] = (-0.02, 0.1)
     pool_review: int = 8
     first_share: float = 0.5
-    kept_share: float = 0.3
+    eta: float = 3.0
     prune_above: int = 8
-    leaders: int = 2
     most_leaders: int = 6
     hopeless: float = 0.05
     most_slack: float = 0.01

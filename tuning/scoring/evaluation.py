@@ -1,16 +1,17 @@
 """Evaluate candidates: rollouts in scenarios, objectives and constraint violations, early pruning.
 
-A batch of candidates of the search is evaluated thus:
+A batch of candidates of the search is evaluated by successive halving over scenarios (Jamieson and Talwalkar,
+Non-stochastic Best Arm Identification and Hyperparameter Optimization, AISTATS 2016), in the order of an exact penalty:
 
 1. All are run in the first share of the common scenarios; of each, objective and violations follow.
-2. The most promising, by an exact penalty, are run in the rest; the others are pruned.
-3. The leaders are run in the pool of active scenarios, until the candidate that leads has been run there.
+2. One in η is run in the rest; the others are pruned.
+3. One in η of those is run in the pool of active scenarios, and the next ones, until the candidate that leads has been
+   run there.
 4. Now and then the leader is run in all hard scenarios. The pool learns from what was run (`ActiveScenarios`).
 5. Stability margins of the candidates that are not hopeless are computed in the active loops (`ActiveLoops`); those of
    the start, and of a feasible leader that improves on the best so far, in all loops.
 """
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -340,6 +341,10 @@ class Evaluator(Scorer):
         self._best = candidates_of[penalised_first(candidates_of)[0]]
         return batch.evaluations
 
+    def _promoted(self, count: int) -> int:
+        """How many of a rung's candidates are run in the scenarios of the next, at least one."""
+        return max(1, round(count / self._config.eta))
+
     def time_of_search(self, search: float) -> float:
         """Time in s that the search has, given how long margins take (`SelectionConfig.time_of_search`)."""
         if self.until is None:
@@ -408,7 +413,7 @@ class Evaluator(Scorer):
                 break
             waiting = [row for row in order if row in batch.results and row not in done]
             promising = [row for row in waiting if batch.evaluations[row].violation <= self._config.hopeless]
-            rows = promising[: self._config.leaders]
+            rows = promising[: self._promoted(len(batch.results))]
             if not rows:
                 break
             self._in_further(batch, rows, common, active)
@@ -446,7 +451,7 @@ class Evaluator(Scorer):
                 for row, candidate in enumerate(candidates)
             ]
             order = penalised_first(found)
-            rows = sorted({*order[: math.ceil(self._config.kept_share * len(order))], *exempt})
+            rows = sorted({*order[: self._promoted(len(order))], *exempt})
             late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
             whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
         evaluations = {

@@ -4,7 +4,8 @@
    Dentcheva and Ruszczyński, Lectures on Stochastic Programming, 2009, Chapter 5), strata by authority ratio, vertices,
    and a pool of active scenarios. Bounds on the worst case keep a back-off.
 2. **Search** (`tuning.optimisers`, `tuning.scoring.evaluation`): CMA-ES (Hansen, arXiv:1604.00772) and gradients, led
-   by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
+   by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2); in a batch successive halving
+   over scenarios (Jamieson and Talwalkar, AISTATS 2016).
 3. **Validation set** (`tuning.scoring.validation`): candidates that are feasible in training, by training objective,
    are evaluated sequentially in draws of another stream, hardest scenarios first, out at the first violation. After a
    group without a feasible one those of the next keep twice the back-off in training from each bound that it violated.
