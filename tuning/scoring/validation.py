@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.simulation.analysis.authority import force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
@@ -76,6 +77,22 @@ class ValidationSet:
         self._scorer, self.machines = scorer, scorer.survey(scenarios)
         self._first = scorer.training.problem.selection.first_screened
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
+
+    def extend(self, draws: Sequence[Scenario]) -> list[Scenario]:
+        """Take further draws into the set, as the hardest ones; those that would be left out at first are now, too.
+
+        Returns:
+            Those that were taken.
+        """
+        config = self._scorer.training.problem.selection
+        added = [
+            replace(draw, hard=True)
+            for draw, asked in zip(draws, force_demands(draws), strict=True)
+            if asked.shortfall <= config.largest_lag
+        ]
+        self.scenarios += added
+        self._failures = np.append(self._failures, [self._failures.max(initial=0.0) + 1] * len(added))
+        return added
 
     def screen(self, candidates: Sequence[Candidate]) -> list[Screened]:
         """The results of candidates; stability margins are computed where all else is satisfied, the best first."""

@@ -1,6 +1,6 @@
 """The choice of the best: in scenarios of their own, never worse than the start, scored in others never seen."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +12,11 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.problem import CHANCE, TEST, VALIDATION
-from dualwinch.tuning.scoring import selection
+from dualwinch.tuning.scoring import screening, selection
 from dualwinch.tuning.scoring.chance import ChanceConstraint
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.screening import Screening, Validated, before_the_start
 from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, select
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.scoring.validation import Screened, ValidationSet, validation_scenarios
@@ -164,7 +165,8 @@ class MadeUp(ValidationSet):
     """A validation set in which the highest peak is what the reserve leaves of a force."""
 
     def __init__(self, evaluator: Evaluator, highest: float) -> None:
-        self.scenarios, self.constraints, self._highest = [], evaluator.training.constraints, highest
+        super().__init__(evaluator, validation_scenarios(evaluator.training.problem, SMALL))
+        self._highest = highest
 
     def screen(self, candidates: Sequence[Candidate]) -> list[Screened]:
         found = []
@@ -184,6 +186,12 @@ def bounded(make_problem: MakeProblem) -> Evaluator:
     return Evaluator(prepare(make_problem(ensemble="rig", space=[f"{RESERVE}=0:225"], constraints=bounds)))
 
 
+def screening_of(
+    evaluator: Evaluator, validation: ValidationSet, trials: Sequence[Evaluation], sizes: SampleSizes = SMALL
+) -> Screening:
+    return Screening(evaluator, validation, trials, evaluator.start(), sizes)
+
+
 def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
     return Evaluation(Candidate({RESERVE: reserve}, "x"), (1.0,), {LABEL: violation}, {}, {}, 1, number=number)
 
@@ -191,10 +199,11 @@ def trial(reserve: float, number: int, violation: float = -0.2) -> Evaluation:
 def test_a_group_gives_its_feasible_candidates_and_repaired_ones_and_the_bounds_that_others_violate(
     bounded: Evaluator,
 ) -> None:
-    found, violated = selection._screened(bounded, MadeUp(bounded, 6100.0), [trial(80, 4), trial(180, 7)])
+    trials = [trial(80, 4), trial(180, 7)]
+    found, violated = screening_of(bounded, MadeUp(bounded, 6100.0), trials).screened(trials)
     assert [(each.trial.number, round(float(each.trial.point[RESERVE]), 6)) for each in found] == [(7, 180), (4, 130)]
     assert violated == {LABEL}
-    found, violated = selection._screened(bounded, MadeUp(bounded, 6500.0), [trial(80, 4), trial(180, 7)])
+    found, violated = screening_of(bounded, MadeUp(bounded, 6500.0), trials).screened(trials)
     assert found == []
     assert violated == {LABEL}
 
@@ -204,20 +213,43 @@ def test_the_next_group_keeps_twice_the_distance_from_a_bound_that_the_last_one_
 ) -> None:
     groups = list[list[int]]()
 
-    def screened(
-        _: Evaluator, __: ValidationSet, group: Sequence[Evaluation]
-    ) -> tuple[list[selection.Validated], set[str]]:
+    def screened(_: Screening, group: Sequence[Evaluation]) -> tuple[list[Validated], set[str]]:
         groups.append([each.number for each in group])
         return [], {LABEL} if len(groups) < 3 else set()
 
-    monkeypatch.setattr(selection, "_screened", screened)
+    monkeypatch.setattr(Screening, "screened", screened)
     near = [trial(100 + number, number, violation=-0.001 * number) for number in range(40)]
-    small = replace(SMALL, candidates=4, screening_rollouts=10_000)
     validation = ValidationSet(bounded, validation_scenarios(bounded.training.problem, SMALL))
-    selection._validated(bounded, validation, near, bounded.start(), small)
+    screening_of(bounded, validation, near, replace(SMALL, candidates=4, screening_rollouts=10_000)).following()
     assert groups[0] == [0, 1, 2, 3]
     assert groups[1] == [5, 6, 7, 8], "1 % from the bound, half of which training has asked for"
     assert groups[2] == [15, 16, 17, 18], "2 %"
+    assert groups[9:11] == [[4, 10, 12, 14], [9]], "where none keeps it, every second, then every fourth"
+    assert sorted(number for group in groups for number in group) == list(range(40)), "each once"
+
+
+def test_draws_in_which_a_candidate_violated_a_bound_rule_out_others_that_do_and_stay_in_the_validation_set(
+    make_problem: MakeProblem,
+) -> None:
+    free = Evaluator(prepare(make_problem(scenarios=2)))
+    problem = free.training.problem
+    calm, rough = (Candidate(problem.start | {"controller.coordination.preload": load}, "x") for load in (2e3, 9e3))
+    draws = problem.drawn(3, problem.stream(CHANCE))
+    low, high = free.run([calm, rough], draws).metrics["peak_tension"]
+    assert low.max() < high.min()
+    bound = f"worst.peak_tension<={(low.max() + high.min()) / 2}"
+    evaluator = Evaluator(prepare(make_problem(scenarios=2, constraints=[bound])))
+    validation = ValidationSet(evaluator, validation_scenarios(problem, SMALL))
+    before = len(validation.scenarios)
+    screening = screening_of(evaluator, validation, [])
+    both = [Validated(each, each) for each in evaluator.over([rough, calm], draws, training=True)]
+    assert screening.learn(draws, both) == both[1:]
+    assert [scenario.index for scenario in validation.scenarios[before:]] == [draw.index for draw in draws]
+    assert all(scenario.hard for scenario in validation.scenarios[before:]), "a mean is that of the set as it was drawn"
+    assert screening.learn([], both) == both
+    early, _ = validation.screen([rough, calm])
+    assert early.result is None
+    assert early.excess > 0
 
 
 def test_without_a_feasible_candidate_the_one_that_violates_bounds_in_the_fewest_scenarios_is_the_choice(
@@ -282,23 +314,50 @@ def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothi
     assert verdict.chance.violations == 1, "of those that all violate something the fewest"
 
 
-@pytest.mark.parametrize(
-    ("violated", "of_means", "kept"),
-    [(1, 0.0, [0]), (20, 0.0, [7, 8, 0]), (1, 0.1, [7, 8])],
-    ids=["rarely", "often", "a mean"],
-)
-def test_a_far_better_start_that_rarely_violates_a_bound_is_not_given_up_for_a_feasible_trial(
-    bounded: Evaluator, violated: int, of_means: float, kept: list[int]
+def test_a_better_candidate_that_the_chance_constraint_rules_out_is_named(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    start = replace(
-        trial(0, 0, violation=0.02),
-        objectives=(0.5,),
-        violations={LABEL: 0.02, "mean.chatter <= 4 N": of_means},
-        scenarios=100,
-        violated=violated,
-    )
-    found = [selection.Validated(each, each) for each in (trial(180, 7), replace(trial(180, 8), objectives=(2.0,)))]
-    ordered = selection._to_the_start(
-        found, selection.Validated(start, start), bounded.training.constraints, SelectionConfig.penalty
-    )
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    trials, wrong, sizes = studied(evaluator, 32), iter([3, 0]), replace(SMALL, chance=13)
+
+    def violating(result: BatchResult, _: object) -> np.ndarray:
+        values = np.full(result.outcomes.shape, -1.0)
+        if result.outcomes.shape[1] == sizes.chance:
+            values[0, : next(wrong)] = 1.0
+        return values
+
+    monkeypatch.setattr(selection, "worst_of", violating)
+    monkeypatch.setattr(screening, "worst_of", lambda result, _: np.ones(result.outcomes.shape))  # so do all others
+    monkeypatch.setattr(Screening, "_group", one_group(Screening._group))
+    verdict = select(evaluator, trials, sizes)
+    assert not verdict.improved
+    assert verdict.obstacle.startswith(f"{NOT_CHOSEN}; trial ")
+    assert "reaches mean.mse = " in verdict.obstacle
+    assert verdict.obstacle.endswith("but violates bounds in 3 of 13 fresh draws")
+
+
+def one_group(original: Callable[[Screening], list[Evaluation]]) -> Callable[[Screening], list[Evaluation]]:
+    """The first group of a screening, and no more."""
+    return lambda self: [] if self._tried else original(self)
+
+
+@pytest.mark.parametrize(("violated", "kept"), [(1, []), (20, [7, 8])], ids=["rarely", "often"])
+def test_a_far_better_start_that_rarely_violates_a_bound_is_not_given_up_for_a_feasible_trial(
+    violated: int, kept: list[int]
+) -> None:
+    start = replace(trial(0, 0, violation=0.02), objectives=(0.5,), scenarios=100, violated=violated)
+    found = [Validated(each, each) for each in (trial(180, 7), replace(trial(180, 8), objectives=(2.0,)))]
+    ordered = before_the_start(found, Validated(start, start), SelectionConfig.penalty)
     assert [each.trial.number for each in ordered] == kept
+    assert [each.trial.number for each in before_the_start(found, None, SelectionConfig.penalty)] == [7, 8]
+
+
+def test_a_start_that_violates_a_bound_on_a_mean_takes_no_part(
+    bounded: Evaluator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    validation = ValidationSet(bounded, validation_scenarios(bounded.training.problem, SMALL))
+    start = bounded.start()
+    assert screening_of(bounded, validation, []).start is not None
+    too_rough = replace(start, violations=start.violations | {"mean.chatter <= 4 N": 0.1})
+    monkeypatch.setattr(bounded, "over", lambda *_, **__: [too_rough])
+    assert screening_of(bounded, validation, []).start is None
