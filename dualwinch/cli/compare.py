@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -49,7 +49,7 @@ app = App(
 @app.default
 def compare(
     *files: Annotated[str, Parameter(help="TOML files of gains; `paper` means the paper's gains.")],
-    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, or a TOML file.")] = "sea",
+    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file.")] = "sea",
     scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same for every file.")] = 200,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws and of the intervals.")] = 0,
     given: ExperimentOptions = EXPERIMENT,
@@ -112,8 +112,24 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
     return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
 
 
-def statistics_table(result: Comparison) -> FigureTable:
-    """A row for every file: statistics of the figures of merit, scenarios with slack, and outcomes."""
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Names of files of gains as tables show them: without folders, or without `best.toml` where all are called that.
+
+    Names that would no longer differ stay as they are.
+    """
+    paths = [Path(name) for name in names if name != PAPER]
+    alike = len({path.name for path in paths}) == 1 < len(paths)
+    shown = {name: name if name == PAPER else str(Path(name).parent) if alike else Path(name).name for name in names}
+    return shown if len(set(shown.values())) == len(shown) else {name: name for name in names}
+
+
+def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None) -> FigureTable:
+    """A row for every file: statistics of the figures of merit, scenarios with slack, and outcomes.
+
+    Args:
+        result: the comparison.
+        shown: name → as it is shown; default: itself.
+    """
     from dualwinch.simulation.ensembles.result import SUMMARY
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
@@ -133,7 +149,10 @@ def statistics_table(result: Comparison) -> FigureTable:
     columns += [FigureColumn(word, heading=word.replace("_", " ")) for word in outcomes]
     rows = []
     for name, contender in result.contenders.items():
-        values = {"name": name, "mean_mse_within_authority": result.mean_mse_within_authority(name)}
+        values = {
+            "name": (shown or {}).get(name, name),
+            "mean_mse_within_authority": result.mean_mse_within_authority(name),
+        }
         values |= contender.summary() | dict.fromkeys(outcomes, 0) | contender.outcome_counts
         rows.append([values[column.name] for column in columns])
     return FigureTable("statistics", columns, rows)
@@ -182,7 +201,7 @@ def print_comparison(result: Comparison) -> None:
     console.print(f"{len(result)} scenarios of '{result.ensemble.name}', seed {result.seed}, the same for all")
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
-    console.print(statistics_table(result).render_down())
+    console.print(statistics_table(result, short_names(list(result.contenders))).render_down())
     if beyond := int((result.least_mse > 0).sum()):
         least, foreseeing = (1e6 * values.mean() for values in (result.least_mse, result.least_mse_foreseeing))
         console.print(
@@ -198,10 +217,10 @@ def print_comparison(result: Comparison) -> None:
         return
     console.print(f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:")
     pairs = {name: result.paired(name) for name in others}
-    columns, rows = [FigureColumn("name", "")], [[name] for name in others]
+    columns, rows = [FigureColumn("name", "")], [[short_names(list(result.contenders))[name]] for name in others]
     for metric in pairs[others[0]]:
         columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
-        columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="% of scenarios"))
+        columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))
         for row, found in zip(rows, pairs.values(), strict=True):
             row += [_interval(found[metric].ratio_of_means), found[metric].better]
     console.print(FigureTable("ratios", columns, rows).render_down())

@@ -133,9 +133,10 @@ class FigureTable:
         figures = list(zip(self.columns, zip(*self.rows, strict=True), strict=True))
         table = Table(box=box.SIMPLE_HEAD if headed else None, show_header=headed, pad_edge=False)
         table.add_column("", style="bold", no_wrap=True)
-        for heading in figures[0][1]:
+        for row, heading in zip(self.rows, figures[0][1], strict=True):
             words = fill(str(self.columns[0].shown(heading)), NAME_WIDTH, break_on_hyphens=False) if headed else ""
-            table.add_column(words, justify="right", no_wrap=headed)
+            values = [column.shown(value) for column, value in zip(self.columns, row, strict=True)][headed:]
+            table.add_column(words, justify="right", min_width=max(map(len, values)), overflow="fold")
         table.add_column("")
         if not headed:
             table.add_column("", style="dim")

@@ -66,7 +66,7 @@ def simulate(
     given: ControllerOptions = CONTROLLER,
     ensemble: Annotated[
         str | None,
-        Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, or a TOML file (see `config --ensemble`)."),
+        Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file (see `config --ensemble`)."),
     ] = None,
     scenarios: Annotated[int | None, WHOLE, Parameter(help=f"Scenarios of the ensemble (default {SCENARIOS}).")] = None,
     seed: Annotated[int | None, WHOLE, Parameter(help=f"Seed of the ensemble's draws (default {SEED}).")] = None,

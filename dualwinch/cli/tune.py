@@ -117,7 +117,7 @@ def tune(
     *,
     given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[
-        str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, or a TOML file.")
+        str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, `site`, or a TOML file.")
     ] = None,
     scenarios: Annotated[
         int | None, WHOLE, Parameter(help="Scenarios of the ensemble in which each candidate is tried.")

@@ -1,14 +1,16 @@
 import json
 import re
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from dualwinch.cli import main
-from dualwinch.cli.compare import controllers, to_record
+from dualwinch.cli.compare import controllers, short_names, to_record
 from dualwinch.cli.options import ExperimentOptions, other_machine, sizes_of_ensemble
-from dualwinch.cli.output import json_text
+from dualwinch.cli.output import FigureColumn, FigureTable, json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load, to_toml
@@ -61,6 +63,29 @@ def test_compare_writes_statistics_and_figure(calm: Path, tmp_path: Path, capsys
     assert ratio["estimate"] == pytest.approx(other["mean_mse"] / paper["mean_mse"])
     assert ratio["low"] <= ratio["estimate"] <= ratio["high"]
     assert plot.read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("names", "shown"),
+    [
+        (["paper", "runs/a/best.toml", "runs/b/best.toml"], ["paper", "runs/a", "runs/b"]),
+        (["runs/a/best.toml", "calm.toml"], ["best.toml", "calm.toml"]),
+        (["paper", "runs/a/best.toml"], ["paper", "best.toml"]),
+        (["a/x.toml", "b/x.toml", "c.toml"], ["a/x.toml", "b/x.toml", "c.toml"]),
+    ],
+)
+def test_tables_show_what_sets_files_apart(names: list[str], shown: list[str]) -> None:
+    assert list(short_names(names).values()) == shown
+
+
+def test_numbers_are_whole_on_a_narrow_terminal_however_long_names_are() -> None:
+    columns = [FigureColumn("name", ""), FigureColumn("mse", "m^2", form=".4g"), FigureColumn("peak", "N", form=".4g")]
+    rows = [[f"a/long/way/to/the/file/number-{number}/of/gains.toml", 1.234e-9, 5999.0] for number in range(3)]
+    console = Console(width=60, file=StringIO())
+    console.print(FigureTable("statistics", columns, rows).render_down())
+    said = console.file.getvalue()
+    assert said.count("1.234e-09") == said.count("5999") == 3
+    assert "…" not in said
 
 
 def test_only_the_controller_of_a_file_counts(calm: Path) -> None:
