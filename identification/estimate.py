@@ -215,6 +215,8 @@ class PredictionErrorMethod:
         """Values and noise near the best, by least squares with new gains in every round."""
         search = self._search
         cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
+        if estimated and self.options.resampling.torque_rows:  # chatter, which is far from its least size
+            noise = self._noise.with_torque_noise(self.with_values(values), noise)
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
         for number in range(search.rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual

@@ -21,6 +21,7 @@ from dualwinch.identification.predictor import (
     NoiseCovariances,
     initial_state,
     parameter_names,
+    state_names,
     state_template,
 )
 from dualwinch.identification.resample import LogSection
@@ -56,7 +57,7 @@ class LogFilters:
 
     def parameters(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
         """The predictor's parameters, of an experiment and the disturbances' correlation times."""
-        values = leaves(experiment) | {f"time.{name}": noise.process[name].time for name in DISTURBANCES}
+        values = leaves(experiment) | {f"time.{name}": each.time for name, each in noise.process.items()}
         return np.array([float(values[name]) for name in parameter_names(self._structure)])
 
     def run(
@@ -171,7 +172,8 @@ class LogFilters:
         """The variances that a sample adds to the states, (states,)."""
         step, variances = experiment.simulation.sample_time, dict.fromkeys(leaves(state_template(self._structure)), 0.0)
         for name, each in noise.states.items():
-            variances[f"unrecorded.{name}"] = each.deviation**2 * -np.expm1(-2 * step / each.time)
+            added = each.deviation**2 * -np.expm1(-2 * step / each.time)
+            variances |= {state: added for state in state_names(name) if state in variances}
         return np.array(list(variances.values()))
 
     def _each(self, work: Callable[[LogSection, Any], Found], along: Sequence[Any]) -> list[Found]:

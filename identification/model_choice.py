@@ -18,7 +18,12 @@ from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions, SearchOptions
-from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances
+from dualwinch.identification.predictor import (
+    READINGS,
+    NoiseCovariances,
+    described_disturbances,
+    has_vortex_states,
+)
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
     AMPLITUDE,
@@ -29,7 +34,7 @@ from dualwinch.identification.unknowns import (
     with_drum_friction,
     with_sea,
 )
-from dualwinch.identification.vortices import shows_other_vortices, vortex_starts
+from dualwinch.identification.vortices import likelier_phase, shows_other_vortices, vortex_starts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.simulation.experiment import Experiment
@@ -74,6 +79,13 @@ class FittedModel:
             )
         if names := [name for name, added in sea.items() if added]:
             found.append(f"estimated with {', '.join(names)}, which the experiment does not describe")
+        if own.disturbance.vortex and own.disturbance.integrated_phase != given.integrated_phase:
+            kind = (
+                "is the integral of their frequency"
+                if own.disturbance.integrated_phase
+                else "follows from speed and time"
+            )
+            found.append(f"the phase of the vortices {kind} (disturbance.integrated_phase), unlike the experiment's")
         return (*found, *self._sea_of_another_size(described))
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
@@ -153,6 +165,8 @@ class ModelChoice:
     6. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
        deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
+    7. Vortices that nobody described have the kind of phase that smoothed readings show (`vortices.likelier_phase`);
+       where those come to nothing, the other kind is tried.
 
     Attributes:
         logs: of one machine.
@@ -219,14 +233,36 @@ class ModelChoice:
             if notes:
                 return roughly()
         rubbing = with_drum_friction(delayed, search)
-        candidates = list(dict.fromkeys((rubbing, with_sea(rubbing, search) if sea else rubbing)))
+        candidates = list(dict.fromkeys((rubbing, self._with_sea(rubbing) if sea else rubbing)))
         lead = search.likelier_deviance if white else 0.0
         found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
+        if found and found is not plain and sea:
+            found = self._with_likelier_phase(found, experiment)
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
         if found is plain:
             return roughly()
         return found if coarse else self._with_likelier_delay(found)
+
+    def _with_likelier_phase(self, model: FittedModel, described: Experiment) -> FittedModel:
+        """A model, or that with vortices of an integrated phase where its own, which nobody described, come to nothing.
+
+        Weak vortices hardly show in smoothed readings.
+        """
+        own, search = model.experiment.disturbance, self.options.search
+        amplitude = model.estimate.experiment.disturbance.vortex_amplitude
+        if not own.vortex or own.integrated_phase or described.disturbance.vortex:
+            return model
+        if amplitude > search.weak_amplitude * own.vortex_amplitude:
+            return model
+        other = replace(model.experiment, disturbance=replace(own, integrated_phase=True))
+        return self._likeliest([other], [model], 0.0) or model
+
+    def _with_sea(self, experiment: Experiment) -> Experiment:
+        """An experiment with a sea, whose vortices have the kind of phase that logs show."""
+        sea = with_sea(experiment, self.options.search)
+        integrated = likelier_phase(self.logs, sea, self._strouhal_reach(sea), self.options)
+        return replace(sea, disturbance=replace(sea.disturbance, integrated_phase=integrated))
 
     def _other_vortices(self, model: FittedModel) -> bool:
         """Whether logs show vortices that an estimate lacks: slow forces leave innovations white."""
@@ -349,8 +385,9 @@ class ModelChoice:
             return self._fitted(experiment, unknowns, phase, shares)
 
         described, far = experiment.disturbance.vortex_amplitude, search.other_amplitude
-        reach = self._strouhal_reach(experiment)
-        shown = vortex_starts(self.logs, experiment, reach, self.options) if experiment.disturbance.vortex else []
+        reach, one_amplitude = self._strouhal_reach(experiment), experiment.disturbance.vortex
+        one_amplitude &= not has_vortex_states(experiment)
+        shown = vortex_starts(self.logs, experiment, reach, self.options) if one_amplitude else []
         if shown and not described / far < shown[0][1] < described * far:
             return fitted(wide)
         model = fitted(search)

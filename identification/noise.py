@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.filter import LogFilters, all_completed
 from dualwinch.identification.options import NoiseOptions
-from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances
+from dualwinch.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.sensors import Sensors
 
@@ -32,9 +32,9 @@ ESTIMATED = (("force",), ("torque_1", "torque_2"))
 DESCRIBED = ("current", "normal_force_variation")
 """Disturbances that an experiment describes; deviations and correlation times are estimated with priors around that."""
 
-SIZE, TIME = np.array([1.0, 0.0]), np.array([0.5, 1.0])
-"""Changes of the logarithms of deviation and correlation time that are searched: of the size, and of the time with the
-variance that a sample adds as it is, which a log shows best."""
+SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0.0, 1.0])
+"""Changes of the logarithms of deviation and correlation time that are searched: of the size, of the time with the
+variance that a sample adds as it is, which a log shows best, and of the time of what has its size."""
 
 
 def finest_noise(options: NoiseOptions) -> Floats:
@@ -136,14 +136,34 @@ class NoiseEstimator:
             noise = self._line_search(experiment, noise, names, samples)
         return noise
 
+    def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate Q of the further torques alone, roughly, over its whole range.
+
+        What a machine is not known well enough for yet must not become a further force.
+        """
+        torques = ESTIMATED[1]
+        sizes = self._options.grid ** np.arange(np.ceil(np.log(self._options.range) / np.log(self._options.grid)))
+        grid = [self._scaled(noise, torques, float(size)) for size in sizes]
+        best = min(grid, key=lambda each: self._cost(experiment, each, self._samples))
+        return self._line_search(experiment, best, torques, self._samples)
+
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """Estimate size and correlation time of the disturbances that an experiment describes, by maximum likelihood.
 
         Their priors are log-normal around what is described.
         """
         options = self._options
-        ways = ((SIZE, options.described_factor), (TIME, options.described_time_factor))
-        for name, (way, factor) in product(DESCRIBED, ways):
+        reach = math.log(options.described_reach)
+        searches = [
+            search
+            for name in DESCRIBED
+            for search in (
+                (name, SIZE, options.described_factor, reach),
+                (name, TIME, options.described_time_factor, reach),
+            )
+        ]
+        searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
+        for name, way, factor, reach in searches:
             if factor == 1 or noise.process[name].deviation == 0:
                 continue
 
@@ -154,7 +174,6 @@ class NoiseEstimator:
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
                 return self._cost(experiment, moved(by), None) + self._unlikelihood(experiment, moved(by))
 
-            reach = math.log(options.described_reach)
             best = _minimum(cost, -reach, reach, options.described_tolerance, options.described_evaluations)
             noise = moved(best)
         return noise
@@ -162,11 +181,11 @@ class NoiseEstimator:
     def _unlikelihood(self, experiment: Experiment, noise: NoiseCovariances) -> float:
         """Negative logarithm of the prior density of the described disturbances, but for a constant."""
         process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
-        for own, described in ((process[name], self._described[name]) for name in DESCRIBED):
-            pairs = (
-                (own.deviation, described.deviation, options.described_factor),
-                (own.time, described.time, options.described_time_factor),
-            )
+        factors = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
+        factors[VORTICES] = 1.0, options.vortex_time_factor
+        for name, (of_size, of_time) in factors.items():
+            own, described = process[name], self._described[name]
+            pairs = (own.deviation, described.deviation, of_size), (own.time, described.time, of_time)
             for value, usual, factor in pairs if own.deviation > 0 else ():
                 total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
         return total

@@ -63,6 +63,10 @@ class NoiseOptions:
     quiet_readings: Annotated[Count, Quantity("1", "length of a window of readings that is quiet or not")] = 200
     force_time: Annotated[Positive, Quantity("s", "correlation time of the further force")] = 1.0
     torque_time: Annotated[Positive, Quantity("s", "correlation time of the further torques")] = 0.05
+    vortex_time: Annotated[
+        Positive, Quantity("s", "correlation time of vortices with an integrated phase: they keep it")
+    ] = 1e4
+    vortex_time_factor: Annotated[float, Ge(1), Quantity("1", "its prior deviation, as a factor; 1: known")] = 30.0
     least_force: Annotated[Positive, Quantity("1", "least deviation of it, over the friction at 1 m/s")] = 1e-4
     least_torque: Annotated[Positive, Quantity("N m", "least deviation of them")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
@@ -131,6 +135,9 @@ class SearchOptions:
     other_amplitude: Annotated[
         Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
     ] = 1.7
+    weak_amplitude: Annotated[
+        Share, Quantity("1", "estimated amplitude of vortices, over the usual one, below which it comes to nothing")
+    ] = 0.25
     contradiction: Annotated[
         Positive, Quantity("1", "estimate less its prior mean that contradicts the prior, in expected deviations")
     ] = 2.5
@@ -199,6 +206,9 @@ class VortexOptions:
     correlated: Annotated[
         Count, Quantity("1", "rows of the regression over which its residuals are one independent value")
     ] = 8
+    other_phase: Annotated[
+        Positive, Quantity("1", "fall of the regression's deviance from which on another kind of phase is tried")
+    ] = 6.0
     alike: Annotated[Share, Quantity("1", "difference of two Strouhal numbers, over one, that makes them others")] = (
         0.02
     )

@@ -20,13 +20,14 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.options import InitialStateOptions, NoiseOptions
 from dualwinch.model.actuators import drive
+from dualwinch.model.disturbance import Disturbance, vortex_frequency
 from dualwinch.model.linear.operating_point import steady_motion
 from dualwinch.model.plant import Torques, holding_torques, tensions, torques_amid
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import crept
-from dualwinch.model.scalar import Scalar, exp
-from dualwinch.model.vehicle import Vehicle, friction
+from dualwinch.model.scalar import Scalar, cos, exp, sin
+from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
@@ -79,7 +80,28 @@ class UnrecordedDisturbances:
 
 DISTURBANCES = tuple(each.name for each in fields(UnrecordedDisturbances))
 
-CORRELATION_TIMES = tuple(f"time.{name}" for name in DISTURBANCES)
+
+@dataclass(frozen=True)
+class NoVortices:
+    """States of vortices whose phase follows from speed and time (paper Section 4.3): none."""
+
+
+@dataclass(frozen=True)
+class VortexStates:
+    """States of vortices whose phase is the integral of their frequency (E4), times the drag coefficient.
+
+    No log says at which phase they are when a motion begins, nor do they keep it for ever. The force is the drag times
+    ``sine sin(phase) + cosine cos(phase)``, with the phase counted from the beginning of the motion: linear in both.
+    """
+
+    sine: Annotated[Scalar, Quantity("1", "amplitude in phase, over the drag, times the drag coefficient")] = 0.0
+    cosine: Annotated[Scalar, Quantity("1", "amplitude a quarter turn ahead, likewise")] = 0.0
+
+
+VORTICES = "vortices"
+"""Name of the process that both of these states are."""
+
+CORRELATION_TIMES = tuple(f"time.{name}" for name in (*DISTURBANCES, VORTICES))
 """Correlation times in s of the disturbances, further parameters of the predictor."""
 
 
@@ -106,6 +128,7 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
     No deviation of these is exactly zero: then no reading could ever correct the state.
     """
     disturbance, vehicle, sensors = experiment.disturbance, experiment.plant.vehicle, experiment.sensors
+    amplitude = disturbance.vortex_amplitude if has_vortex_states(experiment) else 0.0
     return {
         "current": GaussMarkov(disturbance.current_sigma, disturbance.current_time),
         "normal_force_variation": GaussMarkov(
@@ -115,12 +138,22 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
         "torque_1": GaussMarkov(options.least_torque, options.torque_time),
         "torque_2": GaussMarkov(options.least_torque, options.torque_time),
         "position_drift": GaussMarkov(sensors.position_drift, sensors.position_drift_time),
+        VORTICES: GaussMarkov(amplitude, options.vortex_time),
     }
+
+
+def has_vortex_states(experiment: Experiment) -> bool:
+    """Whether vortices have states of their own (`VortexStates`)."""
+    return experiment.disturbance.vortex and experiment.disturbance.integrated_phase
 
 
 def per_coefficient(vehicle: Vehicle) -> dict[str, Any]:
     """Disturbance → how much of it there is per unit of its state, for those with a coefficient of the vehicle."""
-    coefficients = {"current": vehicle.drag_coefficient, "normal_force_variation": vehicle.friction_coefficient}
+    coefficients = {
+        "current": vehicle.drag_coefficient,
+        "normal_force_variation": vehicle.friction_coefficient,
+        VORTICES: vehicle.drag_coefficient,
+    }
     return {name: 1 / (own + LEAST_COEFFICIENT) for name, own in coefficients.items()}
 
 
@@ -140,7 +173,7 @@ class NoiseCovariances:
 
     @property
     def states(self) -> dict[str, GaussMarkov]:
-        """Disturbance → Gauss–Markov process of its state (`UnrecordedDisturbances`)."""
+        """Disturbance → Gauss–Markov process of its states (`state_names`)."""
         by = per_coefficient(self.vehicle)
         return {name: each.scaled(1 / by.get(name, 1.0)) for name, each in self.process.items()}
 
@@ -157,20 +190,30 @@ class PredictorState:
     motion: Motion
     actuator_1: Any
     actuator_2: Any
+    vortices: VortexStates | NoVortices
     unrecorded: UnrecordedDisturbances
+
+
+def state_names(disturbance: str) -> tuple[str, ...]:
+    """Names of the states of a disturbance, as far as a predictor has them."""
+    if disturbance == VORTICES:
+        return tuple(f"{VORTICES}.{each.name}" for each in fields(VortexStates))
+    return (f"unrecorded.{disturbance}",)
 
 
 def predictor_structure(experiment: Experiment) -> Experiment:
     """The structure of the predictor's code: an experiment's, without its controller."""
     structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
     simulation = replace(structure.simulation, delay_samples=0, readings=False)
-    return replace(structure, sensors=Sensors(), simulation=simulation)
+    disturbance = Disturbance(vortex=True, integrated_phase=True) if has_vortex_states(experiment) else Disturbance()
+    return replace(structure, sensors=Sensors(), simulation=simulation, disturbance=disturbance)
 
 
 def state_template(structure: Experiment) -> PredictorState:
     """A state that names the elements; its values mean nothing."""
     actuator = structure.actuator.initial_state()
-    return PredictorState(motion_template(structure), actuator, actuator, UnrecordedDisturbances())
+    vortices = VortexStates() if has_vortex_states(structure) else NoVortices()
+    return PredictorState(motion_template(structure), actuator, actuator, vortices, UnrecordedDisturbances())
 
 
 @GRAPHS.cached
@@ -211,7 +254,14 @@ def predicted_system(
     actuators = now.actuator_1, now.actuator_2
     actuators, torques = drive(actuators, commands, now.motion.plant, plant, groups["actuator"], sample_time)
     torques, disturbances = torques_amid(torques, now.motion.plant, sample_time, plant), now.unrecorded
-    by = per_coefficient(plant.vehicle)
+    by, vortices, force = per_coefficient(plant.vehicle), now.vortices, disturbances.force
+    if isinstance(vortices, VortexStates):
+        vehicle, v = plant.vehicle, now.motion.plant.v
+        phase = (
+            now.motion.phase + vortex_frequency(v, groups["disturbance"], vehicle) * sample_time / 2
+        )  # amid the sample
+        force += by[VORTICES] * drag(v, vehicle) * (vortices.sine * sin(phase) + vortices.cosine * cos(phase))
+        groups["disturbance"] = replace(groups["disturbance"], vortex=ca.SX(0))
     hold = zero_order_hold(
         structure,
         t=given["t"],
@@ -221,12 +271,14 @@ def predicted_system(
         ),
         current=by["current"] * disturbances.current,
         normal_force_variation=by["normal_force_variation"] * disturbances.normal_force_variation,
-        force=disturbances.force,
+        force=force,
         duration=given["duration"],
     )
     decays = {name: exp(-sample_time / values[f"time.{name}"]) for name in DISTURBANCES}
     decayed = UnrecordedDisturbances(**{name: decays[name] * value for name, value in vars(disturbances).items()})
-    following = leaves(PredictorState(now.motion, *actuators, decayed))
+    fading = exp(-sample_time / values[f"time.{VORTICES}"])
+    vortices = replace(vortices, **{name: fading * value for name, value in vars(vortices).items()})
+    following = leaves(PredictorState(now.motion, *actuators, vortices, decayed))
     rest = ca.vertcat(*(value for key, value in following.items() if not key.startswith("motion.")))
 
     def problem(hold: Any) -> Problem:
@@ -303,6 +355,6 @@ def initial_state(
     for side in plant.sides:
         turn, of_shafts = 1 / winding(0.0, side.winch).radius, (f"omega_{side.number}", f"motor_{side.number}.omega")
         directions.append({f"motion.plant.{name}": options.speed * turn for name in of_shafts})
-    directions += [{f"unrecorded.{name}": each.deviation} for name, each in process.items()]
+    directions += [{state: each.deviation} for name, each in process.items() for state in state_names(name)]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
     return np.array([(expected | known)[name] for name in names], float), root.T @ root

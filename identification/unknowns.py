@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification.options import DEFAULTS, SearchOptions
-from dualwinch.identification.predictor import GROUPS, parameter_names, predictor_structure
+from dualwinch.identification.predictor import GROUPS, has_vortex_states, parameter_names, predictor_structure
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import suggestion
@@ -149,8 +149,8 @@ def nuisance_parameters(
 ) -> tuple[UnknownParameter, ...]:
     """What hardly any user knows of a machine, with wide priors around the experiment's values, but for some keys.
 
-    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their amplitude
-    and Strouhal number.
+    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their Strouhal
+    number and, unless it is a state of its own, their amplitude.
     """
     shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
     values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
@@ -158,7 +158,9 @@ def nuisance_parameters(
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
             continue
-        if key in shares and not experiment.disturbance.vortex:
+        if (key in shares and not experiment.disturbance.vortex) or (
+            key == AMPLITUDE and has_vortex_states(experiment)
+        ):
             continue
         usual = options.friction_share if key.endswith("coulomb_friction") else options.nuisance_share
         share = shares.get(key, usual)

@@ -23,12 +23,14 @@ class SmoothedMotion:
 
     Attributes:
         t: time in s.
+        x: way in m.
         v, a: speed and acceleration in m/s and m/s².
         net: net force of the ropes in N.
         at_once: whether the machine moves at the first row.
     """
 
     t: Floats
+    x: Floats
     v: Floats
     a: Floats
     net: Floats
@@ -39,6 +41,12 @@ class SmoothedMotion:
         """(rows, 2) what net forces have beside drag: acceleration and direction."""
         return np.column_stack([self.a, np.sign(self.v)])
 
+    @property
+    def one_way(self) -> Floats:
+        """(rows, n) 1 in the rows of each of the n times that it moves one way without a stop, else 0."""
+        begins = np.r_[True, (np.diff(np.sign(self.v)) != 0) | (np.diff(self.t) > 1.5 * np.median(np.diff(self.t)))]
+        return np.equal.outer(np.cumsum(begins) - 1, np.arange(begins.sum())).astype(float)
+
 
 def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> SmoothedMotion | None:
     """Position and net force smoothed by a Gaussian, position differentiated twice; None: too little motion.
@@ -47,8 +55,6 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     with acceleration and direction, too.
     """
     search, step, sides = options.vortices, experiment.simulation.sample_time, experiment.plant.sides
-    if experiment.disturbance.integrated_phase:
-        return None
     inputs, readings = resampled(log, experiment, options.resampling)
     width = search.smoothing / step
 
@@ -77,14 +83,15 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     moving = np.abs(v) > options.resampling.standstill_speed
     if moving.sum() < search.least_rows:
         return None
-    a, net, t = smooth(x, 2), smooth(net), inputs[rows, 0]
-    return SmoothedMotion(t[moving], v[moving], a[moving], net[moving], bool(moving[0]))
+    a, net, t, x = smooth(x, 2), smooth(net), inputs[rows, 0], smooth(x)
+    return SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]))
 
 
 def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
     """Motions one after the other."""
-    t, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in ("t", "v", "a", "net"))
-    return SmoothedMotion(t, v, a, net, motions[0].at_once)
+    names = ("t", "x", "v", "a", "net")
+    t, x, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in names)
+    return SmoothedMotion(t, x, v, a, net, motions[0].at_once)
 
 
 def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> Log:
@@ -96,9 +103,12 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
        for each Strouhal number and origin of a grid (separable least squares).
     2. The likeliest number is taken with the described one as a prior: in a short log a number and an origin make up
        for one another.
-    3. Its best origin is taken where it leaves clearly less than the log's first row as origin.
+    3. Its best origin is taken where it leaves clearly less than the log's first row as origin, and integrated phases,
+       which need none, do not leave less still.
     """
     search, resampling = options.vortices, options.resampling
+    if experiment.disturbance.integrated_phase:
+        return log
     parts = log.between_gaps(resampling.longest_gap, resampling.least_rows)
     motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
     if not motions or not motions[0].at_once:
@@ -127,6 +137,11 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     chosen = int(np.argmin(len(net) / search.correlated * np.log(left) + prior))
     if left[chosen] > search.least_gain * at_first_row:
         return log
+    reach = search.strouhal_share * given.strouhal
+    first = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
+    integrated = _regression([first], experiment, reach, options, integrated=True)
+    if integrated.deviance < len(net) / search.correlated * np.log(left[chosen]):
+        return log
     origin = origins[chosen]
     note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
     return replace(log, t=log.t + origin, notes=(*log.notes, note))
@@ -137,40 +152,87 @@ class VortexRegression:
     """The net force of the ropes of some logs, regressed on what a vehicle resists by, vortices among it.
 
     On acceleration, direction, drag, and drag times the sine of the vortices' phase, for each Strouhal number of a grid
-    within some reach of the described one.
+    within some reach of the described one. A phase that is integrated is known but for its beginning each time that the
+    vehicle moves one way: there it is the sine and the cosine, with coefficients of their own.
 
     Attributes:
+        integrated: whether the phase is.
         numbers: (n,) Strouhal numbers.
         left: (n,) squares that are left with each.
         ratios: (n,) amplitudes of the vortices, over the drag.
         described: squares that are left with the described Strouhal number, or without vortices if none are described.
+        rows: independent values among those of the regression.
+        further: coefficients beyond those of vortices with a phase that is not integrated.
     """
 
+    integrated: bool
     numbers: Floats
     left: Floats
     ratios: Floats
     described: float
+    rows: float
+    further: int
+
+    @property
+    def deviance(self) -> float:
+        """Of the best number, with what further coefficients take off it where there is nothing to find."""
+        return self.rows * float(np.log(self.left.min())) + self.further
 
 
 def vortex_regression(
-    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+    logs: Sequence[Log],
+    experiment: Experiment,
+    reach: float,
+    options: EstimationOptions = DEFAULTS,
+    *,
+    integrated: bool | None = None,
 ) -> VortexRegression | None:
-    """The regression, within `reach` of the described Strouhal number; None: these logs show no vortices."""
-    search, given = options.vortices, experiment.disturbance
+    """The regression, within `reach` of the described Strouhal number; None: these logs show no vortices.
+
+    Args:
+        logs: of one machine.
+        experiment: as described.
+        reach: of Strouhal numbers.
+        options: of the method.
+        integrated: whether the phase is; default: as described.
+    """
     motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
-    if not motions or not given.strouhal:
+    if not motions or not experiment.disturbance.strouhal:
         return None
-    motion = joined(motions)
-    t, v, net, base, drag = motion.t, motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
-    turn = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle) * v * t  # phase by number
+    integrated = experiment.disturbance.integrated_phase if integrated is None else integrated
+    return _regression(motions, experiment, reach, options, integrated=integrated)
+
+
+def _regression(
+    motions: Sequence[SmoothedMotion],
+    experiment: Experiment,
+    reach: float,
+    options: EstimationOptions,
+    *,
+    integrated: bool,
+) -> VortexRegression:
+    """The regression of `vortex_regression`, of smoothed readings."""
+    search, given, motion = options.vortices, experiment.disturbance, joined(motions)
+    v, net, base, drag = motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
+    per_number = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
+    turn = per_number * (motion.x if integrated else v * motion.t)  # phase by number
+    ways = motion.one_way if integrated else np.ones((len(v), 1))
+
+    def vortices(number: float) -> Floats:
+        waves = [np.sin(number * turn), *([np.cos(number * turn)] if integrated else [])]
+        return np.column_stack([ways * (drag * wave)[:, np.newaxis] for wave in waves])
+
     count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
     numbers = np.linspace(max(given.strouhal - reach, 0.0), given.strouhal + reach, 2 * count + 1)
     left, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
     for index, number in enumerate(numbers):
-        found, left[index] = _least_squares(np.column_stack([base, drag, drag * np.sin(number * turn)]), net)
-        ratios[index] = -found[3] / found[2] if found[2] > 0 else 0.0
-    known = [drag, drag * np.sin(given.strouhal * turn)] if given.vortex else [drag]
-    return VortexRegression(numbers, left, ratios, _least_squares(np.column_stack([base, *known]), net)[1])
+        found, left[index] = _least_squares(np.column_stack([base, drag, vortices(number)]), net)
+        size = np.sqrt(2 * np.mean((vortices(number) @ found[3:] / drag) ** 2)) if integrated else -found[3]
+        ratios[index] = size / found[2] if found[2] > 0 else 0.0
+    known = [drag, vortices(given.strouhal)] if given.vortex and integrated == given.integrated_phase else [drag]
+    _, described = _least_squares(np.column_stack([base, *known]), net)
+    rows, further = len(net) / search.correlated, len(ways.T) * (1 + integrated) - 1
+    return VortexRegression(integrated, numbers, left, ratios, described, rows, further)
 
 
 def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
@@ -196,12 +258,30 @@ def vortex_starts(
     return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
 
 
+def likelier_phase(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> bool:
+    """Whether vortices have an integrated phase (E4) rather than one that follows from speed and time.
+
+    What the experiment describes stays where logs do not clearly say otherwise.
+    """
+    given = experiment.disturbance.integrated_phase
+    own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
+    if own is None or other is None:
+        return given
+    return given != (other.deviance < own.deviance - options.vortices.other_phase)
+
+
 def shows_other_vortices(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> bool:
-    """Whether vortices of another Strouhal number than the described one, or any at all, explain more of logs."""
-    found, search, given = vortex_regression(logs, experiment, reach, options), options.vortices, experiment.disturbance
+    """Whether vortices of another Strouhal number or kind of phase than described, or any, explain more of logs."""
+    search, given = options.vortices, experiment.disturbance
+    integrated = likelier_phase(logs, experiment, reach, options)
+    found = vortex_regression(logs, experiment, reach, options, integrated=integrated)
     if found is None or found.left.min() > search.suspected * found.described:
         return False
     number = float(found.numbers[np.argmin(found.left)])
-    return not given.vortex or abs(number - given.strouhal) > search.alike * given.strouhal
+    if not given.vortex or integrated != given.integrated_phase:
+        return True
+    return abs(number - given.strouhal) > search.alike * given.strouhal
