@@ -88,7 +88,7 @@ def scored(controllers: Mapping[str, Controller], seed: int = HELD_OUT_SEED) -> 
     sea = replace(sea, experiment=replace(sea.experiment, controller=paper_controller()))
     result = compare({"paper": paper_controller(), **controllers}, sea, SCENARIOS, seed)
     paper, *ours = (_point(result, name) for name in result.contenders)
-    return Score(paper, tuple(ours), float(result.least_mse.mean()))
+    return Score(paper, tuple(ours), result.least_errors.means[0])
 
 
 def _point(result: Comparison, name: str) -> Point:

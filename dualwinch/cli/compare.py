@@ -79,6 +79,7 @@ def compare(
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:
         result = run(wanted, drawn, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")
+        result.find_least_errors(progress)
         facts = to_record(result)
     print_comparison(result)
     write_json(out, lambda: facts)
@@ -164,7 +165,8 @@ def to_record(result: Comparison) -> dict[str, Any]:
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES
 
-    first = next(iter(result.contenders))
+    first, bounds = next(iter(result.contenders)), result.least_errors
+    least, foreseeing = bounds.means
     files = [
         {
             "name": name,
@@ -182,9 +184,10 @@ def to_record(result: Comparison) -> dict[str, Any]:
         "scenarios_asked": result.asked,
         "intervals": {"method": METHOD, "confidence": CONFIDENCE, "resamples": RESAMPLES, "seed": result.seed},
         "beyond_authority": {
-            "scenarios": int((result.least_mse > 0).sum()),
-            "least_mean_mse": float(result.least_mse.mean()),
-            "least_mean_mse_foreseeing": float(result.least_mse_foreseeing.mean()),
+            "scenarios": bounds.infeasible,
+            "without_bound": bounds.unknown,
+            "least_mean_mse": least,
+            "least_mean_mse_foreseeing": foreseeing,
         },
         "units": statistics_table(result).record()["units"] | {"least_mean_mse": "m^2", "over_first": "1"},
         "files": files,
@@ -202,14 +205,17 @@ def print_comparison(result: Comparison) -> None:
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
     console.print(statistics_table(result, short_names(list(result.contenders))).render_down())
-    if beyond := int((result.least_mse > 0).sum()):
-        least, foreseeing = (1e6 * values.mean() for values in (result.least_mse, result.least_mse_foreseeing))
+    bounds = result.least_errors
+    if bounds.infeasible:
+        least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
         console.print(
-            f"{beyond} scenarios are infeasible: they need more force than the motors can "
-            f"deliver. Lower bound on their mean MSE: {least:.3g} mm² for a non-anticipating optimal controller, "
-            f"{foreseeing:.3g} mm² with full foresight.",
+            f"{bounds.infeasible} scenarios are infeasible: they need more force than the motors can "
+            f"deliver. Lower bound on the mean MSE of all: {least} mm² for a non-anticipating optimal controller, "
+            f"{foreseeing} mm² with full foresight.",
             soft_wrap=True,
         )
+    if bounds.unknown:
+        console.print(bounds.unknown_words, soft_wrap=True)
     if any(set(contender.outcome_counts) != {"completed"} for contender in result.contenders.values()):
         console.print("Statistics are those of the completed scenarios, ratios those of scenarios completed by both.")
     first, *others = result.contenders

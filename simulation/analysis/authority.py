@@ -5,15 +5,16 @@ optimal control problem: torques within their limits, chosen with full knowledge
 will do, on ropes that do not stretch. A real controller knows less, and has elastic ropes and noisy sensors in between.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.signals.signals import Signals, compile_fill
-from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.native import compile as compile_function
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.model.disturbance import Disturbance, vortex_force, vortex_frequency
@@ -27,6 +28,7 @@ from dualwinch.simulation.batch.scenarios import Scenarios, scenario_groups
 from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.exogenous.signals import Sea, exogenous_sources, sea_signals
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -204,15 +206,24 @@ def central_differences(values: ca.SX, step: float) -> tuple[ca.SX, ca.SX]:
     return (after - before) / (2 * step), (after - 2 * now + before) / step**2
 
 
-MILLIMETRES = 1e3
+CENTIMETRES = 1e2
 """Scale of the deviation in the solver."""
+
+INTERIOR_POINT = {
+    "mu_init": 1e-3,
+    "max_iter": 500,
+    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-4),
+}
+"""Options of IPOPT for a start that is feasible: little is done to lead it away from there."""
 
 
 def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int = 40) -> float:
     """Lower bound of the mean square error in m² of a run, whatever controls it; 0 where the motors can hold it.
 
     Minimises the mean of e² over the vehicle's motion, where the net force that it takes (`required_force`) is at most
-    ``tension_max - tension_min`` either way (paper Section 3.1.1); speed and acceleration by central differences.
+    ``tension_max - tension_min`` either way (paper Section 3.1.1); speed and acceleration by central differences. The
+    problem is not convex, drag and friction being what they are; the search begins at a motion that is feasible
+    (`saturated_motion`), without which it often ends at none.
 
     Args:
         experiment: what is run.
@@ -220,37 +231,128 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int 
             controller without a preview stays on it as long as it can.
         every: samples in a step of the optimal control problem.
 
-    Raises:
-        DualwinchError: the solver found no optimum.
+    Returns:
+        The bound; NaN where the motors cannot hold the run and the solver finds no optimum.
     """
     limit = experiment.controller.limits.strength
     outside, parameters = outside_at(experiment, every), force_parameters(experiment)
     beyond = np.abs(np.asarray(force_law()(outside, parameters), float).ravel()) > limit
     if not beyond.any():
         return 0.0
-    instants = outside.shape[1]
-    solver = _solver(instants, every * experiment.simulation.sample_time)
-    numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters)
+    instants, step = outside.shape[1], every * experiment.simulation.sample_time
+    solver = _solver(instants, step)
+    numbers = ca.vertcat(ca.vec(ca.DM(outside)), parameters, limit)
     until = 2 if anticipating else max(2, int(beyond.argmax()) + 1)  # position and speed at the start
     bounds = [*[0.0] * until, *[np.inf] * (instants - until)]
-    found = solver(x0=0.0, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-limit, ubg=limit)
-    if not solver.stats()["success"]:
-        raise DualwinchError(f"least_mse: IPOPT stopped with {solver.stats()['return_status']}")
-    return float(found["f"]) / MILLIMETRES**2
+    start = CENTIMETRES * saturated_motion(outside, parameters, limit, step)
+    found = solver(x0=start, p=numbers, lbx=[-bound for bound in bounds], ubx=bounds, lbg=-1.0, ubg=1.0)
+    return float(found["f"]) / CENTIMETRES**2 if solver.stats()["success"] else np.nan
+
+
+def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: float, rate: float = 1.0) -> Floats:
+    """A motion within the motors' force: deviations in m from the reference at every instant.
+
+    Instant by instant the deviation decays, unless that takes more force than there is; then it takes what there is.
+
+    Args:
+        outside: the reference and what acts on the vehicle, (7, instants).
+        parameters: of `force_law`.
+        limit: the force in N that the motors can give.
+        step: time in s between two instants.
+        rate: of the decay in 1/s.
+    """
+    law, given = force_law(), 0.999 * limit
+    deviation = np.zeros(outside.shape[1])
+    for k in range(1, len(deviation) - 1):
+        before, now = deviation[k - 1 : k + 1]
+
+        def force(after: float, k: int = k, before: float = before, now: float = now) -> float:
+            moved = outside[:, k].copy()
+            moved[1:4] += now, (after - before) / (2 * step), (after - 2 * now + before) / step**2
+            return float(law(moved, parameters))
+
+        after = now * (1 - rate * step)
+        asked = force(after)
+        if abs(asked) > given:
+            way, reach = np.sign(asked), step**2
+            while way * force(after - way * reach) > given:
+                reach *= 2
+            after = brentq(lambda value: way * force(value) - given, after - way * reach, after)  # noqa: B023
+        deviation[k + 1] = after
+    return deviation
+
+
+@dataclass(frozen=True)
+class LeastErrors:
+    """Lower bounds of the mean square errors of many runs, whatever controls them.
+
+    Attributes:
+        blind: (runs,) in m², of controllers that do not foresee what is to come; 0 within the actuators' authority,
+            NaN where that is exceeded and no bound could be found.
+        foreseeing: likewise, of controllers that do.
+    """
+
+    blind: Floats
+    foreseeing: Floats
+
+    @property
+    def infeasible(self) -> int:
+        """Number of runs that ask for more force than the motors can give."""
+        return int((self.blind != 0).sum())
+
+    @property
+    def unknown(self) -> int:
+        """Number of runs among them whose bounds could not be found."""
+        return int((~self._known).sum())
+
+    @property
+    def means(self) -> tuple[float, float]:
+        """Mean of both bounds in m² over the runs whose bounds are known; NaN without any."""
+        if not self._known.any():
+            return np.nan, np.nan
+        return float(self.blind[self._known].mean()), float(self.foreseeing[self._known].mean())
+
+    @property
+    def unknown_words(self) -> str:
+        """In how many runs no bound could be found, in a sentence; empty where all are known."""
+        if not self.unknown:
+            return ""
+        many = "scenario" if self.unknown == 1 else "scenarios"
+        return f"In {self.unknown} infeasible {many} the bound could not be found; the mean is over the others."
+
+    @property
+    def _known(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.blind) & np.isfinite(self.foreseeing)
+
+
+def least_errors(experiments: Sequence[Experiment], progress: Callable[[float], None] = no_progress) -> LeastErrors:
+    """Lower bounds of the errors of many runs (`least_mse`).
+
+    Args:
+        experiments: the runs.
+        progress: called now and then with the share that is done.
+    """
+    found = []
+    for done, experiment in enumerate(experiments, 1):
+        blind = least_mse(experiment)
+        found.append((blind, least_mse(experiment, anticipating=True) if blind != 0 else 0.0))
+        progress(done / len(experiments))
+    blind, foreseeing = np.array(found, float).reshape(-1, 2).T
+    return LeastErrors(blind, foreseeing)
 
 
 @GRAPHS.cached
 def _solver(instants: int, step: float) -> ca.Function:
-    """The optimal control problem: deviations from the reference in mm at so many instants, `step` s apart."""
+    """The optimal control problem: deviations from the reference in cm at so many instants, `step` s apart."""
     law = force_law()
-    deviation = ca.SX.sym("deviation", 1, instants)
+    deviation, limit = ca.SX.sym("deviation", 1, instants), ca.SX.sym("limit")
     outside, parameters = ca.SX.sym("outside", 7, instants), ca.SX.sym("parameters", law.numel_in(1))
-    moved = moved_by(outside, deviation / MILLIMETRES, step)
+    moved = moved_by(outside, deviation / CENTIMETRES, step)
     problem = {
         "x": ca.vec(deviation),
-        "p": ca.vertcat(ca.vec(outside), parameters),
+        "p": ca.vertcat(ca.vec(outside), parameters, limit),
         "f": ca.sumsqr(deviation) / instants,
-        "g": ca.vec(law(moved, parameters)),
+        "g": ca.vec(law(moved, parameters)) / limit,
     }
-    quiet = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
+    quiet = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", **INTERIOR_POINT}}
     return ca.nlpsol("least_mse", "ipopt", problem, quiet)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.authority import least_mse
+from dualwinch.simulation.analysis.authority import LeastErrors, least_errors
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
@@ -110,31 +110,20 @@ class Comparison:
         return self.first.partial
 
     @cached_property
-    def least_mse(self) -> Floats:
-        """(scenarios,) What no controller gets below that does not foresee them, in m² (`least_error`).
+    def least_errors(self) -> LeastErrors:
+        """What no controller gets below in each scenario."""
+        return self.find_least_errors()
 
-        0 in a scenario that asks for no more force than the motors can give.
+    def find_least_errors(self, progress: Callable[[float], None] = no_progress) -> LeastErrors:
+        """Find `least_errors`, which may take minutes where many scenarios are infeasible.
 
-        Raises:
-            DualwinchError: the solver found no optimum.
+        Args:
+            progress: called now and then with the share that is done.
         """
         scenarios = self.ensemble.scenarios(len(self), self.seed)
-        return np.array([least_mse(scenario.experiment) for scenario in scenarios])
-
-    @cached_property
-    def least_mse_foreseeing(self) -> Floats:
-        """(scenarios,) What no controller gets below that foresees all that is to come, in m²; 0 as in `least_mse`.
-
-        Raises:
-            DualwinchError: the solver found no optimum.
-        """
-        scenarios = self.ensemble.scenarios(len(self), self.seed)
-        return np.array(
-            [
-                least_mse(scenario.experiment, anticipating=True) if blind else 0.0
-                for scenario, blind in zip(scenarios, self.least_mse, strict=True)
-            ]
-        )
+        found = least_errors([scenario.experiment for scenario in scenarios], progress)
+        vars(self)["least_errors"] = found
+        return found
 
     def mean_mse_within_authority(self, name: str) -> float:
         """Mean of a controller's MSE in m² over the completed scenarios within the actuators' authority.
@@ -142,7 +131,7 @@ class Comparison:
         NaN without any.
         """
         contender = self.contenders[name]
-        values = contender.metrics["mse"][contender.completed & (self.least_mse == 0)]
+        values = contender.metrics["mse"][contender.completed & (self.least_errors.blind == 0)]
         return Statistic("mean", "mse").over(values)
 
     def paired(self, name: str) -> dict[str, Paired]:

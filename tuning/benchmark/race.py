@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.source.expressions import instructions
@@ -25,7 +24,7 @@ from dualwinch.controllers.controller import Controller, controller_function
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.analysis.authority import least_mse
+from dualwinch.simulation.analysis.authority import least_errors
 from dualwinch.simulation.batch.scenarios import experiment_of
 from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -452,7 +451,7 @@ def paper(
         watch: shows the progress.
 
     Raises:
-        DualwinchError: no compiler, no usable cache folder, or no optimum found.
+        DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
     scorer = Scorer(prepare(problem, workers, watch), workers=workers)
@@ -463,11 +462,7 @@ def paper(
     watch.phase(LEAST_PHASE)
     with_paper = problem.drawn(terms.held_out, terms.test_seed, problem.paper_experiment)
     experiments = [experiment_of(scenario) for scenario in with_paper]
-    least = np.array([least_mse(experiment) for experiment in experiments])
-    foreseeing = np.array(
-        [least_mse(each, anticipating=True) if bound else 0.0 for each, bound in zip(experiments, least, strict=True)]
-    )
-    return BaselineScore(runs, least, foreseeing)
+    return BaselineScore(runs, least_errors(experiments))
 
 
 BEGINS = {

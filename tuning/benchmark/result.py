@@ -221,16 +221,16 @@ class BenchmarkResult:
 
     def _least_words(self) -> str:
         """What no controller gets below, without and with foresight."""
-        least, foreseeing = self.paper.least, self.paper.least_foreseeing
-        beyond = int((least > 0).sum())
-        if not beyond:
+        least = self.paper.least
+        if not least.infeasible:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
-        without, given = (MILLIMETRES * math.sqrt(values.mean()) for values in (least, foreseeing))
-        return (
-            f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver. Lower bound "
-            f"on the RMS error: {without:.3g} mm for a non-anticipating optimal controller, {given:.3g} mm with full "
-            "foresight."
+        without, given = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in least.means)
+        words = (
+            f"{least.infeasible} of the scenarios are infeasible: they need more force than the motors can deliver. "
+            f"Lower bound on the RMS error: {without} mm for a non-anticipating optimal controller, {given} mm with "
+            "full foresight."
         )
+        return " ".join(filter(None, (words, least.unknown_words)))
 
     def ablations(self) -> list[list[str]]:
         """The paper's law without each of its parts: what is missing, the ratio, and whether they differ."""
@@ -298,15 +298,16 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything that was found, JSON-ready; `docs/race.md` says what the names mean."""
-        terms, least = self.terms, self.paper.least
+        terms, (without, given) = self.terms, self.paper.least.means
         return {
             **terms.to_record(),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
             "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
             "least": {
-                "beyond_authority": int((least > 0).sum()),
-                "without_foresight": float(least.mean()),
-                "with_foresight": float(self.paper.least_foreseeing.mean()),
+                "beyond_authority": self.paper.least.infeasible,
+                "without_bound": self.paper.least.unknown,
+                "without_foresight": without,
+                "with_foresight": given,
             },
             "paper": self.paper.runs.to_dict(),
             "entries": [self._entry(scored) for scored in self.ranking],
@@ -496,10 +497,10 @@ def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tup
     """Least errors in mm that are near those of the entries: value, dashes and name."""
     nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
     lines = (
-        (found.paper.least, (0, (4, 2)), "least error without foresight"),
-        (found.paper.least_foreseeing, (0, (1, 1.5)), "with foresight"),
+        ((0, (4, 2)), "least error without foresight"),
+        ((0, (1, 1.5)), "with foresight"),
     )
-    for values, dashes, name in lines:
-        value = _rms(float(values.mean()))
+    for mean, (dashes, name) in zip(found.paper.least.means, lines, strict=True):
+        value = _rms(mean)
         if value > NEAR * nearest:
             yield value, dashes, name

@@ -8,9 +8,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.simulation.analysis.authority import LeastErrors
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
+from dualwinch.simulation.results.file_formats import plain
 from dualwinch.simulation.results.outcomes import RunOutcomes, outcomes_from
 from dualwinch.tuning.benchmark.comparison import (
     finite_or_none,
@@ -103,27 +105,25 @@ class BaselineScore:
 
     Attributes:
         runs: of the paper's controller with the paper's gains.
-        least: (scenarios,) least mean square error in m² of a controller that does not foresee the scenario.
-        least_foreseeing: (scenarios,) that of one that does.
+        least: what no controller gets below in each scenario.
     """
 
     runs: ScoredRuns
-    least: Floats
-    least_foreseeing: Floats
+    least: LeastErrors
 
     def to_record(self) -> dict[str, Any]:
         """As JSON holds it."""
         return {
             "runs": self.runs.to_record(),
-            "least": self.least.tolist(),
-            "least_foreseeing": self.least_foreseeing.tolist(),
+            "least": plain(self.least.blind),
+            "least_foreseeing": plain(self.least.foreseeing),
         }
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """What `to_record` took apart."""
         runs = ScoredRuns.from_record(record["runs"])
-        return cls(runs, *(np.array(record[name], float) for name in ("least", "least_foreseeing")))
+        return cls(runs, LeastErrors(*(np.array(record[name], float) for name in ("least", "least_foreseeing"))))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.analysis import authority
 from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.experiment import Experiment
@@ -103,6 +104,20 @@ def test_json_says_null_where_nothing_completed() -> None:
     facts = json.loads(json_text(to_record(Comparison(sea, {"a": lost, "b": lost}))))
     assert facts["files"][0]["mean_mse"] is None
     assert facts["files"][1]["over_first"]["mse"]["ratio_of_means"]["low"] is None
+
+
+def test_a_bound_that_cannot_be_found_does_not_lose_the_comparison(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bounds = iter((np.nan, np.nan, 1e-6, 5e-7, 0.0))
+    monkeypatch.setattr(authority, "least_mse", lambda *_, **__: next(bounds))
+    main(["compare", "paper", *SHORT, "--out", str(tmp_path / "c.json")])
+    said = capsys.readouterr().out
+    assert "2 scenarios are infeasible" in said
+    assert "mean MSE of all: 0.5 mm²" in said
+    assert "In 1 infeasible scenario the bound could not be found; the mean is over the others." in said
+    beyond = json.loads((tmp_path / "c.json").read_text())["beyond_authority"]
+    assert (beyond["scenarios"], beyond["without_bound"], beyond["least_mean_mse"]) == (2, 1, 5e-7)
 
 
 @pytest.mark.parametrize(

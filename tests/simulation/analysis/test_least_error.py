@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.controllers.registry import COORDINATIONS, POSITION_LAWS
-from dualwinch.simulation.analysis.authority import least_mse
+from dualwinch.simulation.analysis.authority import LeastErrors, least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -58,3 +58,28 @@ def test_no_controller_gets_below_and_foresight_helps() -> None:
     blind, clairvoyant = (least_mse(experiment, anticipating=ahead) for ahead in (False, True))
     assert 0 < clairvoyant < blind < simulate(experiment).metrics.mse
     assert np.isfinite(blind)
+
+
+def test_the_bound_is_found_for_a_light_machine_with_much_drag() -> None:
+    """From the reference, which is not feasible, the solver ends at a point that is not feasible either."""
+    light = {
+        "plant.track.length": 90.0,
+        "plant.vehicle.mass": 2200.0,
+        "plant.vehicle.drag_coefficient": 1.0,
+        "plant.vehicle.drag_area": 2.0,
+        "plant.vehicle.diameter": 1.2,
+        "disturbance.vortex_amplitude": 0.3,
+        "controller.coordination.tension_min": 300.0,
+        "controller.coordination.tension_max": 4300.0,
+    }
+    experiment = override(case(4), light)
+    assert 0 < least_mse(experiment, anticipating=True) < least_mse(experiment) < 1
+
+
+def test_runs_whose_bound_is_unknown_are_infeasible_and_left_out_of_the_mean() -> None:
+    found = LeastErrors(np.array([0.0, 2.0, np.nan, 4.0]), np.array([0.0, 1.0, np.nan, np.nan]))
+    assert (found.infeasible, found.unknown, found.means) == (3, 2, (1.0, 0.5))
+    assert found.unknown_words.startswith("In 2 infeasible scenarios the bound could not be found")
+    assert not LeastErrors(np.zeros(3), np.zeros(3)).unknown_words
+    none = LeastErrors(np.full(1, np.nan), np.full(1, np.nan))
+    assert np.isnan(none.means).all()

@@ -141,9 +141,10 @@ def test_foresight_could_reach_less_error_where_motors_lack_force_and_only_there
     sea, weak = load_ensemble("sea"), replace(paper_controller(), limits=Limits(tension_max=4600.0))
     experiment = replace(override(sea.experiment, {"simulation.duration": 20.0}), controller=weak)
     result = compare({"weak": weak}, replace(sea, experiment=experiment), 4, 1)
-    lacking = result.least_mse > 0
+    least = result.least_errors
+    lacking = least.blind > 0
     assert lacking.any()
-    assert np.all(result.least_mse_foreseeing[lacking] < result.least_mse[lacking])
-    assert np.all(result.least_mse_foreseeing[lacking] > 0)
-    assert np.all(result.least_mse_foreseeing[~lacking] == 0)
-    assert np.all(result.contenders["weak"].metrics["mse"] > result.least_mse)
+    assert np.all(least.foreseeing[lacking] < least.blind[lacking])
+    assert np.all(least.foreseeing[lacking] > 0)
+    assert np.all(least.foreseeing[~lacking] == 0)
+    assert np.all(result.contenders["weak"].metrics["mse"] > least.blind)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dualwinch.simulation.analysis.authority import LeastErrors
 from dualwinch.tuning.benchmark.entries import CONSTANT_GAIN, BenchmarkEntry, BenchmarkTerms
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import BaselineScore, EntryResult, FrontPoint, ScoredRuns, SearchRecord
@@ -52,5 +53,5 @@ def made_up(least: float = 0.0, foreseeing: float = 0.0) -> BenchmarkResult:
         scored("fando-nftsm", 0.7, CONSTANT_GAIN),
         scored("nftsm", 0.102),
     )
-    paper = BaselineScore(runs(1.0), np.full(SCENARIOS, least), np.full(SCENARIOS, foreseeing))
+    paper = BaselineScore(runs(1.0), LeastErrors(np.full(SCENARIOS, least), np.full(SCENARIOS, foreseeing)))
     return BenchmarkResult(TERMS, paper, entries)
