@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.signals.signals import Signals, compile_fill
@@ -277,7 +277,8 @@ def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: fl
             way, reach = np.sign(asked), step**2
             while way * force(after - way * reach) > given:
                 reach *= 2
-            after = brentq(lambda value: way * force(value) - given, after - way * reach, after)  # noqa: B023
+            bracket = (after - way * reach, after)
+            after = root_scalar(lambda value, way=way, force=force: way * force(value) - given, bracket=bracket).root
         deviation[k + 1] = after
     return deviation
 

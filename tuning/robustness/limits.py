@@ -89,7 +89,10 @@ A study's own constraints come before them: they take the place of those on the 
 """
 
 WORSE = 2.0
-"""How many times as bad as in the base gains may become that do not keep to a constraint even there."""
+"""How many times as bad as in the base gains may become that do not keep to a constraint even there.
+
+Unless that bounds nothing or the ropes bear too much already (`failures`).
+"""
 
 COMPLETED = "completed"
 
@@ -168,10 +171,22 @@ class RobustnessLimit:
         return self.constraint is not self.asked
 
     @property
+    def of_paper(self) -> bool:
+        """Whether the constraint was asked for as a factor on what the paper's gains reach."""
+        return self.asked.text.endswith("paper")
+
+    @property
+    def vacuous(self) -> bool:
+        """Whether nothing can break it: a share of 1, or a tension of at least 0 N."""
+        constraint = self.constraint
+        if constraint.at_least:
+            return constraint.bound <= 0
+        return unit_of(constraint.statistic.quantity) == SHARE and constraint.bound >= 1
+
+    @property
     def words(self) -> str:
         """The constraint as asked for, as a number, and as the factor on what the paper's gains reach."""
-        factor = self.asked.text.partition("=")[2].strip()
-        return self.asked.label + (f" ({factor})" if factor.endswith("paper") else "")
+        return self.asked.label + (f" ({self.asked.text.partition('=')[2].strip()})" if self.of_paper else "")
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready."""
@@ -239,6 +254,29 @@ def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledR
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
         found.append(RobustnessLimit(asked if asked.violation(reached, near) <= 0 else eased, asked))
     return tuple(found)
+
+
+def failures(limits: Sequence[RobustnessLimit], runs: ScaledRuns, tension_max: float) -> tuple[BrokenLimit, ...]:
+    """Why gains fail already in the base; nothing where they are good enough to be tried further.
+
+    A run was not completed, a tension is beyond what ropes and motors bear, or a broken bound on a share or a tension
+    would become one that nothing can break if it were eased.
+
+    Args:
+        limits: of these gains (`limits_of`).
+        runs: what they came to in the base.
+        tension_max: upper force limit of their winches in N.
+    """
+    if lost := broken((), runs):
+        return lost
+    asked = [RobustnessLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
+    hopeless = {limit.asked for limit in limits if limit.vacuous}
+    return tuple(
+        found
+        for limit in asked
+        for found in broken([limit], runs)
+        if limit.asked in hopeless or (found.what == "peak_tension" and found.value > tension_max)
+    )
 
 
 def broken(limits: Sequence[RobustnessLimit], runs: ScaledRuns) -> tuple[BrokenLimit, ...]:

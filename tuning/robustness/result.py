@@ -85,7 +85,7 @@ class RobustnessResult:
         scaling: base, ensemble, imperfections, number of scenarios and seed.
         controllers: name → controller, that with the paper's gains first.
         limits: name → what those gains are held to.
-        lost: name → how runs in the base ended that were not completed; such gains are not made to bear more.
+        lost: name → why gains fail already in the base (`limits.failures`); such gains are not made to bear more.
         rows: imperfections.
     """
 
@@ -97,7 +97,7 @@ class RobustnessResult:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the gains that hold without any imperfection."""
+        """Names of the gains that do not fail without any imperfection."""
         return tuple(name for name in self.controllers if not self.lost[name])
 
     @cached_property
@@ -144,13 +144,17 @@ class RobustnessResult:
 
     def notes(self) -> list[str]:
         """What a reader has to know of the table: the limits, gains that break them in the base, and ends of ranges."""
-        asked = next(iter(self.limits.values()))
+        asked = self.limits[next(iter(self.names), PAPER)]
         words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
         for name, limits in self.limits.items():
             if self.lost[name]:
-                none = name == PAPER and sum(each.value for each in self.lost[name]) == self.scaling.count
-                left_out = "; bounds that are multiples of what it reaches are left out" if none else ""
-                words.append(f"{name}: breaks without any imperfection, {self.lost[name][0].words}{left_out}")
+                why = ", ".join(broken.words for broken in self.lost[name])
+                own = (
+                    "; others are held to multiples of what they reach in the base themselves"
+                    if name == PAPER and len(self.limits) > 1 and any(limit.of_paper for limit in self.limits[name])
+                    else ""
+                )
+                words.append(f"{name}: fails already in the base, {why}{own}")
                 continue
             eased = "; ".join(limit.constraint.label for limit in limits if limit.eased)
             if eased:

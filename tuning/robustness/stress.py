@@ -37,6 +37,7 @@ from dualwinch.tuning.robustness.limits import (
     ScaledRuns,
     broken,
     constraints_of,
+    failures,
     limits_of,
 )
 from dualwinch.tuning.robustness.result import PAPER, Breakdown, ImperfectionResult, RobustnessResult
@@ -309,7 +310,10 @@ def breakdowns(
     bench.compile(controllers.values(), [{}, *tried])
     plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
-    lost = {name: broken((), runs) for name, runs in plain.items()}
+    lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
+    if lost[PAPER]:  # what it reaches says nothing: others are held to multiples of what they reach themselves
+        others = {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
+        limits |= others
     found = {
         name: _breaks(bench, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()

@@ -3,7 +3,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.robustness.limits import DEFAULTS, ScaledRuns, broken, constraints_of, limits_of
+from dualwinch.tuning.robustness.limits import DEFAULTS, ScaledRuns, broken, constraints_of, failures, limits_of
 
 EXPERIMENT = Experiment()
 
@@ -90,3 +90,32 @@ def test_who_is_just_on_a_bound_of_its_own_may_become_twice_as_bad_too() -> None
     assert peak.eased
     assert least.eased
     assert peak.constraint.bound == 2 * peak.asked.bound
+
+
+@pytest.mark.parametrize(
+    ("reached_in_base", "words"),
+    [
+        ({"slack_share": (0.0, 0.745)}, ["slack share 74.5 % > 0 %"]),
+        ({"min_tension": (0.0, 150.0)}, ["min tension 0 N < 120 N"]),
+        ({"peak_tension": (638970.0, 1.0)}, ["peak tension 638970 N > 6000 N"]),
+        ({"slack_share": (0.0, 0.00256)}, []),
+        ({"min_tension": (80.0, 150.0)}, []),
+        ({"mse": (30.0, 49.0)}, []),
+    ],
+)
+def test_gains_fail_in_the_base_where_an_eased_bound_would_bound_nothing(
+    reached_in_base: dict[str, tuple[float, float]], words: list[str]
+) -> None:
+    noted = ("worst.min_tension>=120", "worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=4*paper")
+    good = reached(GOOD, {"min_tension": (200.0, 150.0)}, reached_in_base)
+    limits = limits_of(constraints_of(noted, (), EXPERIMENT), good, good)
+    assert [each.words for each in failures(limits, good, 6000.0)] == words
+
+
+def test_a_peak_below_what_ropes_bear_is_eased() -> None:
+    good = reached(GOOD)
+    limits = limits_of(constraints_of(("worst.peak_tension<=5000",), (), EXPERIMENT), good, good)
+    assert failures(limits, good, 6000.0) == ()
+    assert failures(limits, good, 5400.0)
+    lost = reached(GOOD, outcomes=("left_track", "completed"))
+    assert [each.words for each in failures(limits, lost, 6000.0)] == ["left track in 1 scenario"]

@@ -117,7 +117,31 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
     assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
     assert found.names == ("paper",)
     assert set(found.rows[0].breaks) == {"paper"}
-    assert "wild: breaks without any imperfection, left track in 1 scenario" in repr(found)
+    assert "wild: fails already in the base, left track in 1 scenario" in repr(found)
+
+
+def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Paper gains that are unstable on a machine would let an error of tens of m² pass."""
+    whole = bench.run_grid
+
+    def slack(scenarios: np.ndarray, **options: Any):
+        runs = whole(scenarios, **options)
+        if scenarios[0, 0].experiment.controller == paper_controller():
+            runs.metrics["slack_share"][:] = 0.7
+            runs.metrics["mse"][:] = 50.0
+        return runs
+
+    monkeypatch.setattr(bench, "run_grid", slack)
+    base = bare()
+    constraints = constraints_from(["worst.slack_share<=0", "worst.mse<=4*paper"], base.experiment)
+    own = {"paper": paper_controller(), "own": Controller(limits=Limits(preload=3e3))}
+    found = breakdowns(own, base, of(DRUMS, base), constraints, scenarios=2, seed=0)
+    assert [each.words for each in found.lost["paper"]] == ["slack share 70 % > 0 %"]
+    assert found.names == ("own",)
+    assert found.limits["own"][1].constraint.bound < 1
+    assert "paper: fails already in the base, slack share 70 % > 0 %; others are held" in repr(found)
 
 
 def test_what_cannot_be_asked_for_is_refused() -> None:
