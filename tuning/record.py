@@ -46,7 +46,14 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     others = [name for name in ("start", "paper") if name in verdict.shown]
     lines = ["The best gains of a study by `dualwinch tune`."]
     lines += [f"{name}: {value}" for name, value in facts.items()]
-    lines += [worth(tuned), headline(tuned), tested(tuned), *problem.choices, *contenders(tuned)]
+    lines += [
+        worth(tuned),
+        headline(tuned),
+        *(f"note: {words}" for words in tuned.remarks),
+        tested(tuned),
+        *problem.choices,
+        *contenders(tuned),
+    ]
     lines += [f"trial: {best.number if verdict.improved else 'the start'}"]
     lines += [f"objective: {', '.join(objective.name for objective in problem.objectives)}"]
     lines += [f"feasible: {_yes(best.feasible)} where tuned, {_yes(scored.feasible)} {where(tuned)}"]
@@ -121,6 +128,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             if verdict.has_test_set and problem.objectives[0].kind == "mean"
             else None,
             "contradiction": verdict.contradiction or None,
+            "remarks": list(tuned.remarks),
             "settings": tuned.gains,
             "at_bounds": dict(gains_at_bounds(tuned)),
             "training": _scores(verdict.best),

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
+from dualwinch.simulation.analysis.remarks import loop_remarks
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method
@@ -92,6 +94,11 @@ class TuningResult:
         """The experiment with the best gains."""
         return self.problem.tuned(self.verdict.best.point)
 
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What `simulate` and `export` will say of the best's loop on the nominal machine (`loop_remarks`)."""
+        return tuple(loop_remarks(self.best))
+
     @property
     def gains(self) -> dict[str, Any]:
         """Every tuned key of the best and its value."""
@@ -107,6 +114,7 @@ class TuningResult:
             headline(self),
             tested(self),
             endings(self),
+            *self.remarks,
             authority(self),
             widen(self),
             too_short(self),

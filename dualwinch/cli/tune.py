@@ -434,6 +434,8 @@ def print_study(tuned: TuningResult) -> None:
 
     say(styled("bold", worth(tuned)))
     say(headline(tuned))
+    for words in tuned.remarks:
+        say(styled("yellow", "note", f": {words}"))
     names, rows = statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
     console.print(FigureTable("statistics", columns, rows).render())
@@ -442,15 +444,9 @@ def print_study(tuned: TuningResult) -> None:
     for constraint in verdict.constraints:
         kept = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
-    for words in filter(None, (tested(tuned), *margin_places(tuned))):
+    further = (*margin_places(tuned), widen(tuned), too_short(tuned), endings(tuned), authority(tuned))
+    for words in filter(None, (tested(tuned), *further)):
         say(words)
-    if at_bounds := widen(tuned):
-        say(at_bounds)
-    if lacking := too_short(tuned):
-        say(lacking)
-    say(endings(tuned))
-    if beyond := authority(tuned):
-        say(beyond)
     for number, sentence in enumerate(advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")
     say_idealised(idealisations(tuned.best))

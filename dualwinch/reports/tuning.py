@@ -79,7 +79,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         folder=folder,
         constraints=f"Constraints of the search: {kept}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
-        authority=" ".join(filter(None, map(_sentence, (authority(tuned), too_short(tuned))))),
+        authority=" ".join(filter(None, map(_sentence, (*tuned.remarks, authority(tuned), too_short(tuned))))),
         where=where(tuned),
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),

@@ -146,6 +146,8 @@ class RobustnessResult:
         """What a reader has to know of the table: the limits, gains that break them in the base, and ends of ranges."""
         asked = self.limits[next(iter(self.names), PAPER)]
         words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
+        if self.lost[PAPER]:
+            words = [words[0].replace("*paper)", "*its own)")]
         for name, limits in self.limits.items():
             if self.lost[name]:
                 why = ", ".join(broken.words for broken in self.lost[name])

@@ -101,6 +101,19 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert rollouts > 40
 
 
+def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_wherever_it_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the function that `simulate` and `export` use."""
+    words = "unstable at small amplitudes: at rest at 25 m deviations grow by 1.2 1/s"
+    monkeypatch.setattr("dualwinch.tuning.result.loop_remarks", lambda _: iter([words]))
+    assert dualwinch("tune", *SHORT, "--trials", 16, "--out", tmp_path) == 0
+    assert f"\nnote: {words}\n" in capsys.readouterr().out
+    assert f"# note: {words}\n" in (tmp_path / "best.toml").read_text()
+    assert json.loads((tmp_path / "study.json").read_text())["best"]["remarks"] == [words]
+    assert f"U{words[1:]}." in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_a_deterministic_study_with_several_objectives_has_a_front(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -141,6 +141,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     assert [each.words for each in found.lost["paper"]] == ["slack share 70 % > 0 %"]
     assert found.names == ("own",)
     assert found.limits["own"][1].constraint.bound < 1
+    assert "(4*its own)" in repr(found)
     assert "paper: fails already in the base, slack share 70 % > 0 %; others are held" in repr(found)
 
 
