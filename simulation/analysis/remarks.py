@@ -1,8 +1,9 @@
 """What an outcome does not say of a run: slack ropes, forces at their limit, chatter, a loop that is unstable."""
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,12 +27,14 @@ class RemarkLimits:
         torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
             rope is carried along at its least tension.
         unusual: ratio of a value of the machine to its default, or of that to it.
+        resized: the same, of a rope or winch that wants other tension limits than the paper's.
     """
 
     chatter: float = 0.01
     saturated: float = 0.05
     torque_saturated: float = 0.6
     unusual: float = 300.0
+    resized: float = 1.5
 
 
 WINCHES = ("winch_1", "winch_2")
@@ -40,6 +43,8 @@ ROPES = ("rope_1", "rope_2")
 DEPENDENT: dict[str, tuple[str, ...]] = {
     "plant.vehicle.normal_force": ("plant.vehicle.mass",),
     "plant.vehicle.drag_area": ("plant.vehicle.diameter", "plant.vehicle.height"),
+    "plant.vehicle.diameter": ("plant.vehicle.drag_area",),
+    "plant.vehicle.height": ("plant.vehicle.drag_area",),
     **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPES},
     **{f"plant.{winch}.inertia": (f"plant.{winch}.drum_radius",) for winch in WINCHES},
     **{
@@ -76,7 +81,48 @@ def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str
     return [
         f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; if meant, give it"
         for others, keys in alike.items()
+    ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
+
+
+def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
+    """Say that a drag area may be meant as the product with the drag coefficient, which is still the paper's."""
+    area, coefficient = "plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"
+    given = area in own or values[area] != usual[area]
+    if given and coefficient not in own and values[coefficient] == usual[coefficient]:
+        yield (
+            f"{coefficient} = {usual[coefficient]:g}: still the paper's, times drag_area = {values[area]:g} m^2; where "
+            "that is a drag area Cd A, give drag_coefficient = 1"
+        )
+
+
+TENSIONS = ("preload", "tension_min", "tension_max")
+"""Keys of ``controller.coordination`` that are of the paper's ropes and motors."""
+
+SIZES = (
+    *(f"plant.{rope}.{size}" for rope in ROPES for size in ("area", "diameter")),
+    *(f"plant.{winch}.{size}" for winch in WINCHES for size in ("drum_radius", "gear_ratio")),
+)
+"""Sizes that say for which tensions ropes and winches are made."""
+
+
+def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
+    """Say that tensions are still those of the paper's ropes and motors, which these are not."""
+    factor = RemarkLimits().resized
+    resized = [
+        key
+        for key in SIZES
+        if key in values and min(values[key], usual[key]) > 0
+        if max(values[key] / usual[key], usual[key] / values[key]) > factor
     ]
+    keys = {name: f"controller.coordination.{name}" for name in TENSIONS}
+    left = [name for name, key in keys.items() if key not in own and values.get(key) == usual[key]]
+    if resized and left:
+        tensions = ", ".join(f"{name} = {usual[keys[name]]:g}" for name in left)
+        sizes = ", ".join(dict.fromkeys(starred(key) if swapped(key) in resized else key for key in resized))
+        yield (
+            f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
+            "if meant, give them"
+        )
 
 
 def swapped(words: str) -> str:
@@ -109,10 +155,11 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
 
 
 def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]:
-    """Say in words what is wrong with a run, or with its loop (`loop_remarks`).
+    """Say in words what is wrong with a run's loop (`loop_remarks`), and with the run.
 
-    The loop is looked at where the plant is not the default one, or the run chatters or was not completed: then it has
-    no figures of merit that could say anything.
+    An unstable loop comes first, as the cause of all else; what would help a stable one is left out then. The loop is
+    looked at where the plant is not the default one, or the run chatters or was not completed: then it has no figures
+    of merit that could say anything.
 
     Args:
         result: the run.
@@ -120,20 +167,22 @@ def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]
     """
     metrics, limits, experiment = result.metrics, limits or RemarkLimits(), result.experiment
     half = experiment.controller.limits.preload / 2
+    chatters = metrics.chatter > limits.chatter * half
+    looked_at = chatters or result.outcome != "completed" or experiment.plant != Experiment().plant
+    unstable = list(loop_remarks(experiment)) if looked_at else []
+    yield from unstable
     if metrics.slack_share > 0:
-        yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples: more preload, or slower"
+        advice = "" if unstable else ": more preload, or slower"
+        yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples{advice}"
     if metrics.saturated_share > limits.saturated:
         yield f"the force command is beyond its limit in {100 * metrics.saturated_share:.3g} % of the samples"
     if metrics.torque_saturated_share > limits.torque_saturated:
         yield f"a motor torque is at its limit in {100 * metrics.torque_saturated_share:.3g} % of the samples"
-    chatters = metrics.chatter > limits.chatter * half
     if chatters:
         yield (
             f"it chatters: tensions jump by {metrics.chatter:.3g} N a sample, {100 * metrics.chatter / half:.2g} % of "
             "their mean"
         )
-    if chatters or result.outcome != "completed" or experiment.plant != Experiment().plant:
-        yield from loop_remarks(experiment)
 
 
 def loop_remarks(experiment: Experiment) -> Iterator[str]:

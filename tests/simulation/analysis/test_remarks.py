@@ -39,10 +39,22 @@ def test_a_loop_that_is_unstable_at_small_amplitudes_is_said() -> None:
         assert any("unstable at small amplitudes: at rest at 25 m" in words for words in remarks(each))
 
 
+def test_an_unstable_loop_is_said_first_and_no_preload_is_advised() -> None:
+    late = override(SHORT, {"simulation.delay_samples": 40, "plant.winch_1.inertia": 2.5})
+    run = simulate(late)
+    slack = replace(run, metrics=replace(run.metrics, slack_share=0.8))
+    first, *others = remarks(slack)
+    assert first.startswith("unstable at small amplitudes")
+    assert "a rope is slack in 80 % of the samples" in others
+    stable = simulate(SHORT)
+    (said,) = remarks(replace(stable, metrics=replace(stable.metrics, slack_share=0.8)))
+    assert said == "a rope is slack in 80 % of the samples: more preload, or slower"
+
+
 def test_defaults_that_do_not_follow_are_said() -> None:
     assert defaults_left(SHORT) == []
     other = override(
-        SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.4, "controller.winch_1.kp": 1e-3}
+        SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.6, "controller.winch_1.kp": 1e-3}
     )
     assert defaults_left(other) == [
         "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height; if meant, give it",
@@ -51,20 +63,50 @@ def test_defaults_that_do_not_follow_are_said() -> None:
             "not following plant.winch_1.drum_radius; if meant, give it"
         ),
     ]
-    (said,) = defaults_left(other, {"plant.vehicle.drag_area", "controller.winch_1.ki"})
+    meant = {"plant.vehicle.drag_area", "plant.vehicle.drag_coefficient", "controller.winch_1.ki"}
+    (said,) = defaults_left(other, meant)
     assert said.startswith("plant.winch_1.inertia = 1.8: still the default")
     (said,) = defaults_left(override(SHORT, {"plant.vehicle.mass": 3000.0}))
     assert said.startswith("plant.vehicle.normal_force = 4900: still the default, not following plant.vehicle.mass")
-    both = override(SHORT, {f"plant.winch_{number}.gear_ratio": 20.0 for number in (1, 2)})
+    both = override(SHORT, {f"plant.winch_{number}.gear_ratio": 30.0 for number in (1, 2)})
     assert defaults_left(both) == [
         (
             "controller.winch_*.kp = 0.0005, controller.winch_*.ki = 0.02: still the defaults, "
             "not following plant.winch_*.gear_ratio; if meant, give it"
         )
     ]
-    assert defaults_left(override(SHORT, {"plant.rope_2.area": 3e-4})) == [
+    assert defaults_left(override(SHORT, {"plant.rope_2.area": 4e-4})) == [
         "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area; if meant, give it"
     ]
+
+
+def test_tensions_of_the_papers_ropes_and_motors_are_said_on_others_in_one_line() -> None:
+    sizes = {f"plant.{rope}.area": 1e-4 for rope in ("rope_1", "rope_2")} | {"plant.winch_1.drum_radius": 0.5}
+    other = override(SHORT, sizes)
+    words = (
+        "controller.coordination: preload = 2000, tension_min = 200, tension_max = 6000 N: still of the paper's ropes "
+        "and motors, not following plant.rope_*.area, plant.winch_1.drum_radius; if meant, give them"
+    )
+    assert words in defaults_left(other)
+    given = {f"controller.coordination.{name}" for name in ("preload", "tension_max")}
+    (said,) = (line for line in defaults_left(other, given) if "coordination" in line)
+    assert said.startswith("controller.coordination: tension_min = 200 N: still")
+    less = override(SHORT, {"plant.winch_1.drum_radius": 0.6})
+    assert not any("coordination" in line for line in defaults_left(less)), "no more than 1.5 times"
+
+
+def test_a_drag_area_beside_the_papers_coefficient_is_said() -> None:
+    other = override(SHORT, {"plant.vehicle.drag_area": 2.0})
+    diameter, coefficient = defaults_left(other, {"plant.vehicle.drag_area"})
+    assert diameter == (
+        "plant.vehicle.diameter = 2, plant.vehicle.height = 3: still the defaults, not following "
+        "plant.vehicle.drag_area; if meant, give it"
+    )
+    assert coefficient == (
+        "plant.vehicle.drag_coefficient = 0.3: still the paper's, times drag_area = 2 m^2; where that is a drag area "
+        "Cd A, give drag_coefficient = 1"
+    )
+    assert len(defaults_left(other, {"plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"})) == 1
 
 
 def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_not() -> None:
