@@ -195,7 +195,7 @@ def own_parts_to_toml(experiment: Experiment) -> str:
 
 def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
     """Lines of some keys of an experiment, table by table."""
-    values, taken = leaves(experiment), _taken_from_elsewhere(experiment)
+    values, taken, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment, described)
     tables: dict[str, list[tuple[str, str]]] = {}
     headings: dict[str, Quantity] = {}
     lines: list[str] = []
@@ -210,7 +210,13 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collec
         entry = f"{name} = {toml_value(value)}"
         if value is None:
             entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
-        mark = "" if given is None or key in given else "PAPER: " if "aper" in _origin(leaf) else "DEFAULT: "
+        mark = (
+            ""
+            if given is None or key in given or key in unused
+            else "PAPER: "
+            if "aper" in _origin(leaf)
+            else "DEFAULT: "
+        )
         tables.setdefault(table, []).append((entry, mark + _comment(leaf)))
     for table, entries in tables.items():
         width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
@@ -229,6 +235,21 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
         "reference.speed": cruise_speed(experiment.reference),
         "simulation.duration": experiment.duration,
     }
+
+
+def _unused(experiment: Experiment, described: Mapping[str, Leaf]) -> set[str]:
+    """Keys of the paper's motions that say nothing where a motion of one's own takes their place."""
+    kind = experiment.reference.kind
+    if kind in {"uniform", "profile"}:
+        return set()
+    kinds = described["reference.kind"].choices if "reference.kind" in described else ()
+    others = {
+        key
+        for key, leaf in described.items()
+        if key.startswith("reference.") and leaf.quantity.meaning.partition(":")[0] in {*kinds} - {kind}
+    }
+    of_all = {"reference.speed", "reference.jerk_limit"} if kind == "file" else set[str]()
+    return {"simulation.duration"} | others | of_all
 
 
 def _origin(leaf: Leaf) -> str:

@@ -209,6 +209,21 @@ def test_config_marks_what_is_still_the_papers(tmp_path: Path, capsys: pytest.Ca
     assert lines["added_mass"].startswith("DEFAULT: [kg]")
 
 
+@pytest.mark.parametrize("kind", ["file", "way-points"])
+def test_config_does_not_mark_what_a_motion_of_ones_own_replaces(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "motion.csv").write_text("t,x\n0,10\n10,20\n20,10\n")
+    own = 'file = "motion.csv"\nunit = "m"\n' if kind == "file" else "points = [10, 20]\n"
+    (tmp_path / "mine.toml").write_text(f'[reference]\nkind = "{kind}"\n{own}')
+    main(["config", "--config", str(tmp_path / "mine.toml")])
+    tables = capsys.readouterr().out.partition("[reference]")[2]
+    marked = [line for line in tables.partition("[disturbance]")[0].splitlines() if "PAPER: " in line]
+    assert [line.partition(" =")[0] for line in marked] == ([] if kind == "file" else ["# speed", "acceleration"])
+    (duration,) = (line for line in tables.splitlines() if line.startswith("# duration"))
+    assert "PAPER" not in duration
+
+
 def test_marks_stay_until_they_are_taken_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, whole = tmp_path / "mine.toml", tmp_path / "whole.toml"
     mine.write_text("[plant.vehicle]\nmass = 3000\n")
