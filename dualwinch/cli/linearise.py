@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -416,7 +417,7 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
     from dualwinch.model.linear.properties import dc_gains
     from dualwinch.model.quantities.tree import numbers
 
-    console, found, small = terminal(), modes(system, plant), len(system.states) <= SMALL
+    console, found, small = terminal(), listed(modes(system, plant), closed=closed), len(system.states) <= SMALL
     console.print(styled("bold", "operating point"))
     columns = _point_columns(*numbers(point), point=point)
     tables = [FigureTable("operating_point", columns, [list(numbers(point).values())])]
@@ -436,7 +437,9 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
             console.print(_matrix(name, "", system.states, map(FigureColumn, inputs), getattr(system, name)).render())
     console.print(styled("bold", "\nmodes"))
     tables += [
-        FigureTable("modes", _mode_columns(system.dt), list(map(_mode_row, found))),
+        FigureTable(
+            "modes", _mode_columns(system.dt, closed=closed), [_mode_row(mode, closed=closed) for mode in found]
+        ),
         FigureTable(
             "participation",
             (FigureColumn("mode", ""), FigureColumn("state", ""), FigureColumn("share", factor=100)),
@@ -445,7 +448,8 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
         FigureTable("sampling", (FigureColumn("samples_per_period"),), [(SAMPLES_A_PERIOD,)]),
     ]
     console.print(tables[3].render())
-    console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
+    if not closed:
+        console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
     console.print(styled("bold", "\nparticipation of the states"))
     shares = [
         (mode.label, ", ".join(f"{name} {100 * mode.participation[name]:.3g} %" for name in mode.main_states))
@@ -521,8 +525,11 @@ def print_sweep(
     ]
 
 
-def _mode_columns(dt: float | None) -> tuple[FigureColumn, ...]:
-    """Of a mode; eigenvalues of a sampled system are those of a sample, and both parts are printed as one."""
+def _mode_columns(dt: float | None, *, closed: bool = False) -> tuple[FigureColumn, ...]:
+    """Of a mode; eigenvalues of a sampled system are those of a sample, and both parts are printed as one.
+
+    A closed loop has a sample rate: that which a mode needs is in files alone.
+    """
     unit = "1/s" if dt is None else "1"
     return (
         FigureColumn("mode", ""),
@@ -532,16 +539,44 @@ def _mode_columns(dt: float | None) -> tuple[FigureColumn, ...]:
         FigureColumn("natural_frequency", "Hz", "Hz"),
         FigureColumn("damping", form=".3g"),
         FigureColumn("time_constant", "s", "decay (s)"),
-        FigureColumn("sample_rate", "Hz", "f_s (Hz)"),
-        FigureColumn("deadbeat", "", "", words={True: "deadbeat", False: ""}),
+        FigureColumn("sample_rate", "Hz", "f_s (Hz)", form="" if closed else ".4g"),
+        FigureColumn("deadbeat", "", form=""),
+        FigureColumn("unstable", "", form=""),
+        FigureColumn("remark", "", "", words={UNSTABLE: styled("bold red", UNSTABLE)}),
     )
 
 
-def _mode_row(mode: Mode) -> tuple[Any, ...]:
+UNSTABLE = "unstable"
+"""Remark on a mode of the closed loop that grows."""
+
+GROWS = 1e-6
+"""Rate in 1/s from which on a mode grows: what is less is the eigenvalues' accuracy."""
+
+
+def is_unstable(mode: Mode) -> bool:
+    """Whether a mode grows."""
+    return mode.rate.real > GROWS
+
+
+def listed(found: Sequence[Mode], *, closed: bool) -> list[Mode]:
+    """Modes in the order in which they are listed, several of one name with a number; unstable ones of a loop first."""
+    each = sorted(found, key=lambda mode: closed and not is_unstable(mode))
+    names = [mode.label for mode in each]
+    return [
+        replace(mode, label=f"{mode.label} ({names[: place + 1].count(mode.label)})")
+        if names.count(mode.label) > 1
+        else mode
+        for place, mode in enumerate(each)
+    ]
+
+
+def _mode_row(mode: Mode, *, closed: bool = False) -> tuple[Any, ...]:
     value, frequency = mode.eigenvalue, mode.natural_frequency / (2 * math.pi)
     words = f"{measured(value.real)} ± {measured(abs(value.imag))}j" if value.imag else measured(value.real)
     pace = frequency, mode.damping, mode.time_constant, mode.sample_rate
-    return mode.label, words, value.real, value.imag, *pace, math.isinf(frequency)
+    deadbeat, unstable = math.isinf(frequency), closed and is_unstable(mode)
+    remark = UNSTABLE if unstable else "deadbeat" if deadbeat else ""
+    return mode.label, words, value.real, value.imag, *pace, deadbeat, unstable, remark
 
 
 def _print_structure(system: LinearSystem) -> list[FigureTable]:

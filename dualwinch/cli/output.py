@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -93,6 +94,22 @@ NAME_WIDTH = 22
 """Letters of a line of a heading that is a name of the user's, such as a path: two of them leave room for figures."""
 
 
+def folded(words: str | Text) -> str | Text:
+    """Words in which dotted names too long for a line of a table go on in the next one behind a dot."""
+    if not isinstance(words, str):
+        return words
+    return re.sub(r"[^\s]+", lambda found: _folded_name(found[0]), words)
+
+
+def _folded_name(name: str) -> str:
+    lines = [""]
+    for piece in re.findall(r"[^.]*\.|[^.]+", name):
+        if lines[-1] and len(lines[-1]) + len(piece) > NAME_WIDTH:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(lines)
+
+
 @dataclass(frozen=True)
 class FigureTable:
     """Figures that a command prints, and writes to its file: both are made of this table.
@@ -117,9 +134,11 @@ class FigureTable:
             heading = column.name if column.heading is None else column.heading
             if column.shown_unit:
                 heading = f"{fill(heading, HEADING_WIDTH, break_long_words=False)}\n{column.shown_unit}"
-            table.add_column(heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit))
+            table.add_column(
+                heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit), overflow="fold"
+            )
         for row in self.rows:
-            table.add_row(*(column.shown(row[index]) for index, column in printed))
+            table.add_row(*(folded(column.shown(row[index])) for index, column in printed))
         return table
 
     def render_down(self) -> Table:

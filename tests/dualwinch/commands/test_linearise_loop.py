@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
+from dualwinch.cli.output import folded
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
@@ -40,6 +41,28 @@ def test_the_closed_loop_is_told_stable_and_swept(tmp_path: Path, capsys: pytest
 def test_gains_that_shake_the_loop_are_called_unstable(capsys: pytest.CaptureFixture[str]) -> None:
     main(["linearise", "--loop", "broken", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"])
     assert "UNSTABLE" in capsys.readouterr().out
+
+
+def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    late = ("--set", "simulation.delay_samples=40", "--set", "controller.estimator=self-calibrating-kalman")
+    main(["linearise", "--loop", "closed", *late, "--out", str(tmp_path / "loop.json")])
+    said = capsys.readouterr().out
+    assert "…" not in said
+    rows = json.loads((tmp_path / "loop.json").read_text())["figures"]["modes"]["rows"]
+    unstable = [row["unstable"] for row in rows]
+    assert unstable == sorted(unstable, reverse=True)
+    assert unstable[0] == (rows[0]["remark"] == "unstable") == (rows[0]["damping"] < 0)
+    assert unstable[0]
+    table = said.partition("\nmodes")[2].partition("\nparticipation")[0]
+    assert table.count("unstable") == sum(unstable)
+    names = [row["mode"] for row in rows]
+    assert len(set(names)) == len(names)
+    long = "estimator.encoder_1.errors.estimate.0, x (1)"
+    assert folded(long) == "estimator.encoder_1.\nerrors.estimate.0, x (1)"
+    assert folded("winch_1.integral, x 2.5 %") == "winch_1.integral, x 2.5 %"
 
 
 @pytest.mark.parametrize(
