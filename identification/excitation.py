@@ -29,6 +29,7 @@ from dualwinch.identification.unknowns import (
     problem_of,
     unknown_parameters,
 )
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
@@ -45,6 +46,9 @@ from dualwinch.simulation.simulate import simulate
 
 Floats = NDArray[np.float64]
 Criterion = Literal["D", "A"]
+
+LARGEST_SEED = 2**32 - 1
+"""Largest seed that the search takes."""
 
 
 @dataclass(frozen=True)
@@ -391,8 +395,9 @@ def excite(
         raise ConfigurationError(f"duration = {duration:g}: must be {search.shortest:g} to {search.longest:g} s")
     if criterion not in {"D", "A"}:
         raise ConfigurationError(f"criterion = {criterion}: must be D or A")
-    if trials is not None and trials < 1:
-        raise ConfigurationError(f"trials = {trials}: must be >= 1")
+    if trials is not None:
+        whole_number("trials", trials, 1)
+    whole_number("seed", seed, most=LARGEST_SEED)
     trials = trials or (search.trials if seconds is None else None)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
     limits = motion_limits(

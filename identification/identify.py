@@ -35,6 +35,7 @@ from dualwinch.identification.unknowns import (
     unknown_parameters,
 )
 from dualwinch.identification.vortices import with_vortex_origin
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, threads_of
@@ -114,10 +115,10 @@ def identify(
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
     if unrecorded is not None and not unrecorded > 0:
         raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
-    if starts < 1:
-        raise ConfigurationError(f"starts = {starts}: must be >= 1")
+    whole_number("starts", starts, 1)
+    whole_number("seed", seed)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
-    profiled = estimable_keys([profiles] if isinstance(profiles, str) else profiles, experiment)
+    profiled = estimable_keys([profiles] if isinstance(profiles, str) else profiles, experiment, "--profile")
     for key in profiled:
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")

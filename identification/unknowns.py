@@ -95,20 +95,23 @@ class UnknownParameter:
         return self.prior.deviation if self.prior else self.scale
 
 
-def estimable_keys(patterns: Sequence[str], experiment: Experiment) -> tuple[str, ...]:
-    """Keys that match patterns such as ``plant.rope_*.modulus``, each once.
+def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str = "--fit") -> tuple[str, ...]:
+    """Keys that match patterns such as ``plant.rope_*.modulus``, each once; switches are none of them.
 
     Raises:
-        ConfigurationError: a pattern that matches no parameter of the predictor.
+        ConfigurationError: a pattern that matches no parameter of the predictor, named with the option it is of.
     """
     structure = predictor_structure(experiment)
-    known = [key for key in parameter_names(structure) if key.startswith(PREFIXES) and key not in NOT_FITTED]
+    switches = {key for key, leaf in describe_parts(experiment).items() if leaf.kind is bool}
+    known = [
+        key for key in parameter_names(structure) if key.startswith(PREFIXES) and key not in {*NOT_FITTED, *switches}
+    ]
     found: dict[str, None] = {}
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
-            hint = suggestion(pattern, known)
-            raise ConfigurationError(f"--fit {pattern}: no parameter that a log determines; {hint}")
+            hint = "it is true or false; --set sets it" if pattern in switches else suggestion(pattern, known)
+            raise ConfigurationError(f"{option} {pattern}: no parameter that a log determines; {hint}")
         found |= dict.fromkeys(matching)
     return tuple(found)
 
@@ -209,6 +212,9 @@ def problem_of(
     experiment = experiment or (known.experiment if known else Experiment())
     wanted = estimable_keys([keys] if isinstance(keys, str) else keys, experiment)
     given = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}
+    for key in given:
+        if estimable_keys([key], experiment, "--prior") != (key,):
+            raise ConfigurationError(f"--prior {key}: must be one key, without *")
     if known:
         given = ensemble_priors(known, experiment, without=(*wanted, *given)) | given
     return experiment, (*wanted, *(key for key in given if key not in wanted)), given

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from dualwinch.codegen.cache import build_seconds
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
@@ -71,8 +72,8 @@ def tune(
     """
     trials = trials_of(trials, seconds, rollouts)
     for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
-        if count is not None and count < 1:
-            raise ConfigurationError(f"{name} = {count}: must be a whole number >= 1")
+        if count is not None:
+            whole_number(name, count, 1)
     if seconds is not None and seconds <= 0:
         raise ConfigurationError(f"seconds = {seconds:g}: must be > 0")
     method = method or default_method(len(problem.objectives))

@@ -9,6 +9,7 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, load
 from dualwinch.config.experiment_file import experiment_from, loads, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.stability import SLIDING_MODE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -112,9 +113,8 @@ def tuning_problem(
             drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | default_beliefs(drawn) | values)
         base = drawn.experiment
     count = SCENARIOS if scenarios is None else scenarios
-    for word, value, least in (("--scenarios", count, 1), ("--seed", seed, 0)):
-        if value < least:
-            raise ConfigurationError(f"{word} {value}: must be a whole number >= {least}")
+    whole_number("scenarios", count, 1)
+    whole_number("seed", seed)
     swinging = swings(base.plant)
     defaults = default_constraints(
         drawn is not None,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.arguments import whole_number
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
 from dualwinch.simulation.batch.workers import Workers, in_order, portion_of, spread, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -155,10 +155,8 @@ def portions_of(
 
 def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> None:
     """Raise `ConfigurationError` where a count or seed is out of range, or values do not fit together."""
-    if scenarios < 1:
-        raise ConfigurationError(f"scenarios = {scenarios}: must be a whole number >= 1")
-    if seed < 0:
-        raise ConfigurationError(f"seed = {seed}: must be a whole number >= 0")
+    whole_number("scenarios", scenarios, 1)
+    whole_number("seed", seed)
     for ensemble in ensembles:
         prepare(ensemble.experiment)
 

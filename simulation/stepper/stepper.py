@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping, compile_stepping
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
@@ -430,5 +431,4 @@ def _check(command: str, numbers: dict[str, tuple[int, int]]) -> None:
     if command not in COMMANDS:
         raise ConfigurationError(f'command = "{command}": must be ' + " or ".join(f'"{name}"' for name in COMMANDS))
     for name, (value, least) in numbers.items():
-        if not (isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least):
-            raise ConfigurationError(f"{name} = {value}: must be a whole number >= {least}")
+        whole_number(name, value, least)

@@ -1,5 +1,6 @@
 """Numbers found in logs: what they are, how well they are known, what cannot be told."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,14 @@ from dualwinch.identification.estimate import PredictionErrorMethod, covariance_
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
 from dualwinch.identification.resample import sections_of
-from dualwinch.identification.unknowns import Prior, UnknownParameter, estimable_keys, prior_of, unknown_parameters
+from dualwinch.identification.unknowns import (
+    Prior,
+    UnknownParameter,
+    estimable_keys,
+    prior_of,
+    problem_of,
+    unknown_parameters,
+)
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -145,11 +153,26 @@ def test_a_log_of_another_machine_is_refused() -> None:
         (["plant.vehicle.mas"], "did you mean 'plant.vehicle.mass'"),
         (["controller.nftsm.beta"], "no parameter that a log determines"),
         (["sensors.position_noise"], "no parameter that a log determines"),
+        (["disturbance.vortex"], "--fit disturbance.vortex: no parameter that a log determines; it is true or false"),
     ],
 )
 def test_keys_that_no_log_tells_are_refused(keys: list[str], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words):
         estimable_keys(keys, Experiment())
+
+
+@pytest.mark.parametrize(
+    "key", ["foo", "plant", "controller.nftsm.k", "simulation.engine", "disturbance.vortex", "plant.rope_*.modulus"]
+)
+def test_priors_are_of_parameters_that_a_log_tells(key: str) -> None:
+    with pytest.raises(ConfigurationError, match=rf"^--prior {re.escape(key)}: "):
+        problem_of("plant.vehicle.mass", Experiment(), None, {key: (1.0, 1.0)})
+
+
+def test_a_pattern_leaves_out_switches() -> None:
+    keys = estimable_keys(["*"], Experiment())
+    assert "disturbance.strouhal" in keys
+    assert not {"disturbance.vortex", "disturbance.integrated_phase"} & set(keys)
 
 
 def test_priors_are_of_what_is_fitted_and_within_its_range() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
-from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.quantities.part import Registry
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.problem import TuningProblem
@@ -177,8 +177,7 @@ class BenchmarkTerms:
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a number is out of range."""
         for name, least in (("rollouts", 1), ("held_out", 2)):
-            if getattr(self, name) < least:
-                raise ConfigurationError(f"{name} = {getattr(self, name)}: must be a whole number >= {least}")
+            whole_number(name, getattr(self, name), least)
 
     @property
     def test_seed(self) -> int:

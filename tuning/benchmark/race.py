@@ -22,6 +22,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller, controller_function
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.analysis.authority import least_errors
@@ -159,8 +160,8 @@ def race(
     )
     if ablations:
         entries += ablated(*usual)
-    if searches < 1:
-        raise ConfigurationError(f"searches = {searches}: must be a whole number >= 1")
+    whole_number("searches", searches, 1)
+    whole_number("seed", seed)
     entrants: dict[str, EntryProblem] = {}
     for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)

@@ -10,6 +10,7 @@ import numpy as np
 from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.controllers.controller import Controller
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
@@ -291,9 +292,8 @@ def breakdowns(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
-    for word, value, least in (("scenarios", scenarios, 1), ("seed", seed, 0)):
-        if value < least:
-            raise ConfigurationError(f"{word} = {value}: must be a whole number >= {least}")
+    whole_number("scenarios", scenarios, 1)
+    whole_number("seed", seed)
     ensemble = union(base, ensemble)
     scaling = ScaledEnsemble(base, ensemble, imperfections(base, ensemble), scenarios, seed)
     for name, controller in controllers.items():

@@ -59,7 +59,10 @@ def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: 
         (["--fit", "nothing"], "--fit nothing: no parameter that a log determines"),
         (["--fit", "plant.vehicle.mass", "--out", "fitted.json"], "fitted.json: unknown suffix '.json'; must be .toml"),
         (["--fit", "plant.vehicle.mass", "--column", "F1"], "--column F1: must be READING=COLUMN"),
-        (["--fit", "plant.vehicle.mass", "--starts", "0"], "starts = 0: must be >= 1"),
+        (["--fit", "plant.vehicle.mass", "--starts", "0"], "starts = 0: must be a whole number >= 1"),
+        (["--fit", "plant.vehicle.mass", "--seed", "-1"], "seed = -1: must be a whole number >= 0"),
+        (["--fit", "plant.vehicle.mass", "--prior", "foo=1+-1"], "--prior foo: no parameter that a log determines"),
+        (["--fit", "plant.vehicle.mass", "--profile", "foo"], "--profile foo: no parameter that a log determines"),
     ],
 )
 def test_wrong_words_are_one_line(log: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -86,7 +86,9 @@ def test_it_says_what_to_expect(designed: ExcitationDesign) -> None:
     [
         ({"duration": 1.0}, "duration = 1: must be 5 to 3600 s"),
         ({"criterion": "E"}, "criterion = E: must be D or A"),
-        ({"trials": 0}, "trials = 0: must be >= 1"),
+        ({"trials": 0}, "trials = 0: must be a whole number >= 1"),
+        ({"seed": -1}, "seed = -1: must be a whole number from 0 to 4294967295"),
+        ({"seed": 2**32}, "seed = 4294967296: must be a whole number from 0 to 4294967295"),
     ],
 )
 def test_options_out_of_range_are_refused(options: dict, words: str) -> None:

@@ -415,7 +415,7 @@ def test_what_is_no_experiment_is_named() -> None:
         ({"batch": 0}, "batch = 0: must be a whole number >= 1"),
         ({"batch": 2.5}, "batch = 2.5: must be a whole number >= 1"),
         ({"seed": -1}, "seed = -1: must be a whole number >= 0"),
-        ({"hold": True}, "hold = True: must be a whole number >= 1"),
+        ({"hold": True}, "hold = true: must be a whole number >= 1"),
         ({"threads": 0}, "threads = 0: must be a whole number >= 1"),
         ({"command": "torque"}, 'command = "torque": must be "torques" or "force"'),
         ({"signals": ["x_sense"]}, "signals: unknown column 'x_sense'; did you mean 'x_sensed'?"),
