@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike
 
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN, OperatingPoint, operating_points
+from dualwinch.model.linear.operating_point import (
+    PRELOAD,
+    TENSION_MAX,
+    TENSION_MIN,
+    OperatingPoint,
+    operating_point,
+    operating_points,
+)
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import (
     DisturbanceInputs,
@@ -80,10 +87,10 @@ def linearise(
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
     given = plant or Plant()
-    points = operating_points(
+    point = operating_point(
         x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )
-    return linearise_at(points, given, dt)[0]
+    return linearise_at([point], given, dt)[0]
 
 
 def linearise_sweep(

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.source.expressions import built_once
+from dualwinch.model.arguments import number_array, one_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.heavy_ropes import MASSLESS, steady_rope
 from dualwinch.model.plant import (
@@ -122,6 +123,9 @@ def steady_motion(
 
 FASTEST = 10.0
 """Bound in m/s on the speed of an operating point, far beyond what the ropes can give."""
+
+MANY = "; linearise_sweep of dualwinch.model.linear.linearisation takes arrays, and gives the operating points"
+"""What an error says where there is more than one number."""
 
 TOLERANCE = 1e-9
 """Share by which a limit may be passed: round-off."""
@@ -287,6 +291,8 @@ def operating_point(
             range.
     """
     given = plant or Plant()
+    x = x if x is None else one_number("x", x, MANY)
+    v, preload = one_number("v", v, MANY), one_number("preload", preload, MANY)
     return operating_points(
         x, v, preload, given, current=current, force=force, tension_min=tension_min, tension_max=tension_max
     )[0]
@@ -311,8 +317,10 @@ def operating_points(
         ConfigurationError: as `operating_point`, for the first point that is wrong.
     """
     given = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
-    asked = np.broadcast_arrays(*(np.atleast_1d(_numbers(name, values)) for name, values in given.items()))
+    asked = np.broadcast_arrays(*(np.atleast_1d(number_array(name, values)) for name, values in given.items()))
     points = np.array([np.ravel(values) for values in asked])
+    force, current = one_number("force", force), one_number("current", current)
+    tension_min, tension_max = one_number("tension_min", tension_min), one_number("tension_max", tension_max)
     check_range("tension_min", tension_min, 0.0, math.inf, "N")
     check_range("tension_max", tension_max, tension_min, math.inf, "N")
     check_range("force", force, -math.inf, math.inf, "N")
@@ -330,16 +338,6 @@ def operating_points(
     table = np.vstack([found, left])
     limits = (tension_min, tension_max)
     return [_point(column, inputs[:, k], plant, limits) for k, column in enumerate(table.T)]
-
-
-def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        kind = type(values).__name__
-        raise ConfigurationError(
-            f"{name}: must be a number or an array of numbers, not {kind}; the order is x, v, preload, plant"
-        ) from None
 
 
 @built_once

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.files import atomic
+from dualwinch.model.arguments import one_number
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
@@ -137,6 +138,7 @@ class LinearSystem:
 
         if self.dt is not None:
             raise ConfigurationError(f"the system is discrete already, with a sample time of {self.dt:g} s")
+        dt = one_number("dt", dt)
         if not (math.isfinite(dt) and dt > 0):
             raise ConfigurationError(f"dt = {dt:g}: must be a finite number > 0 s")
         n, m = self.B.shape

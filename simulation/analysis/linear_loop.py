@@ -49,6 +49,9 @@ INPUTS = {
 }
 """Signal from outside → its name and unit as an input of the closed loop."""
 
+OUTSIDE = ("current", "force", "tension_min", "tension_max")
+"""Further arguments of `operating_point`."""
+
 OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
 """Columns of a result that are outputs of the closed loop, beside the controller's own signals."""
 
@@ -75,6 +78,8 @@ def linearise(
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
     """
+    for name in outside.keys() - set(OUTSIDE):
+        raise ConfigurationError(unknown("argument", name, OUTSIDE, "; the plant is that of the experiment"))
     point = operating_point(experiment, x, v, preload=preload, **outside)
     return linearise_at([point], experiment.plant, dt)[0]
 

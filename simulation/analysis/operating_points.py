@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen import native
 from dualwinch.codegen.source.expressions import built_once
+from dualwinch.model.arguments import instance, one_number
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
@@ -82,11 +83,7 @@ def position_in(experiment: Experiment, x: float | None) -> float:
     Raises:
         ConfigurationError: it is no experiment.
     """
-    if not isinstance(experiment, Experiment):
-        raise ConfigurationError(
-            f"experiment: must be an Experiment, which has limits and preload beside the plant, not "
-            f"{type(experiment).__name__}"
-        )
+    instance("experiment", experiment, Experiment, hint=", which has limits and preload beside the plant")
     return experiment.plant.track.length / 2 if x is None else x
 
 
@@ -172,7 +169,9 @@ def loop_operating_point(
         ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains
             with which nothing is steady.
     """
-    x = position_in(experiment, x)
+    x, v = one_number("x", position_in(experiment, x)), one_number("v", v)
+    if nominal is not None:
+        instance("nominal", nominal, Plant)
     calm = in_calm(experiment)
     prepare(calm)
     limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant, x)

@@ -1,10 +1,13 @@
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 import pytest
 
 import dualwinch as dw
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import operating_point
+from dualwinch.model.plant import Plant
 
 STRONG = {
     "plant.track.length": 120,
@@ -38,3 +41,45 @@ def test_amid_the_track_is_where_loops_are_linearised() -> None:
     assert dw.linear_closed_loop(strong).operating_point["x"] == 60
     (point,) = dw.amplitude_sweep(strong, amplitudes=[1e-3])
     assert point.system.operating_point["x"] == 60
+
+
+@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_broken_loop])
+@pytest.mark.parametrize(
+    ("x", "v", "words"),
+    [
+        (np.array([1, 2]), 0.0, "x: must be one number, not 2"),
+        (1, [1.0, 2.0, 3.0], "v: must be one number, not 3"),
+        (1, None, "v: must be a number or an array of numbers, not None"),
+        ("1", 0.0, "x: must be a number or an array of numbers, not str"),
+    ],
+)
+def test_a_point_is_one_number_each(of: Callable[..., object], x: Any, v: Any, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{words}"):
+        of(dw.case(2), x, v)
+
+
+@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise])
+@pytest.mark.parametrize("name", ["x", "v", "preload"])
+def test_many_points_of_the_plant_are_sent_to_the_sweep(of: Callable[..., object], name: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{name}: must be one number, not 2; linearise_sweep of"):
+        of(dw.case(2), **{name: [2000, 3000]})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"dt": "a"}, "dt: must be a number"),
+        ({"dt": [1e-3, 2e-3]}, "dt: must be one number"),
+        ({"current": "a"}, "current: must be a number"),
+        ({"tension_max": None, "tension_min": "a"}, "tension_min: must be a number"),
+        ({"plant": Plant()}, "unknown argument 'plant'; .*; the plant is that of the experiment"),
+    ],
+)
+def test_what_else_is_wrong_is_named(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^{words}"):
+        dw.linearise(dw.case(2), 1, **arguments)
+
+
+def test_an_array_of_one_number_is_that_number() -> None:
+    one = np.array([3.0])
+    assert dw.operating_point(dw.case(2), one, force=one) == dw.operating_point(dw.case(2), 3, force=3)
