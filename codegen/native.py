@@ -197,6 +197,8 @@ def compile(  # noqa: A001
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
+    if not isinstance(function, ca.Function):
+        raise CodegenError(f"function: must be a CasADi Function, not {type(function).__name__}")
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
     made_of = recipe((function,), "native")

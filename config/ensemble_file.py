@@ -10,7 +10,8 @@ from typing import Any
 from dualwinch.config.distribution_entries import check_range, drawn_from, entry_of, is_entry
 from dualwinch.config.experiment_file import from_table, to_toml
 from dualwinch.config.plugins import load_entry_points
-from dualwinch.config.toml_text import Source, path_from, read_source, toml_value
+from dualwinch.config.toml_text import Source, read_source, toml_value
+from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
@@ -33,7 +34,7 @@ def find_ensemble(name: str | PathLike[str]) -> Path:
     known = built_in_ensembles()
     if str(name) in known:
         return known[str(name)]
-    path = path_from(name)
+    path = path_of("file", name)
     if path.suffix or path.exists():
         return path
     raise ConfigurationError(unknown("ensemble", name, known, " (or the path of a TOML file)"))

@@ -11,6 +11,7 @@ from typing import Any
 from dualwinch.codegen.text import one_line
 from dualwinch.config.plugins import load_entry_points
 from dualwinch.config.toml_text import Source, empty_tables, flattened, parse_assignment, read_source, toml_value
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
@@ -154,6 +155,7 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
         experiment: to be written.
         given: keys that a file of one's own gives (`own_keys`); all others are marked: still the paper's, or a default.
     """
+    instance("experiment", experiment, Experiment)
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
     if given is not None:
         lines.append("# PAPER: not given, still the paper's machine; DEFAULT: not given, not of the paper either.")

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 
 
@@ -49,27 +50,15 @@ class Source:
             raise ConfigurationError(f"{self.name}{_line_of(key, self.text)}: {error}") from error
 
 
-def path_from(given: str | PathLike[str]) -> Path:
-    """The path of a file.
-
-    Raises:
-        ConfigurationError: it is none.
-    """
-    try:
-        return Path(given)
-    except TypeError as error:
-        raise ConfigurationError(f"file: must be a path, not {type(given).__name__}") from error
-
-
 def read_source(path: str | PathLike[str]) -> Source:
     """The text of a file.
 
     Raises:
         ConfigurationError: it cannot be read.
     """
-    path = path_from(path)
+    path = path_of("file", path)
     try:
-        return Source(str(path), path.read_text(encoding="utf-8"), path.parent)
+        return Source(str(path), path.read_text(encoding="utf-8-sig"), path.parent)
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:

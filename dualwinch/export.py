@@ -31,6 +31,7 @@ from dualwinch.codegen.fmu import (
 from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.folders import check_place, make_folder
+from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName, block
@@ -60,7 +61,7 @@ def write(files: Mapping[str, str | bytes], folder: str | PathLike[str]) -> list
         ConfigurationError: the folder cannot be made or written to, or has a folder where a file is to be; nothing is
             written.
     """
-    folder = Path(folder)
+    folder = path_of("folder", folder)
     make_folder(folder)
     for name in files:
         check_place(folder / name)
@@ -255,7 +256,7 @@ def export_fmu(
             cannot be written.
         DualwinchError: no compiler for a platform.
     """
-    out = Path(out)
+    out = path_of("out", out)
     if out.suffix.lower() != ".fmu":
         raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
     check_place(out)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from os import PathLike
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -35,7 +36,7 @@ from dualwinch.identification.unknowns import (
     unknown_parameters,
 )
 from dualwinch.identification.vortices import with_vortex_origin
-from dualwinch.model.arguments import whole_number
+from dualwinch.model.arguments import instance, one_number, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, threads_of
@@ -111,14 +112,19 @@ def identify(
         KeyboardInterrupt: interrupted.
     """
     began = perf_counter()
-    if not 0 <= hold_out < 1:
+    if not 0 <= one_number("hold_out", hold_out) < 1:
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
-    if unrecorded is not None and not unrecorded > 0:
+    if unrecorded is not None and not one_number("unrecorded", unrecorded) > 0:
         raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
     whole_number("starts", starts, 1)
     whole_number("seed", seed)
+    keys = texts("keys", keys)
+    instance("experiment", experiment, Experiment, optional=True)
+    instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
+    instance("priors", priors, Mapping, optional=True)
+    instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
-    profiled = estimable_keys([profiles] if isinstance(profiles, str) else profiles, experiment, "--profile")
+    profiled = estimable_keys(texts("profiles", profiles), experiment, "--profile")
     for key in profiled:
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
@@ -185,10 +191,14 @@ def identify(
 
 
 def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:
-    sources = [logs] if isinstance(logs, (Log, Result, str, PathLike)) else list(logs)
+    one = isinstance(logs, (Log, Result, str, PathLike))
+    sources = [logs] if one else list(logs) if isinstance(logs, Sequence) else [logs]
+    for source in sources:
+        instance("logs", source, Log, Result, PathLike, str)
     if not sources:
         raise ConfigurationError("logs: must be at least one")
-    named = column_map(columns)
+    _check_different(sources)
+    named = column_map(texts("columns", columns))
     return [
         source
         if isinstance(source, Log)
@@ -197,6 +207,14 @@ def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> 
         else read_log(source, named, csv)
         for source in sources
     ]
+
+
+def _check_different(sources: Sequence[Source]) -> None:
+    """Raise `ConfigurationError` where a log is given twice: it would count as two."""
+    files = [Path(source).resolve() if isinstance(source, (str, PathLike)) else source for source in sources]
+    for index, file in enumerate(files):
+        if any(file is other or (isinstance(file, Path) and file == other) for other in files[:index]):
+            raise ConfigurationError(f"{sources[index] if isinstance(file, Path) else 'logs'}: must be given once")
 
 
 def _sensor_noise(sections: Sequence[LogSection], estimate: ParameterEstimate) -> dict[str, float]:

@@ -1,5 +1,8 @@
-"""Arguments of public functions, checked: an error says in one line what each must be."""
+"""Arguments of public functions, checked: what is of the wrong kind is an error of one line that names it."""
 
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,8 +11,11 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import shown
 
+WORDS = {str: "a text", PathLike: "a path", Mapping: "a dictionary"}
+"""Type → what errors call one of it."""
 
-def instance(name: str, value: Any, *kinds: type, hint: str = "") -> None:
+
+def instance(name: str, value: Any, *kinds: type, hint: str = "", optional: bool = False) -> None:
     """Raise `ConfigurationError` for a value that is an instance of none of some types.
 
     Args:
@@ -17,15 +23,37 @@ def instance(name: str, value: Any, *kinds: type, hint: str = "") -> None:
         value: what was given.
         kinds: the types.
         hint: what more is to be said.
+        optional: whether it may be None.
     """
-    if not isinstance(value, kinds):
-        wanted = " or ".join(f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}" for kind in kinds)
-        raise ConfigurationError(f"{name}: must be {wanted}{hint}, not {kind_of(value)}")
+    if not isinstance(value, kinds) and not (optional and value is None):
+        *others, last = (WORDS.get(kind) or f"a{'n' * (kind.__name__[0] in 'AEIOU')} {kind.__name__}" for kind in kinds)
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        raise ConfigurationError(f"{name}: must be {wanted}{hint}, not {type(value).__name__}")
 
 
-def kind_of(value: Any) -> str:
-    """The type of a value, as errors call it."""
-    return "None" if value is None else type(value).__name__
+def path_of(name: str, value: Any) -> Path:
+    """The path of a file or folder.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    try:
+        return Path(value)
+    except TypeError as error:
+        raise ConfigurationError(f"{name}: must be a path, not {type(value).__name__}") from error
+
+
+def texts(name: str, value: Any) -> list[str]:
+    """A text, or several, as a list.
+
+    Raises:
+        ConfigurationError: something in it is no text.
+    """
+    listed = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    for each in listed:
+        if not isinstance(each, str):
+            raise ConfigurationError(f"{name}: must be a text or a list of texts, not {shown(each)}")
+    return listed
 
 
 def one_number(name: str, value: Any, hint: str = "") -> float:
@@ -39,13 +67,13 @@ def one_number(name: str, value: Any, hint: str = "") -> float:
     Raises:
         ConfigurationError: it is no number, or more than one.
     """
-    values = number_array(name, value)
+    values = number_array(name, value, "a number")
     if values.size != 1:
         raise ConfigurationError(f"{name}: must be one number, not {values.size}{hint}")
     return float(values.item())
 
 
-def number_array(name: str, values: Any) -> NDArray[np.float64]:
+def number_array(name: str, values: Any, wanted: str = "a number or an array of numbers") -> NDArray[np.float64]:
     """A number or an array of numbers, as an array.
 
     Raises:
@@ -57,7 +85,7 @@ def number_array(name: str, values: Any) -> NDArray[np.float64]:
             return found.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise ConfigurationError(f"{name}: must be a number or an array of numbers, not {kind_of(values)}")
+    raise ConfigurationError(f"{name}: must be {wanted}, not {type(values).__name__}")
 
 
 def whole_number(name: str, value: Any, least: int = 0, most: int | None = None) -> int:

@@ -5,6 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import casadi as ca
 
+from dualwinch.model.arguments import instance
 from dualwinch.model.heavy_ropes import (
     MASSLESS,
     RopeEnds,
@@ -404,6 +405,7 @@ def plant(values: Plant | None = None) -> ca.Function:
         the order of ``numbers(Plant())``); dx is the time derivative and F (2) are the tensions in N. With `values`
         there is no p.
     """
+    instance("values", values, Plant, optional=True)
     structure = values or Plant()
     symbolic, p = symbols(structure, "p")
     parameters = structure if values else symbolic

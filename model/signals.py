@@ -32,7 +32,12 @@ def _seconds(t: Iterable[Any]) -> Iterable[Any]:
     given = np.asarray(t if isinstance(t, np.ndarray) else list(t))
     if given.dtype == object and all(isinstance(each, datetime | timedelta) for each in given):
         start = given[0] if isinstance(given[0], datetime) else timedelta()
-        return [(each - start).total_seconds() for each in given]
+        try:
+            return [(each - start).total_seconds() for each in given]
+        except TypeError:
+            raise ConfigurationError(
+                "times: must be all of one kind: spans of time, dates with a time zone, or dates without one"
+            ) from None
     if given.dtype.kind in "mM":
         return (given - given[0] if given.dtype.kind == "M" else given) / np.timedelta64(1, "s")
     return given

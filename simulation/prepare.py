@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.arguments import instance
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import least_duration
@@ -83,8 +84,7 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     Raises:
         ConfigurationError: values do not fit together; the message names the key and its range.
     """
-    if not isinstance(experiment, Experiment):
-        raise ConfigurationError(f"experiment: must be an Experiment, not {type(experiment).__name__}")
+    instance("experiment", experiment, Experiment)
     check_rules(experiment)
     _check_points(experiment.reference, experiment.plant.track)
     _check_rows(experiment.reference, experiment.plant.track)

@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, describe_parts, owners
 from dualwinch.model.quantities.part import Part, registries
@@ -73,6 +74,7 @@ def with_settings(
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
     """
+    instance("experiment", experiment, Experiment)
     if not isinstance(values, Mapping):
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     given = {current(key): key for key in values}

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dualwinch.model.arguments import instance
 from dualwinch.simulation.batch.rollout import RunGrid
 
 if TYPE_CHECKING:
@@ -73,6 +74,9 @@ def sweep(
         ConfigurationError: an unknown key, no values, a value twice or out of range, or values that do not go together.
         DualwinchError: no compiler, or no usable cache folder.
     """
+    instance("experiment", experiment, Experiment)
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     grid = {current(key): _listed(key, given) for key, given in values.items()}
     if "metrics" in grid:
         raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")

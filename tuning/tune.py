@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from dualwinch.codegen.cache import build_seconds
-from dualwinch.model.arguments import whole_number
+from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
@@ -70,6 +70,7 @@ def tune(
         KeyboardInterrupt: interrupted before the first trial, or again while choosing, or where `keep` is false; what
             the store holds is kept.
     """
+    instance("problem", problem, TuningProblem, hint=" (tuning_problem makes one)")
     trials = trials_of(trials, seconds, rollouts)
     for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
         if count is not None:

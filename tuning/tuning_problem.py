@@ -9,7 +9,7 @@ from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, load
 from dualwinch.config.experiment_file import experiment_from, loads, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
-from dualwinch.model.arguments import whole_number
+from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.stability import SLIDING_MODE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -90,7 +90,8 @@ def tuning_problem(
     Raises:
         ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
     """
-    values = dict(map(parse_assignment, settings))
+    instance("experiment", experiment, Experiment, optional=True)
+    values = dict(map(parse_assignment, texts("settings", settings)))
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")

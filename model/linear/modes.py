@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.arguments import instance
 from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum
 from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
@@ -327,6 +328,7 @@ def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
         system: the plant's or any other; where its states contain the plant's six, modes are labelled by their shape.
         plant: the plant that was linearised, for the labels (default: the paper's).
     """
+    instance("system", system, LinearSystem, hint=" (linearise makes one)")
     spectrum = spectra([system])[0]
     found = [
         mode(system, spectrum, k, plant or Plant())

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.arguments import instance
 from dualwinch.model.heavy_ropes import ernst_factor, first_mode, span_of, weight_in_water, wire_rope_mass
 from dualwinch.model.plant import Plant, Side
 from dualwinch.model.ropes import is_kelvin_voigt, rope_lengths
@@ -193,6 +194,7 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     Raises:
         ConfigurationError: the experiment's values do not fit together.
     """
+    instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant
     every = [
         one

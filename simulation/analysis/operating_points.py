@@ -170,8 +170,7 @@ def loop_operating_point(
             with which nothing is steady.
     """
     x, v = one_number("x", position_in(experiment, x)), one_number("v", v)
-    if nominal is not None:
-        instance("nominal", nominal, Plant)
+    instance("nominal", nominal, Plant, optional=True)
     calm = in_calm(experiment)
     prepare(calm)
     limits, needed = calm.controller.limits, resistance(v, DisturbanceInputs(), calm.plant, x)

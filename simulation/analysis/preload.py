@@ -25,6 +25,7 @@ from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.parts import Coordination
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, rigid_plant
 from dualwinch.model.quantities.tree import numbers
@@ -158,6 +159,7 @@ def least_preload(
 
 
 def _check(experiment: Experiment, least: str, error: float, torque_rate: float | None, every: int) -> None:
+    instance("experiment", experiment, Experiment)
     if least not in get_args(Least):
         raise ConfigurationError(f"least = {least!r}: must be one of {', '.join(get_args(Least))}")
     if not 0 <= error < np.inf:

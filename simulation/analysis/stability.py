@@ -16,6 +16,7 @@ from dualwinch.controllers.laws.auxiliary import AuxiliaryGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.controllers.nominal import nominal_plant
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -39,6 +40,7 @@ def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm 
     Raises:
         ConfigurationError: it has another law.
     """
+    instance("experiment", experiment, Experiment)
     law = experiment.controller.law
     if not isinstance(law, SLIDING_MODE):
         raise ConfigurationError(f'controller.kind = "{law.kind}": {reason} "{FandoNftsm.kind}" or "{Nftsm.kind}"')
@@ -331,6 +333,7 @@ def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None
         given: the certificate to start from.
         progress: called after every run with the share of the longest search that is done.
     """
+    instance("given", given, Certificate, hint=" (certify makes one)")
     experiment = given.result.experiment
     k_a, fastest = sliding_mode(experiment).auxiliary.k_a, 1 / experiment.simulation.sample_time
     tried, history, runs = given, [_shortfall(given)], 0

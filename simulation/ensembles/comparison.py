@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
+from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.authority import LeastErrors, least_errors
 from dualwinch.simulation.batch.workers import Workers
@@ -228,6 +229,9 @@ def compare(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: before all controllers have finished a scenario.
     """
+    instance("ensemble", ensemble, Ensemble, hint=" (load_ensemble reads one)")
+    if not isinstance(controllers, Mapping):
+        raise ConfigurationError(f"controllers: must be names and controllers, not {type(controllers).__name__}")
     if not controllers:
         raise ConfigurationError("controllers: must be at least one")
     drawn = [_with_controller(ensemble, name, controller) for name, controller in controllers.items()]

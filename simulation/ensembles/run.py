@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.model.arguments import whole_number
+from dualwinch.model.arguments import instance, whole_number
 from dualwinch.simulation.batch.rollout import BatchResult, in_portions, portion_size, rollout
 from dualwinch.simulation.batch.workers import Workers, in_order, portion_of, spread, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -158,6 +158,7 @@ def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> No
     whole_number("scenarios", scenarios, 1)
     whole_number("seed", seed)
     for ensemble in ensembles:
+        instance("ensemble", ensemble, Ensemble, hint=" (load_ensemble reads one)")
         prepare(ensemble.experiment)
 
 

@@ -226,6 +226,7 @@ def ensemble_statistics(
     """
     if not 0 < accuracy < 1:
         raise ConfigurationError(f"accuracy = {accuracy:g}: must be > 0 and < 1")
+    check_counts([ensemble], scenarios, seed)
     found = _none(ensemble, seed, scenarios, accuracy)
     with suppress(KeyboardInterrupt):
         for part in _parts(ensemble, scenarios, seed, accuracy, workers, progress):

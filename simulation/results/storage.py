@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
@@ -86,7 +87,7 @@ def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Re
         ConfigurationError: the file cannot be read, holds no result, or one of parts that are not known here; also
             where a CSV file's metadata is not beside it.
     """
-    path = Path(path)
+    path = path_of("path", path)
     read = format_of(path).read
     try:
         with path.open("rb"):  # the libraries below tell less clearly why they cannot read a file

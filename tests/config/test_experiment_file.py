@@ -114,6 +114,12 @@ def test_wrong_files_name_file_and_line(text: str, message: str, tmp_path: Path)
     assert message in str(caught.value)
 
 
+def test_a_byte_order_mark_is_none_of_the_text(tmp_path: Path) -> None:
+    file = tmp_path / "marked.toml"
+    file.write_text("plant.vehicle.mass = 9e3\n", encoding="utf-8-sig")
+    assert load(file).plant.vehicle.mass == 9e3
+
+
 def test_unreadable_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"cannot read .*none\.toml: No such file"):
         load(tmp_path / "none.toml")

@@ -1,9 +1,12 @@
+# pyright: reportArgumentType=false
 import pkgutil
 import pydoc
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,6 +32,62 @@ def test_the_public_names_are_those_of_the_stub() -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="nothing_here"):
         _ = dualwinch.nothing_here  # pyright: ignore[reportAttributeAccessIssue]
+
+
+CASE = dualwinch.case(4)
+SEA = dualwinch.load_ensemble("sea")
+
+
+@pytest.mark.parametrize(
+    ("called", "message"),
+    [
+        (lambda: dualwinch.identify(None, "plant.vehicle.mass"), "logs: must be a Log, a Result, a path or a text"),
+        (lambda: dualwinch.identify([3], "plant.vehicle.mass"), "logs: must be a Log, a Result, a path or a text"),
+        (lambda: dualwinch.identify("a.csv", ["plant.vehicle.mass", 3], CASE), "keys: must be a text or a list of"),
+        (lambda: dualwinch.identify("a.csv", "plant.vehicle.mass", CASE, hold_out="a"), "hold_out: must be a number"),
+        (lambda: dualwinch.identify("a.csv", "plant.vehicle.mass", 3), "experiment: must be an Experiment, not int"),
+        (lambda: dualwinch.identify("a.csv", "plant.vehicle.mass", priors=3), "priors: must be a dictionary, not int"),
+        (lambda: dualwinch.excite([None], CASE), "keys: must be a text or a list of texts, not None"),
+        (lambda: dualwinch.export_c(CASE, 3), "folder: must be a path, not int"),
+        (lambda: dualwinch.export_fmu(CASE, 3), "out: must be a path, not int"),
+        (lambda: dualwinch.load_result(3), "path: must be a path, not int"),
+        (lambda: dualwinch.compile(None), "function: must be a CasADi Function, not NoneType"),
+        (lambda: dualwinch.plant(3), "values: must be a Plant, not int"),
+        (lambda: dualwinch.modes(3), "system: must be a LinearSystem (linearise makes one), not int"),
+        (lambda: dualwinch.linear_broken_loop(CASE, nominal=3), "nominal: must be a Plant, not int"),
+        (lambda: dualwinch.nearby_gains(3), "given: must be a Certificate (certify makes one), not int"),
+        (lambda: dualwinch.tune("foo"), "problem: must be a TuningProblem (tuning_problem makes one), not str"),
+        (lambda: dualwinch.tuning_problem(CASE, settings=[3]), "settings: must be a text or a list of texts, not 3"),
+        (
+            lambda: dualwinch.run_ensemble("sea", 1, 0),
+            "ensemble: must be an Ensemble (load_ensemble reads one), not str",
+        ),
+        (lambda: dualwinch.run_ensemble(SEA, 1.5, 0), "scenarios = 1.5: must be a whole number >= 1"),
+        (lambda: dualwinch.run_ensemble(SEA, 1, "a"), 'seed = "a": must be a whole number >= 0'),
+        (lambda: dualwinch.ensemble_statistics(3, 1, 0), "ensemble: must be an Ensemble"),
+        (lambda: dualwinch.compare(3, SEA, 1, 0), "controllers: must be names and controllers, not int"),
+        (lambda: dualwinch.compare({"a": CASE.controller}, "sea", 1, 0), "ensemble: must be an Ensemble"),
+        (lambda: dualwinch.sweep(CASE, 3), "values: must be a dictionary of keys and values, not int"),
+    ],
+)
+def test_what_is_of_another_kind_is_said_in_a_line(called: Callable[[], Any], message: str) -> None:
+    with pytest.raises(dualwinch.DualwinchError) as caught:
+        called()
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        "amplitude_sweep", "block", "certify", "export_c", "idealisations", "least_preload", "linear_closed_loop",
+        "linearise", "operating_point", "override", "resonance_gains", "simulate", "stress", "sweep", "to_toml",
+        "tuning_problem",
+    ],
+)  # fmt: skip
+def test_what_is_no_experiment_is_said_in_a_line(of: str) -> None:
+    more = {"block": ["plant", 3], "export_c": [3, "there"], "override": [3, {}], "sweep": [3, {}]}
+    with pytest.raises(dualwinch.ConfigurationError, match=r"^experiment: must be an Experiment.*, not int$"):
+        getattr(dualwinch, of)(*more.get(of, [3]))
 
 
 HEAVY = {"casadi", "numpy", "scipy", "matplotlib", "pyarrow", "optuna", "pandas", "gymnasium", "http.server", "jinja2"}

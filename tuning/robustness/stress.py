@@ -10,7 +10,7 @@ import numpy as np
 from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.controllers.controller import Controller
-from dualwinch.model.arguments import whole_number
+from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.grid import ParameterScenarioGrid
@@ -100,6 +100,7 @@ def stress(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
+    instance("experiment", experiment, Experiment)
     kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
     controllers = {PAPER: baseline_controller(own)}

@@ -106,5 +106,5 @@ def test_arguments_may_be_given_in_the_order_of_an_operating_point() -> None:
 
 @pytest.mark.parametrize("arguments", [(Plant(), 10, 1.8), ("here",), (10, 1.8, Plant())])
 def test_what_is_no_number_is_refused(arguments: Any) -> None:
-    with pytest.raises(ConfigurationError, match=r"^(x|v|preload): must be a number or an array of numbers, not \w+$"):
+    with pytest.raises(ConfigurationError, match=r"^(x|v|preload): must be a number, not \w+$"):
         linearise(*arguments)

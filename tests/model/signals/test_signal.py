@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -207,6 +208,12 @@ def test_it_travels_between_processes(file: Path) -> None:
 def test_a_file_and_arrays_are_too_much(file: Path) -> None:
     with pytest.raises(ConfigurationError, match="must not be given beside a file"):
         Signal(str(file), "F", "N", times=(0.0, 1.0), values=(0.0, 0.0))
+
+
+def test_dates_with_and_without_a_time_zone_are_no_times() -> None:
+    here = datetime(2024, 1, 1, tzinfo=UTC)
+    with pytest.raises(ConfigurationError, match=r"^times: must be all of one kind: .* time zone"):
+        Signal.from_arrays([here, here.replace(second=1, tzinfo=None)], [1, 2], unit="N")  # pyright: ignore[reportArgumentType]
 
 
 def test_dates_count_from_the_first_one() -> None:

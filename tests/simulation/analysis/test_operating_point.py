@@ -49,8 +49,8 @@ def test_amid_the_track_is_where_loops_are_linearised() -> None:
     [
         (np.array([1, 2]), 0.0, "x: must be one number, not 2"),
         (1, [1.0, 2.0, 3.0], "v: must be one number, not 3"),
-        (1, None, "v: must be a number or an array of numbers, not None"),
-        ("1", 0.0, "x: must be a number or an array of numbers, not str"),
+        (1, None, "v: must be a number, not NoneType"),
+        ("1", 0.0, "x: must be a number, not str"),
     ],
 )
 def test_a_point_is_one_number_each(of: Callable[..., object], x: Any, v: Any, words: str) -> None:
