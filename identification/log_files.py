@@ -89,7 +89,7 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
     table = read_columns(path, csv)
     chosen = _chosen(table, columns, path)
     check_columns(str(path), chosen, [each.header for each in table if not each.content], ("t",))
-    notes = list[str]()
+    notes = [f"{path.name}: line {table[0].cut}: is incomplete, left out"] if table[0].cut else list[str]()
     values = {reading: _in_si(reading, each, path, notes) for reading, each in chosen.items()}
     times = {reading: _own_times(table, each, chosen["t"]) or chosen["t"].column for reading, each in chosen.items()}
     used = {id(each.column): (reading, each.column) for reading, each in chosen.items()}

@@ -69,6 +69,7 @@ class TableColumn:
         header: as the file has it.
         name: without its unit.
         unit: where the file states one.
+        cut: line of the last row of the file where that is incomplete, and left out; 0: it is none.
         other_unit: that a row of units states, where the header states another one.
         values: (rows,) finite numbers; NaN where there is none. Time stamps in s since 1970, UTC.
         stamps: whether they are time stamps.
@@ -88,6 +89,7 @@ class TableColumn:
     lines: Sequence[int] = ()
     content: str = ""
     other_unit: str | None = None
+    cut: int = 0
 
     @classmethod
     def of_numbers(
@@ -170,7 +172,7 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
     header = [cell.strip() for cell in rows[first][1][: _width(rows[first][1], usual)]]
     header[:1] = [each.lstrip("#% ") or each for each in header[:1]]
     rows = rows[first + 1 :]
-    _cut_end(rows, len(header), ended=text.endswith(("\n", "\r")))
+    cut = _cut_end(rows, len(header), separator, ended=text.endswith(("\n", "\r")))
     units = _units_below(rows, len(header))
     for line, row in rows:
         if len(row) < len(header) or any(map(str.strip, row[len(header) :])):
@@ -184,7 +186,9 @@ def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
         values, words, stamps = _numbers(texts, mark)
         unit = own or stated or beside.get(name)
         other = stated if stated and unit and is_unit(stated) and not is_same_unit(unit, stated) else None
-        found.append(TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines, other_unit=other))
+        found.append(
+            TableColumn(text_of_header, name, unit, values, stamps, texts, words, lines, other_unit=other, cut=cut)
+        )
     return found
 
 
@@ -226,12 +230,16 @@ def _units_below(rows: list[tuple[int, list[str]]], width: int) -> list[str | No
     return [None] * width
 
 
-def _cut_end(rows: list[tuple[int, list[str]]], width: int, *, ended: bool) -> None:
-    """Leave out words below the last row, and a last line amid which the logger stopped."""
-    while rows and len(rows[-1][1]) < width and not _is_data(rows[-1][1]):
+def _cut_end(rows: list[tuple[int, list[str]]], width: int, separator: str, *, ended: bool) -> int:
+    """Leave out words below the last row, and a last row amid which the logger stopped; its line, 0 where it did not.
+
+    What follows a quote that is not closed is one cell, with the end of the line in it.
+    """
+    while rows and len(rows[-1][1]) < width and not _is_data(separator.join(rows[-1][1]).split(separator)):
         rows.pop()
-    if rows and len(rows[-1][1]) < width and not ended:
-        rows.pop()
+    if rows and len(rows[-1][1]) < width and (not ended or rows[-1][1][-1].endswith(("\n", "\r"))):
+        return rows.pop()[0]
+    return 0
 
 
 def csv_marks(text: str) -> tuple[str, str]:

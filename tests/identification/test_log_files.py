@@ -252,8 +252,11 @@ def test_days_before_months_are_recognised_by_the_whole_column(tmp_path: Path, b
 def test_rows_of_other_lengths_are_refused_but_for_an_unfinished_last_one(tmp_path: Path) -> None:
     file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
     whole = file.read_text()
-    file.write_text(whole + "0.05,20.5")
-    is_as_written(read_log(file))
+    for last in ("0.05,20.5", '0.05,20.5,"', '0.05,20.5,",3,4\n', '"0.05,20.5,1,3,4\r\n'):
+        file.write_text(whole + last)
+        found = read_log(file)
+        is_as_written(found)
+        assert found.notes == ("rig.csv: line 42: is incomplete, left out",)
     file.write_text(whole + "0.05,20.5\n")
     with pytest.raises(ConfigurationError, match=r"rig.csv: line 42: has 2 cells: must have 5"):
         read_log(file)
