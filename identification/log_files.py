@@ -20,7 +20,7 @@ from dualwinch.model.csv_files import STAMPS, TableColumn, has_other_mark, named
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.model.recordings import read_parquet
-from dualwinch.model.units import is_same_unit, is_unit
+from dualwinch.model.units import UNITS, is_same_unit, is_unit
 from dualwinch.simulation.rows import READ
 
 Floats = NDArray[np.float64]
@@ -186,8 +186,12 @@ def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
     own, _, at = (part.strip() for part in text.rpartition("@"))
     (found, unit), (times, last) = _with_unit(table, own, path), _with_unit(table, at, path)
     if own and found and times:
-        of_times = last is not None and is_unit(last, "s")
-        return LogColumn(found, unit if of_times or last is None else last, times, last if of_times else None)
+        if last is not None and not is_unit(last, "s"):
+            raise ConfigurationError(
+                f"{path}: unit \"{last}\" of the times '{times.header}': must be one of {', '.join(UNITS['s'])}; the "
+                f"unit of '{found.header}' goes before the @"
+            )
+        return LogColumn(found, unit, times, last)
     found, unit = _with_unit(table, text, path)
     if found:
         return LogColumn(found, unit)

@@ -18,6 +18,7 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,10 +135,16 @@ class TableColumn:
 
 
 def named_columns(table: Sequence[TableColumn], name: str) -> list[TableColumn]:
-    """The columns with a header, else those with it as the last part of theirs, else those with a name."""
+    """The columns with a header, else those with it as the last part of theirs, else those with a name.
+
+    Letters are the same whether their accents are characters of their own or not (Unicode's form NFC).
+    """
     forms = [[each.header for each in table], [each.header.rpartition(".")[2] for each in table]]
     forms.append([each.name for each in table])
-    found = [[each for each, form in zip(table, names, strict=True) if form == name] for names in forms]
+    composed = partial(normalize, "NFC")
+    found = [
+        [each for each, form in zip(table, names, strict=True) if composed(form) == composed(name)] for names in forms
+    ]
     return next((each for each in found if each), [])
 
 

@@ -72,8 +72,11 @@ def excite(
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.excitation import excite
+    from dualwinch.identification.options import DEFAULTS
 
-    length, known = seconds_from(duration, "--duration"), dict(map(prior_from, prior or []))
+    search = DEFAULTS.excitation
+    length = seconds_from(duration, "--duration", search.shortest, search.longest)
+    known = dict(map(prior_from, prior or []))
     limit = None if time is None else seconds_from(time)
     check_file(out, ".toml")
     check_file(plot, *FIGURE_SUFFIXES)

@@ -290,21 +290,31 @@ def print_note(words: str) -> None:
 
 
 LONGEST_TIME = 1e7
-"""Largest number of a time."""
+"""Longest time in s."""
 
 
-def seconds_from(text: str, option: str = "--time") -> float:
+def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: float = LONGEST_TIME) -> float:
     """A time such as ``60s``, ``5min``, ``2h`` or ``90`` in s.
 
+    Args:
+        text: as it is given.
+        option: that it is given with.
+        least: in s; it is never 0.
+        most: in s.
+
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: it is none, or out of range.
     """
     from dualwinch.model.errors import ConfigurationError
 
-    parts = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|m|h|)\s*", text)
-    if not parts or not 0 < float(parts[1]) <= LONGEST_TIME:
+    parts = re.fullmatch(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*(s|min|m|h|)\s*", text)
+    if not parts:
         raise ConfigurationError(f"{option} {text}: must be a time such as 60s, 5min or 2h")
-    return float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
+    seconds = float(parts[1]) * {"s": 1, "": 1, "m": 60, "min": 60, "h": 3600}[parts[2]]
+    if not (least <= seconds <= most and seconds > 0):
+        allowed = f">= {least:g} s" if least else "> 0 s"
+        raise ConfigurationError(f"{option} {text}: must be {allowed} and <= {most:g} s")
+    return seconds
 
 
 def share_from(text: str | None, option: str) -> float | None:

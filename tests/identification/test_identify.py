@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -217,3 +218,12 @@ def test_sensors_without_noise_are_not_taken_for_perfect() -> None:
     assert found.noise["x"] == pytest.approx(1e-5)
     assert found.noise["theta_1"] == pytest.approx(1e-6)
     assert found.noise["F1"] == pytest.approx(10, rel=0.03)
+
+
+def test_a_log_is_given_once(tmp_path: Path) -> None:
+    log, (first, other) = logged(machine()), (tmp_path / "a.csv", tmp_path / "b" / ".." / "a.csv")
+    (tmp_path / "b").mkdir()
+    first.touch()
+    for twice in ([log, log], [first, str(other)]):
+        with pytest.raises(ConfigurationError, match=r"(logs|a\.csv): must be given once$"):
+            identify(twice, "plant.vehicle.mass", machine())

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 import pytest
@@ -303,7 +304,7 @@ def test_columns_of_other_lengths_have_times_of_their_own(tmp_path: Path) -> Non
     np.savez(tmp_path / "rig.npz", t=T, tau_1=T + 1, tau_2=T - 1, x=X, left=SLOW["F1"], slow=slow)
     with pytest.raises(ConfigurationError, match=r"F1 has 10 values and its times 40: .*--column 'F1=left@TIMES'"):
         read_log(tmp_path / "rig.npz", column_map(["F1=left"]))
-    found = read_log(tmp_path / "rig.npz", column_map(["F1=left@slow:kN"]))
+    found = read_log(tmp_path / "rig.npz", column_map(["F1=left:kN@slow"]))
     assert len(found.t) == ROWS + 10
     rows = np.isfinite(found.columns["F1"])
     np.testing.assert_allclose(found.t[rows], slow)
@@ -546,3 +547,18 @@ def test_a_name_that_ends_as_a_unit_of_another_quantity_is_no_reading(tmp_path: 
         found = read_log(file)
         assert found.readings == ("theta_1",)
         np.testing.assert_allclose(found.columns["theta_1"], np.radians(X))
+
+
+@pytest.mark.parametrize("unit", ["foo", "N", "kN", ""])
+def test_the_unit_behind_the_times_is_theirs(tmp_path: Path, unit: str) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    with pytest.raises(ConfigurationError, match=rf"unit \"{unit}\" of the times 't': must be one of s, ms, .* before"):
+        read_log(file, column_map([f"F1=F1:N@t:{unit}"]))
+
+
+def test_accents_may_be_characters_of_their_own(tmp_path: Path) -> None:
+    file = written(tmp_path / "rig.csv", "t,tau_1,tau_2,x,F1")
+    text = file.read_text()
+    for form, other in (("NFC", "NFD"), ("NFD", "NFC")):
+        file.write_text(text.replace("F1", normalize(form, "Kraft ä"), 1), encoding="utf-8")
+        is_as_written(read_log(file, column_map([f"F1={normalize(other, 'Kraft ä')}"])))

@@ -26,6 +26,10 @@ def test_an_experiment_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ("words", "message"),
     [
         (["--duration", "long"], "--duration long: must be a time such as 60s"),
+        (["--duration", "0s"], "--duration 0s: must be >= 5 s and <= 3600 s"),
+        (["--duration", "1e9s"], "--duration 1e9s: must be >= 5 s and <= 3600 s"),
+        (["--time", "0s"], "--time 0s: must be > 0 s and <= 1e+07 s"),
+        (["--seed", "-1"], "seed = -1: must be a whole number from 0 to 4294967295"),
         (["--track", "60"], "track = 60: must be > 0 and <= plant.track.length = 50 m"),
         (["--speed", "0"], "speed = 0: must be > 0"),
         (["--out", "run.csv"], "run.csv: unknown suffix '.csv'; must be .toml"),

@@ -220,7 +220,7 @@ def test_strings_are_paths(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "report.html").exists()
 
 
-@pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400)])
+@pytest.mark.parametrize(("text", "seconds"), [("60s", 60), ("90", 90), ("5min", 300), ("1.5h", 5400), ("1e2s", 100)])
 def test_times(text: str, seconds: float) -> None:
     assert seconds_from(text) == seconds
 
@@ -229,7 +229,8 @@ def test_times(text: str, seconds: float) -> None:
     ("words", "message"),
     [
         (["--time", "soon"], "--time soon: must be a time such as 60s"),
-        (["--time", "0s"], "--time 0s"),
+        (["--time", "0s"], "--time 0s: must be > 0 s and <= 1e+07 s"),
+        (["--time", "1e9s"], "--time 1e9s: must be > 0 s and <= 1e+07 s"),
         (["--trials", "0"], "--trials 0: must be a whole number >= 1"),
         (["--workers", "2"], "--workers: needs --shared, or a database"),
         (["--scenarios", "3"], "--scenarios: needs --ensemble"),
