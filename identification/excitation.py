@@ -33,7 +33,7 @@ from dualwinch.model.arguments import instance, one_number, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.model.quantities.tables import markdown, page, table
+from dualwinch.model.quantities.tables import markdown, page, relative, table
 from dualwinch.model.reference import Reference, cruise_speed, own_duration
 from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -271,7 +271,7 @@ class ExcitationDesign:
                 f"{unknown.start:.6g}",
                 f"{before:.2g}" if known else "",
                 f"{after:.2g}",
-                f"{after / abs(unknown.start):.2%}" if after < abs(unknown.start) else "",
+                relative(after, unknown.start),
                 f"{before / after:.3g}" if known else "",
                 behind_number(unknown.unit).strip(),
             ])  # fmt: skip

@@ -20,7 +20,7 @@ from dualwinch.identification.predictor import GaussMarkov
 from dualwinch.identification.smoother import SmoothedForce
 from dualwinch.identification.unknowns import UnknownParameter
 from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.model.quantities.tables import markdown, page, table
+from dualwinch.model.quantities.tables import markdown, page, relative, table
 from dualwinch.simulation.ensembles.distributions import Choice
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -161,10 +161,10 @@ class IdentificationResult:
         rows = []
         for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True):
             low, high = self.interval(unknown.key)
-            share = f"{deviation / abs(value):.2%}" if value and deviation < abs(value) else ""
             digits = _digits(value, deviation)
             rows.append([
-                unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}", share,
+                unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}",
+                relative(deviation, value),
                 f"{low:.{digits}g} to {high:.{digits}g}", behind_number(unknown.unit).strip(),
             ])  # fmt: skip
         interval = f"{100 * CONFIDENCE:g} % interval"

@@ -87,6 +87,7 @@ def tune(
     store = store or MemoryStorage()
     evaluator = Evaluator(training, workers=workers)
     proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
+    watch.compiled(build_seconds() - built)
     watch.phase(SEARCHING)
     searched, config = clock.now(), problem.selection
     until = None

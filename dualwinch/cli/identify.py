@@ -124,7 +124,7 @@ def identify(
     if disturbance:
         format_of(disturbance)
         check_place(disturbance)
-    with ProgressLine("fitting") as progress, where.workers(progress) as workers:
+    with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
         found = identify(
             list(logs),
             fit,

@@ -25,7 +25,8 @@ class ProgressLine:
     """A `simulation.progress.Progress` on standard error, while it is used as a context.
 
     On a terminal it is a line that disappears at the end: phase, and status or a bar with the time left. Elsewhere a
-    command with a name writes a line for each phase, and one with the status every ten seconds; others write nothing.
+    command with a name writes a line for each phase, and every ten seconds one with the status, or with the share that
+    is done and the time left; others write nothing.
     """
 
     def __init__(self, phase: str = "", *, command: str = "", console: Console | None = None) -> None:
@@ -70,8 +71,8 @@ class ProgressLine:
                 self._live.refresh()
         elif self._command and new:
             self.say(f"{self._command}: {phase}")
-        elif self._command and status and time.monotonic() - self._written > INTERVAL:
-            self.say(f"{self._command}: {status}")
+        elif self._command and time.monotonic() - self._written > INTERVAL:
+            self.say(f"{self._command}: {status or f'{self._phase}, {100 * fraction:.0f} %{self._left()}'}")
 
     def say(self, words: str) -> None:
         """Write a line that stays."""

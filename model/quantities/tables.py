@@ -19,6 +19,11 @@ def readable_unit(unit: str) -> str:
     return "" if unit == "1" else readable(unit)
 
 
+def relative(deviation: float, value: float) -> str:
+    """A standard deviation as a share of its value, in per cent with two significant digits; empty where it is 1."""
+    return f"{float(f'{100 * deviation / abs(value):.2g}'):g}%" if value and deviation < abs(value) else ""
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
     """A table of texts; columns of numbers, by their indices, stand to the right."""
     sides = ["right" if column in numbers else "left" for column in range(len(header))]

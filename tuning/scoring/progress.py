@@ -10,7 +10,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 
 DRAWING = "drawing scenarios"
-REFERENCES = "compiling; scoring the paper's gains and the start"
+REFERENCES = "compiling, a minute or two the first time; scoring the paper's gains and the start"
 SEARCHING = "searching"
 CHOOSING = "choosing among the finalists"
 SCORING = "scoring the best, the start and the paper's gains"
@@ -70,6 +70,11 @@ class TuningProgress:
     def phase(self, words: str) -> None:
         """A phase begins; `words` say what is done in it."""
         self._progress(0.0, words)
+
+    def compiled(self, seconds: float) -> None:
+        """What the study runs is compiled, which took so many seconds; next to none where it was in the cache."""
+        if seconds >= 1:
+            self._progress(0.0, f"compiled in {seconds:.0f} s")
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
         """A batch of the search is finished; it ends at the time `until` in s since the epoch, or after `trials`."""

@@ -82,9 +82,9 @@ def test_tables_show_what_sets_files_apart(names: list[str], shown: list[str]) -
 def test_numbers_are_whole_on_a_narrow_terminal_however_long_names_are() -> None:
     columns = [FigureColumn("name", ""), FigureColumn("mse", "m^2", form=".4g"), FigureColumn("peak", "N", form=".4g")]
     rows = [[f"a/long/way/to/the/file/number-{number}/of/gains.toml", 1.234e-9, 5999.0] for number in range(3)]
-    console = Console(width=60, file=StringIO())
-    console.print(FigureTable("statistics", columns, rows).render_down())
-    said = console.file.getvalue()
+    file = StringIO()
+    Console(width=60, file=file).print(FigureTable("statistics", columns, rows).render_down())
+    said = file.getvalue()
     assert said.count("1.234e-09") == said.count("5999") == 3
     assert "…" not in said
 

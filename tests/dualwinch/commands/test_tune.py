@@ -6,9 +6,11 @@ import re
 import subprocess
 import sys
 import tomllib
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from dualwinch.cli import main
 from dualwinch.cli.options import seconds_from
@@ -21,7 +23,7 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.scoring.progress import PHASES, SearchStatus
+from dualwinch.tuning.scoring.progress import PHASES, SearchStatus, TuningProgress
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.tuning.test_tune import Stubborn
@@ -55,7 +57,9 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     said_of_it = [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")]
-    assert [words for words in said_of_it if " trials" not in words] == [  # a slow machine says how far it is
+    assert [
+        words for words in said_of_it if not re.search(" trials|^compiled in", words)
+    ] == [  # a slow machine says more
         "reading the problem",
         *PHASES,
         "writing best.toml, study.json and report.html",
@@ -190,6 +194,27 @@ def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_sta
     bound = next(entry["bound"] for entry in study["constraints"] if entry["statistic"] == "mean.chatter")
     assert bound == pytest.approx(paper.metrics["chatter"][0, 0], rel=1e-9)
     assert study["trials"]["origin"][0] == "start"
+
+
+def test_a_log_says_how_far_a_phase_is_every_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, log = [0.0], StringIO()
+    monkeypatch.setattr("dualwinch.cli.progress.time.monotonic", lambda: now[0])
+    line = ProgressLine(command="identify", console=Console(file=log, width=80))
+    for now[0], fraction, phase in ((0.0, 0.0, "fitting"), (5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "")):
+        line(fraction, phase)
+    assert log.getvalue() == "identify: fitting\nidentify: fitting, 25 % · 36 s left\n"
+
+
+def test_what_was_compiled_is_said_with_its_time() -> None:
+    said = list[str]()
+
+    def hear(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        said.append(phase or status)
+
+    watch = TuningProgress(hear)
+    watch.compiled(0.2)
+    watch.compiled(77.7)
+    assert said == ["compiled in 78 s"]
 
 
 def test_the_first_line_is_there_before_the_rest_of_the_program(
