@@ -109,6 +109,15 @@ class IdentificationResult:
         """Keys of which the logs add hardly anything to the prior."""
         return uninformed_keys(self.unknowns, self.deviations, self.options.diagnostics)
 
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Keys of the estimates that lie at an end of their range, where deviations say nothing of their errors."""
+        return tuple(
+            unknown.key
+            for unknown, value in zip(self.unknowns, self.values, strict=True)
+            if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale
+        )
+
     def interval(self, key: str, share: float = CONFIDENCE) -> tuple[float, float]:
         """The interval that contains a parameter with a probability of `share`, if the model is right.
 
@@ -162,11 +171,10 @@ class IdentificationResult:
         for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True):
             low, high = self.interval(unknown.key)
             digits = _digits(value, deviation)
-            rows.append([
-                unknown.key, f"{unknown.start:.6g}", f"{value:.{digits}g}", f"{deviation:.2g}",
-                relative(deviation, value),
-                f"{low:.{digits}g} to {high:.{digits}g}", behind_number(unknown.unit).strip(),
-            ])  # fmt: skip
+            error = [f"{deviation:.2g}", relative(deviation, value), f"{low:.{digits}g} to {high:.{digits}g}"]
+            error = ["–"] * len(error) if unknown.key in self.at_bounds else error
+            estimate, unit = f"{value:.{digits}g}", behind_number(unknown.unit).strip()
+            rows.append([unknown.key, f"{unknown.start:.6g}", estimate, *error, unit])
         interval = f"{100 * CONFIDENCE:g} % interval"
         return ["parameter", "start", "estimate", "std. deviation", "relative", interval, "unit"], rows
 
@@ -215,9 +223,10 @@ class IdentificationResult:
                 if abs(correlation[row, column]) > self.options.diagnostics.correlated:
                     pair = f"{self.keys[column]} and {self.keys[row]}"
                     words.append(f"{pair}: their errors are correlated, {correlation[row, column]:+.3f}")
-        for unknown, value in zip(self.unknowns, self.values, strict=True):
-            if min(value - unknown.lower, unknown.upper - value) <= 1e-6 * unknown.scale:
-                words.append(f"{unknown.key}: estimated at a bound of its range; is the log of this machine?")
+        words += [
+            f"{key}: estimated at a bound of its range, so its deviation is not known; is the log of this machine?"
+            for key in self.at_bounds
+        ]
         if len(self.optima) > 1:
             likelihood = -self.optima[1].deviance / 2
             words.append(f"{len(self.optima)} distinct optima; the second is less likely, exp({likelihood:.3g})")
@@ -242,8 +251,9 @@ class IdentificationResult:
                     "start": unknown.start,
                     "prior": asdict(unknown.prior) if unknown.prior else None,
                     "estimate": float(value),
-                    "deviation": float(deviation),
-                    "interval": list(self.interval(unknown.key)),
+                    "deviation": None if unknown.key in self.at_bounds else float(deviation),
+                    "relative": None if unknown.key in self.at_bounds or not value else float(deviation / abs(value)),
+                    "interval": None if unknown.key in self.at_bounds else list(self.interval(unknown.key)),
                 }
                 for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True)
             ],

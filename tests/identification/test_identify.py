@@ -58,6 +58,14 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     assert all(test.variance == pytest.approx(1, abs=0.03) for test in found.whiteness)
     assert found.noise["F1"] == pytest.approx(10, rel=0.03)
     assert found.noise["x"] == pytest.approx(np.hypot(5e-4, 1e-3 / np.sqrt(12)), rel=0.05)
+    assert found.at_bounds == ()
+    mass = found.unknowns[0]
+    bounded = replace(found, unknowns=(replace(mass, upper=float(found.values[0])), *found.unknowns[1:]))
+    assert bounded.at_bounds == (mass.key,)
+    assert bounded.tables[0][1][0][3:6] == ["–"] * 3
+    assert bounded.to_record()["parameters"][0]["deviation"] is None
+    assert bounded.to_record()["parameters"][1]["deviation"] == found.deviations[1]
+    assert any(note.startswith(f"{mass.key}: estimated at a bound of its range") for note in bounded.notes)
     assert leaves(found.experiment)["plant.vehicle.mass"] == pytest.approx(found.values[0])
 
 
