@@ -46,6 +46,9 @@
   ONE(rail_tilt, 0.0)           /* rad, upwards along the track */                                                     \
   ONE(rail_wave, 0.0)           /* rad, amplitude of the slope of a wavy rail */                                       \
   ONE(rail_wavelength, 10.0)    /* m */                                                                                \
+  /* vortices */                                                                                                       \
+  ONE(shedding_by_way, 0.0)     /* 1: their phase goes with the way since the start; 0: with speed times time */        \
+  ONE(shedding_phase, 0.0)      /* rad, at the start */                                                                 \
   /* a damping of drum speeds beside the exported controller, tau -= damping (omega - v_ref/R) */                      \
   ONE(speed_damping, 0.0)       /* N m s/rad, of the drum's speed at the motor */                                      \
   ONE(speed_lag, 0.0)           /* s, first-order lag of the measured drum speed */                                    \

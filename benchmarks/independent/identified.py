@@ -3,8 +3,9 @@
 ``python -m benchmarks.independent.identified --logs 200 --file logs.jsonl`` logs 50 s of Case 4's motion of each seed's
 machine of the sea: vortices, current, changing rail load, friction of the drums, torques 0 to 3 samples late and
 controller gains that the fit is not told; the sea is described for every second log. Each is a line of the file, and
-those that are there already are not done again. ``--every 5`` logs at 200 Hz. ``--write FILE`` puts the table between
-the file's two marks.
+those that are there already are not done again. ``--every 5`` logs at 200 Hz. With ``--integrated`` the phase of the
+vortices is the integral of their frequency, from a drawn one on, and the fit is told neither. ``--write FILE`` puts the
+table between the file's two marks.
 """
 
 import argparse
@@ -47,10 +48,16 @@ def gains_of(seed: int) -> dict[str, float]:
     return gains | {"controller_coordination_preload": float(draw.uniform(900.0, 1500.0))}
 
 
-def one_log(seed: int, judge: Judge, every: int, sea: float) -> dict[str, Any]:
+def phase_of(seed: int) -> dict[str, float]:
+    """Vortices of a seed whose phase is integrated."""
+    return {"shedding_by_way": 1.0, "shedding_phase": float(np.random.default_rng([seed, 1]).uniform(-np.pi, np.pi))}
+
+
+def one_log(seed: int, judge: Judge, every: int, sea: float, *, integrated: bool = False) -> dict[str, Any]:
     """What comes of a seed's log: of each parameter the error of the estimate in standard deviations."""
     conditions = Conditions(imperfect=0.0, delay=seed % 4, outage_length=0.0)
-    drawn, rows = judge.log(conditions, seed, gains_of(seed), every)
+    settings = gains_of(seed) | (phase_of(seed) if integrated else {})
+    drawn, rows = judge.log(conditions, seed, settings, every)
     described = seed % 2 == 1
     believed = override(case(4), {key: sea * size for key, size in SEA.items()}) if described else Experiment()
     record: dict[str, Any] = {"scenario": seed, "delay": conditions.delay, "described": described, "every": every}
@@ -74,6 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--logs", type=int, default=200, metavar="N", help="logs, those there are counted (200)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="samples between rows (1)")
+    parser.add_argument("--integrated", action="store_true", help="integrate the frequency of the vortices")
     parser.add_argument("--sea", type=float, default=1.0, metavar="FACTOR", help="described sea, over the real one (1)")
     parser.add_argument("--file", type=Path, default=Path("logs.jsonl"), help="of the logs (logs.jsonl)")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="logs side by side (2)")
@@ -84,7 +92,8 @@ def main() -> int:
     seeds = [seed for seed in range(1, chosen.logs + 1) if seed not in there]
     with TemporaryDirectory() as folder, Pool(chosen.processes) as pool:
         judge = Judge(Experiment(controller=paper_controller()), Path(folder))
-        for record in pool.imap_unordered(partial(one_log, judge=judge, every=chosen.every, sea=chosen.sea), seeds):
+        of_seed = partial(one_log, judge=judge, every=chosen.every, sea=chosen.sea, integrated=chosen.integrated)
+        for record in pool.imap_unordered(of_seed, seeds):
             records.append(record)
             with chosen.file.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(record) + "\n")
@@ -93,6 +102,7 @@ def main() -> int:
     print(text)
     if chosen.write:
         at = f" at {1000 / chosen.every:g} Hz" if chosen.every > 1 else ""
+        at = f" with integrated phases{at}" if chosen.integrated else at
         put(chosen.write, f"coverage of the independent machine{at}", text)
     return 0
 

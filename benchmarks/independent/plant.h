@@ -65,6 +65,7 @@ static int plain(const struct effects *effects) {
   rest.wheel_error = effects->wheel_error, rest.torque_step = effects->torque_step;
   rest.slack_below = effects->slack_below, rest.speed_damping = effects->speed_damping;
   rest.speed_lag = effects->speed_lag, rest.speed_noise = effects->speed_noise;
+  rest.shedding_by_way = effects->shedding_by_way, rest.shedding_phase = effects->shedding_phase;
   rest.learnt_wheel = effects->learnt_wheel, rest.learnt_modulus = effects->learnt_modulus;
   rest.learnt_gear = effects->learnt_gear, rest.learnt_sag = effects->learnt_sag;
   return memcmp(&rest, effects, sizeof rest) == 0;
@@ -301,7 +302,8 @@ static double bristle_after(const struct effects *is, double sliding, double v, 
 /* Force against the vehicle's motion in N. */
 static double resistance(const struct machine *m, double t, double v, const struct held *held, double x, double bristle) {
   const struct effects *is = &m->is;
-  double through = v - held->current, shedding = 2.0 * PI * m->strouhal / HULL * v * t;
+  double through = v - held->current, passed = is->shedding_by_way > 0.0 ? x : v * t;
+  double shedding = 2.0 * PI * m->strouhal / HULL * passed + is->shedding_phase;
   double sliding = m->friction * (RAIL_LOAD + held->load);
   double water = HALF_WATER * m->drag * (through * fabs(through) - VORTICES * v * fabs(v) * sin(shedding)), rubbing;
   if (m->plain) return sliding * tanh(v / RAIL_SPEED) + water;
@@ -438,7 +440,7 @@ static void slope_plain(const struct machine *m, double t, const double *state, 
   double v = state[V];
   pull(m, t, state, &f);
   rate[X] = v;
-  rate[V] = (f.rope[0][0].tension - f.rope[1][0].tension - resistance(m, t, v, held, 0.0, 0.0)) / m->mass;
+  rate[V] = (f.rope[0][0].tension - f.rope[1][0].tension - resistance(m, t, v, held, state[X], 0.0)) / m->mass;
   for (int i = 0; i < 2; i++) {
     double omega = state[OMEGA + i], torque = motor_torque(m, state, held, i);
     double opposing = f.radius[i] * f.rope[i][0].tension + m->coulomb * tanh(omega / DRUM_SPEED);
