@@ -279,6 +279,14 @@ def failures(limits: Sequence[RobustnessLimit], runs: ScaledRuns, tension_max: f
     )
 
 
+def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
+    """Whether gains that fail like that are lost, so that multiples of what they reach bound nothing.
+
+    A least tension that is not kept does not say so: a rope may have been slack for a moment.
+    """
+    return any(not failure.at_least for failure in failures)
+
+
 def broken(limits: Sequence[RobustnessLimit], runs: ScaledRuns) -> tuple[BrokenLimit, ...]:
     """What gains do not keep to: runs that did not end well first, then what is exceeded by the largest share."""
     lost = [str(outcome) for outcome in runs.outcomes if outcome != COMPLETED]

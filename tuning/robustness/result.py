@@ -17,7 +17,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
 from dualwinch.tuning.robustness.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
-from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, RobustnessLimit, multiple
+from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, RobustnessLimit, is_no_measure, multiple
 from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
 
 HOLDS = "holds"
@@ -146,14 +146,17 @@ class RobustnessResult:
         """What a reader has to know of the table: the limits, gains that break them in the base, and ends of ranges."""
         asked = self.limits[next(iter(self.names), PAPER)]
         words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
-        if self.lost[PAPER]:
+        if is_no_measure(self.lost[PAPER]):
             words = [words[0].replace("*paper)", "*its own)")]
         for name, limits in self.limits.items():
             if self.lost[name]:
                 why = ", ".join(broken.words for broken in self.lost[name])
                 own = (
                     "; others are held to multiples of what they reach in the base themselves"
-                    if name == PAPER and len(self.limits) > 1 and any(limit.of_paper for limit in self.limits[name])
+                    if name == PAPER
+                    and is_no_measure(self.lost[name])
+                    and len(self.limits) > 1
+                    and any(limit.of_paper for limit in self.limits[name])
                     else ""
                 )
                 words.append(f"{name}: fails already in the base, {why}{own}")

@@ -39,6 +39,7 @@ from dualwinch.tuning.robustness.limits import (
     broken,
     constraints_of,
     failures,
+    is_no_measure,
     limits_of,
 )
 from dualwinch.tuning.robustness.result import PAPER, Breakdown, ImperfectionResult, RobustnessResult
@@ -312,7 +313,9 @@ def breakdowns(
     plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
-    if lost[PAPER]:  # what it reaches says nothing: others are held to multiples of what they reach themselves
+    if is_no_measure(
+        lost[PAPER]
+    ):  # what it reaches says nothing: others are held to multiples of what they reach themselves
         others = {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
         limits |= others
     found = {

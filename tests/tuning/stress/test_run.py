@@ -123,7 +123,7 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
 def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Paper gains that are unstable on a machine would let an error of tens of m² pass."""
+    """Unstable paper gains would let an error of tens of m² pass; those whose rope is slack for a moment would not."""
     whole = bench.run_grid
 
     def slack(scenarios: np.ndarray, **options: Any):
@@ -142,6 +142,12 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     assert found.names == ("own",)
     assert found.limits["own"][1].constraint.bound < 1
     assert "(4*its own)" in repr(found)
+    least = constraints_from(["worst.min_tension>=1e5", "worst.mse<=4*paper"], base.experiment)
+    monkeypatch.setattr("dualwinch.tuning.robustness.limits.WORSE", np.inf)
+    moment = breakdowns(own, base, of(DRUMS, base), least, scenarios=2, seed=0)
+    assert [each.what for each in moment.lost["paper"]] == ["min_tension"]
+    assert moment.limits["own"][1].constraint.bound > 1
+    assert "(4*paper)" in repr(moment)
     assert "paper: fails already in the base, slack share 70 % > 0 %; others are held" in repr(found)
 
 
