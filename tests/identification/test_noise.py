@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from dualwinch.identification.estimate import PredictionErrorMethod
+from dualwinch.identification.identify import identify
+from dualwinch.identification.log import log_of
 from dualwinch.identification.noise import NoiseEstimator
 from dualwinch.identification.options import NoiseOptions
 from dualwinch.identification.predictor import GaussMarkov
@@ -13,7 +15,9 @@ from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import estimable_keys, unknown_parameters
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
 from tests.identification.conftest import SEA, logged, machine
 
 T = np.linspace(0, 20, 2001)
@@ -90,3 +94,12 @@ def test_a_sea_whose_size_is_known_stays_as_it_is() -> None:
     known = NoiseEstimator(fitting.filters, right, NoiseOptions(described_factor=1.0, described_time_factor=1.0))
     noise = fitting.initial_noise()
     assert known.with_sea(right, noise) is noise
+
+
+@pytest.mark.slow
+def test_what_disturbances_did_is_no_noise_of_nearly_perfect_sensors() -> None:
+    """The mass is right at the start, so that it hardly moves while the process noise is at its least."""
+    right = override(case(4), {"simulation.readings": True, "simulation.duration": 12.0, "sensors.tension_noise": 10.0})
+    found = identify(log_of(simulate(right)), "plant.vehicle.mass", case(4))
+    assert abs(found.values[0] - right.plant.vehicle.mass) < 4 * found.deviations[0]
+    assert found.noise["v"] < 1e-4
