@@ -30,6 +30,8 @@ RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, 
 class BoundFunction:
     """A compiled function with arrays of its own: a call reads `inputs` and overwrites `outputs`, without any check.
 
+    It pickles by being bound again; a copy has arrays of its own, with the same numbers.
+
     Attributes:
         inputs, outputs: name → array; fill the inputs in place, as in ``bound.inputs["state"][:] = state``.
     """
@@ -37,6 +39,10 @@ class BoundFunction:
     inputs: dict[str, Floats]
     outputs: dict[str, Floats]
     _call: Callable[[], None] = field(repr=False)
+    _made_of: "tuple[CompiledFunction, tuple[int, ...]]" = field(repr=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _bound_again, (*self._made_of, self.inputs, self.outputs)
 
     def __call__(self) -> None:
         """Evaluate; Python's lock is released meanwhile."""
@@ -93,7 +99,7 @@ class CompiledFunction:
         arguments = tuple(ctypes.addressof(array) for array in (inputs, steps, outputs))
         call = partial(raw, *arguments, count)
         call.arrays = inputs, steps, outputs, sides, self._call  # pyright: ignore[reportAttributeAccessIssue]
-        return BoundFunction(given, found, call)
+        return BoundFunction(given, found, call, (self, batch))
 
     def _with(self, constants: dict[str, ArrayLike]) -> ca.Function:
         """The function with some inputs constant."""
@@ -214,6 +220,17 @@ def compile(  # noqa: A001
 
 def _compiled(function: ca.Function, compiler: Compiler | None, flags: tuple[str, ...]) -> CompiledFunction:
     return compile(function, compiler, flags=flags)
+
+
+def _bound_again(
+    function: CompiledFunction, batch: tuple[int, ...], inputs: dict[str, Floats], outputs: dict[str, Floats]
+) -> BoundFunction:
+    """A function bound to arrays of its own with the numbers of others."""
+    bound = function.bind(batch)
+    for own, others in ((bound.inputs, inputs), (bound.outputs, outputs)):
+        for name, array in own.items():
+            array[...] = others[name]
+    return bound
 
 
 def _source(function: ca.Function) -> str:

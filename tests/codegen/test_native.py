@@ -1,11 +1,13 @@
 import copy
 import pickle
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from dualwinch.codegen.errors import CodegenError, CodegenWarning
+from dualwinch.codegen.native import BoundFunction
 from dualwinch.codegen.native import compile as compiled
 
 MATRIX, VECTOR, NUMBER = ca.MX.sym("A", 2, 3), ca.MX.sym("y", 3), ca.MX.sym("z")
@@ -112,3 +114,18 @@ def test_a_compiled_function_pickles_by_being_compiled_again() -> None:
     made = compiled(ca.Function("f", [x], [2 * x]))
     for again in (pickle.loads(pickle.dumps(made)), copy.deepcopy(made)):  # noqa: S301
         assert np.array_equal(again([1.0, 2.0]), [2.0, 4.0])
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda bound: pickle.loads(pickle.dumps(bound))])  # noqa: S301
+def test_a_copy_of_a_bound_function_has_arrays_of_its_own(again: Callable[[BoundFunction], BoundFunction]) -> None:
+    x, A = ca.SX.sym("x"), ca.SX.sym("A", 2, 3)
+    bound = compiled(ca.Function("f", [x, A], [x * A], ["x", "A"], ["y"])).bind((4,))
+    bound.inputs["x"][:], bound.inputs["A"][...] = [1, 2, 3, 4], np.arange(6).reshape(2, 3)
+    bound()
+    other = again(bound)
+    assert other.outputs["y"].tolist() == bound.outputs["y"].tolist()
+    other.inputs["x"][:] = -1
+    other()
+    assert other.outputs["y"].tolist() == [(-np.arange(6).reshape(2, 3)).tolist()] * 4
+    assert bound.inputs["x"].tolist() == [1, 2, 3, 4]
+    assert bound.outputs["y"][3].tolist() == (4 * np.arange(6).reshape(2, 3)).tolist()
