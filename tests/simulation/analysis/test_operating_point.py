@@ -81,5 +81,5 @@ def test_what_else_is_wrong_is_named(arguments: dict[str, Any], words: str) -> N
 
 
 def test_an_array_of_one_number_is_that_number() -> None:
-    one = np.array([3.0])
+    one: Any = np.array([3.0])
     assert dw.operating_point(dw.case(2), one, force=one) == dw.operating_point(dw.case(2), 3, force=3)
