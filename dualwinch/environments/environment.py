@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from dualwinch.environments.task import Floats, Reward, Task
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -180,12 +181,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         Raises:
             ConfigurationError: not as many seeds as lanes.
         """
+        if isinstance(seed, int | np.integer):
+            whole_number("seed", seed)
         given = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
         if given is not None and not isinstance(given, Sequence | np.ndarray):
             raise ConfigurationError(f"seed = {given!r}: must be a whole number, or one a lane")
         for number in () if given is None else given:
-            if not (number is None or isinstance(number, int | np.integer)):
-                raise ConfigurationError(f"seed: {number!r} is none: must be a whole number >= 0")
+            if number is not None:
+                whole_number("seed", number)
         if given is not None and len(given) != self.num_envs:
             raise ConfigurationError(f"seed: has {len(given)} numbers: must have {self.num_envs}, one a lane")
         first = next((number for number in (() if given is None else given) if number is not None), None)

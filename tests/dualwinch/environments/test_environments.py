@@ -65,7 +65,7 @@ def test_wrong_arguments_are_said(given: dict[str, Any], message: str) -> None:
 
 def test_seeds_are_whole_numbers_and_copies_go_on_by_themselves() -> None:
     one, two = Environment(short()), VectorEnvironment(2, short())
-    for seed in (1.5, [1, 1.5]):
+    for seed in (1.5, [1, 1.5], -1, [None, -1], "a"):
         with pytest.raises(ConfigurationError, match=r"seed.*: must be a whole number"):
             two.reset(seed=seed)  # pyright: ignore[reportArgumentType]
     for env in (one, two):
