@@ -241,10 +241,9 @@ class PredictionErrorMethod:
             if not all_completed(filtered):
                 break
             values, last = there, move
-            if number < search.cautious_rounds:  # with Q at its least, R would take what disturbances did
-                before = moved
-                continue
-            if estimated and moved < search.noise_distance:
+            if (
+                estimated and search.cautious_rounds <= number and moved < search.noise_distance
+            ):  # not with Q at its least
                 noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
             if moved < search.near or (before < search.noise_distance and moved > before / 2):
                 break
