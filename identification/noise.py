@@ -181,8 +181,8 @@ class NoiseEstimator:
     def _unlikelihood(self, experiment: Experiment, noise: NoiseCovariances) -> float:
         """Negative logarithm of the prior density of the described disturbances, but for a constant."""
         process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
-        factors = {name: (options.described_factor, options.described_time_factor) for name in DESCRIBED}
-        factors |= {VORTICES: (1.0, options.vortex_time_factor)}
+        of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
+        factors = {**of_sea, VORTICES: (1.0, options.vortex_time_factor)}
         for name, (of_size, of_time) in factors.items():
             own, described = process[name], self._described[name]
             pairs = (own.deviation, described.deviation, of_size), (own.time, described.time, of_time)
