@@ -313,11 +313,8 @@ def breakdowns(
     plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
-    if is_no_measure(
-        lost[PAPER]
-    ):  # what it reaches says nothing: others are held to multiples of what they reach themselves
-        others = {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
-        limits |= others
+    if is_no_measure(lost[PAPER]):  # others are held to multiples of what they reach themselves
+        limits |= {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
     found = {
         name: _breaks(bench, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()
