@@ -165,8 +165,8 @@ class ModelChoice:
     6. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
        deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
-    7. Vortices that nobody described have the kind of phase that smoothed readings show (`vortices.likelier_phase`);
-       where those come to nothing, the other kind is tried.
+    7. Vortices have the kind of phase that smoothed readings show (`vortices.likelier_phase`); where the amplitude of
+       the paper's kind is an unlikely one, the other kind is tried.
 
     Attributes:
         logs: of one machine.
@@ -237,23 +237,21 @@ class ModelChoice:
         lead = search.likelier_deviance if white else 0.0
         found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
         if found and found is not plain and sea:
-            found = self._with_likelier_phase(found, experiment)
+            found = self._with_likelier_phase(found)
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
         if found is plain:
             return roughly()
         return found if coarse else self._with_likelier_delay(found)
 
-    def _with_likelier_phase(self, model: FittedModel, described: Experiment) -> FittedModel:
-        """A model, or that with vortices of an integrated phase where its own, which nobody described, come to nothing.
+    def _with_likelier_phase(self, model: FittedModel) -> FittedModel:
+        """A model, or that with vortices of an integrated phase where the amplitude of its own is an unlikely one.
 
-        Weak vortices hardly show in smoothed readings.
+        Weak vortices hardly show in smoothed readings, and those of the wrong kind come to nothing, or to far too much.
         """
         own, search = model.experiment.disturbance, self.options.search
-        amplitude = model.estimate.experiment.disturbance.vortex_amplitude
-        if not own.vortex or own.integrated_phase or described.disturbance.vortex:
-            return model
-        if amplitude > search.weak_amplitude * own.vortex_amplitude:
+        share = model.estimate.experiment.disturbance.vortex_amplitude / (own.vortex_amplitude or 1.0)
+        if not own.vortex or own.integrated_phase or search.weak_amplitude < share < search.other_amplitude:
             return model
         other = replace(model.experiment, disturbance=replace(own, integrated_phase=True))
         return self._likeliest([other], [model], 0.0) or model
