@@ -257,9 +257,8 @@ def predicted_system(
     by, vortices, force = per_coefficient(plant.vehicle), now.vortices, disturbances.force
     if isinstance(vortices, VortexStates):
         vehicle, v = plant.vehicle, now.motion.plant.v
-        phase = (
-            now.motion.phase + vortex_frequency(v, groups["disturbance"], vehicle) * sample_time / 2
-        )  # amid the sample
+        frequency = vortex_frequency(v, groups["disturbance"], vehicle)
+        phase = now.motion.phase + frequency * sample_time / 2  # amid the sample
         force += by[VORTICES] * drag(v, vehicle) * (vortices.sine * sin(phase) + vortices.cosine * cos(phase))
         groups["disturbance"] = replace(groups["disturbance"], vortex=ca.SX(0))
     hold = zero_order_hold(
