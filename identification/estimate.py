@@ -19,6 +19,7 @@ from dualwinch.identification.likelihood import Likelihood
 from dualwinch.identification.noise import NoiseEstimator, initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
+    READINGS,
     NoiseCovariances,
     described_disturbances,
     parameter_names,
@@ -215,8 +216,8 @@ class PredictionErrorMethod:
         """Values and noise near the best, by least squares with new gains in every round."""
         search = self._search
         cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
-        if estimated and self.options.resampling.torque_rows:  # chatter, which is far from its least size
-            noise = self._noise.with_torque_noise(self.with_values(values), noise)
+        if estimated and self.options.resampling.torque_rows and not self._has_speed:
+            noise = self._noise.with_torque_noise(self.with_values(values), noise)  # chatter is far from its least size
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
         for number in range(search.rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
@@ -249,6 +250,12 @@ class PredictionErrorMethod:
                 break
             before = moved
         return values, noise
+
+    @property
+    def _has_speed(self) -> bool:
+        """Whether the vehicle's speed is read anywhere, which keeps chatter and a further force apart."""
+        column = READINGS.index("v")
+        return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
 
     def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
         """Values on the way from here to there, as far as no filter diverges, and the passes with them."""

@@ -45,6 +45,23 @@ def test_a_force_that_nobody_describes_is_found() -> None:
     assert quiet.with_process_noise(calm, calmly.initial_noise(), anywhere=True).process["force"].deviation < 30
 
 
+def test_torques_that_were_not_recorded_right_are_found_without_a_further_force() -> None:
+    right = machine(simulation__duration=10.0)
+    log, draw, kept = logged(right), np.random.default_rng(3), np.exp(-0.001 / 0.05)
+    columns = dict(log.columns)
+    for name in ("tau_1", "tau_2"):
+        off = np.zeros(len(log.t))
+        for k, normal in enumerate(draw.normal(size=len(off) - 1), 1):
+            off[k] = kept * off[k - 1] + 3.0 * np.sqrt(1 - kept**2) * normal
+        columns[name] = columns[name] - off
+    unknowns = unknown_parameters(["plant.vehicle.mass"], right, {})
+    fitting = PredictionErrorMethod(sections_of([replace(log, columns=columns)], right), right, unknowns)
+    noise = fitting.initial_noise()
+    found = NoiseEstimator(fitting.filters, right, NoiseOptions()).with_torque_noise(right, noise)
+    assert 1.5 < found.process["torque_1"].deviation < 6, "roughly, from a thousandth of it"
+    assert found.process["force"] == noise.process["force"]
+
+
 def test_noise_is_found_from_far_off() -> None:
     right = machine()
     estimator, fitting = search(right, override(right, {"sensors.tension_noise": 60.0, "sensors.speed_noise": 1e-3}))
