@@ -29,7 +29,7 @@ from dualwinch.identification.unknowns import (
     problem_of,
     unknown_parameters,
 )
-from dualwinch.model.arguments import instance, one_number, texts, whole_number
+from dualwinch.model.arguments import instance, one_number, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
@@ -399,10 +399,6 @@ def excite(
         whole_number("trials", trials, 1)
     whole_number("seed", seed, most=LARGEST_SEED)
     trials = trials or (search.trials if seconds is None else None)
-    keys = texts("keys", keys)
-    instance("experiment", experiment, Experiment, optional=True)
-    instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
-    instance("priors", priors, Mapping, optional=True)
     instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
     limits = motion_limits(

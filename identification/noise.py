@@ -142,8 +142,7 @@ class NoiseEstimator:
         What a machine is not known well enough for yet must not become a further force.
         """
         torques = ESTIMATED[1]
-        sizes = self._options.grid ** np.arange(np.ceil(np.log(self._options.range) / np.log(self._options.grid)))
-        grid = [self._scaled(noise, torques, float(size)) for size in sizes]
+        grid = [self._scaled(noise, torques, factor) for factor in self._factors]
         best = min(grid, key=lambda each: self._cost(experiment, each, self._samples))
         return self._line_search(experiment, best, torques, self._samples)
 
@@ -190,13 +189,17 @@ class NoiseEstimator:
                 total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
         return total
 
+    @property
+    def _factors(self) -> list[float]:
+        """Of a deviation over its least one, over its whole range."""
+        options = self._options
+        return (options.grid ** np.arange(np.ceil(np.log(options.range) / np.log(options.grid)))).tolist()
+
     def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
         """Deviations of all groups on a grid over their range."""
-        grid, options = self._options.grid, self._options
-        factors = grid ** np.arange(np.ceil(np.log(options.range) / np.log(grid)))
         return [
             reduce(lambda found, pair: self._scaled(found, *pair), zip(ESTIMATED, chosen, strict=True), noise)
-            for chosen in product(factors.tolist(), repeat=len(ESTIMATED))
+            for chosen in product(self._factors, repeat=len(ESTIMATED))
         ]
 
     def _line_search(

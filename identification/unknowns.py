@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification.options import DEFAULTS, SearchOptions
 from dualwinch.identification.predictor import GROUPS, has_vortex_states, parameter_names, predictor_structure
+from dualwinch.model.arguments import instance, texts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import suggestion
@@ -208,9 +209,13 @@ def problem_of(
     Raises:
         ConfigurationError: an ensemble that cannot be read, or a key that no log determines.
     """
+    keys = texts("keys", keys)
+    instance("experiment", experiment, Experiment, optional=True)
+    instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
+    instance("priors", priors, Mapping, optional=True)
     known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
     experiment = experiment or (known.experiment if known else Experiment())
-    wanted = estimable_keys([keys] if isinstance(keys, str) else keys, experiment)
+    wanted = estimable_keys(keys, experiment)
     given = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}
     for key in given:
         if estimable_keys([key], experiment, "--prior") != (key,):

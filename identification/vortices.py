@@ -258,6 +258,17 @@ def vortex_starts(
     return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
 
 
+def likelier_regression(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> VortexRegression | None:
+    """The regression with the described kind of phase, or with the other one where that is clearly likelier."""
+    given = experiment.disturbance.integrated_phase
+    own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
+    if own and other and other.deviance < own.deviance - options.vortices.other_phase:
+        return other
+    return own
+
+
 def likelier_phase(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> bool:
@@ -265,11 +276,8 @@ def likelier_phase(
 
     What the experiment describes stays where logs do not clearly say otherwise.
     """
-    given = experiment.disturbance.integrated_phase
-    own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
-    if own is None or other is None:
-        return given
-    return given != (other.deviance < own.deviance - options.vortices.other_phase)
+    found = likelier_regression(logs, experiment, reach, options)
+    return found.integrated if found else experiment.disturbance.integrated_phase
 
 
 def shows_other_vortices(
@@ -277,11 +285,10 @@ def shows_other_vortices(
 ) -> bool:
     """Whether vortices of another Strouhal number or kind of phase than described, or any, explain more of logs."""
     search, given = options.vortices, experiment.disturbance
-    integrated = likelier_phase(logs, experiment, reach, options)
-    found = vortex_regression(logs, experiment, reach, options, integrated=integrated)
+    found = likelier_regression(logs, experiment, reach, options)
     if found is None or found.left.min() > search.suspected * found.described:
         return False
     number = float(found.numbers[np.argmin(found.left)])
-    if not given.vortex or integrated != given.integrated_phase:
+    if not given.vortex or found.integrated != given.integrated_phase:
         return True
     return abs(number - given.strouhal) > search.alike * given.strouhal

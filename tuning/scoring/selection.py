@@ -16,10 +16,10 @@
 4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
    in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). Draws in which one does join
    the validation set (sequential probabilistic validation; Alamo, Tempo, Luque and Ramirez, Automatica 52, 2015), where
-   they rule out others and whoever is screened next; one that violates a peak is repaired by a line search on the
-   reserve and counts as another candidate. The start comes last, where it satisfies the bounds on means. If none
-   passes, one is chosen by an exact penalty on its share of violations, and the result says which probability they
-   support.
+   they rule out others, also of the candidates that are screened next; one that violates a peak is repaired by a line
+   search on the reserve and counts as another candidate. The start comes last, where it satisfies the bounds on means.
+   If none passes, one is chosen by an exact penalty on its share of violations, and the result says which probability
+   they support.
 5. **Test set**: evaluated once, for the choice, the start and the baseline controller; reported with its intervals and
    never fed back. Where it contradicts the choice, the result says so.
 

@@ -282,12 +282,24 @@ def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(
     assert selection._contradiction(frequent, chance) == selection.PROBABILITY_CONTRADICTED
 
 
+def violating(counts: Sequence[int], draws: int) -> Callable[[BatchResult, object], np.ndarray]:
+    """Violations of candidates in so many fresh draws, each in as many as its count says; none in other scenarios."""
+    waiting = iter(counts)
+
+    def worst_of(result: BatchResult, _: object) -> np.ndarray:
+        values = np.full(result.outcomes.shape, -1.0)
+        if result.outcomes.shape[1] == draws:
+            values[0, : next(waiting)] = 1.0
+        return values
+
+    return worst_of
+
+
 def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothing(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     trials = studied(evaluator, 32)
-    wrong = iter([3, 1, 0])
     seen, run, sizes = list[set[int]](), evaluator.run, replace(SMALL, chance=13)
 
     def running(candidates: Sequence[Candidate], scenarios: Sequence[Scenario], **words: bool) -> BatchResult:
@@ -295,20 +307,14 @@ def test_candidates_are_confirmed_in_draws_of_their_own_until_one_violates_nothi
             seen.append({scenario.index for scenario in scenarios})
         return run(candidates, scenarios, **words)
 
-    def violating(result: BatchResult, _: object) -> np.ndarray:
-        values = np.full(result.outcomes.shape, -1.0)
-        if result.outcomes.shape[1] == sizes.chance:
-            values[0, : next(wrong)] = 1.0
-        return values
-
     monkeypatch.setattr(evaluator, "run", running)
-    monkeypatch.setattr(selection, "worst_of", violating)
+    monkeypatch.setattr(selection, "worst_of", violating([3, 1, 0], sizes.chance))
     verdict = select(evaluator, trials, sizes)
     assert verdict.chance is not None
     assert verdict.chance.violations == 0
     assert len(seen) == 3
     assert len(set.union(*seen)) == 3 * sizes.chance
-    wrong = iter([3, 1, 2])
+    monkeypatch.setattr(selection, "worst_of", violating([3, 1, 2], sizes.chance))
     verdict = select(evaluator, trials, sizes)
     assert verdict.chance is not None
     assert verdict.chance.violations == 1, "of those that all violate something the fewest"
@@ -318,15 +324,8 @@ def test_a_better_candidate_that_the_chance_constraint_rules_out_is_named(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
-    trials, wrong, sizes = studied(evaluator, 32), iter([3, 0]), replace(SMALL, chance=13)
-
-    def violating(result: BatchResult, _: object) -> np.ndarray:
-        values = np.full(result.outcomes.shape, -1.0)
-        if result.outcomes.shape[1] == sizes.chance:
-            values[0, : next(wrong)] = 1.0
-        return values
-
-    monkeypatch.setattr(selection, "worst_of", violating)
+    trials, sizes = studied(evaluator, 32), replace(SMALL, chance=13)
+    monkeypatch.setattr(selection, "worst_of", violating([3, 0], sizes.chance))
     monkeypatch.setattr(screening, "worst_of", lambda result, _: np.ones(result.outcomes.shape))  # so do all others
     monkeypatch.setattr(Screening, "_group", one_group(Screening._group))
     verdict = select(evaluator, trials, sizes)
