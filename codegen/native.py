@@ -22,6 +22,10 @@ Floats = NDArray[np.float64]
 NON_FINITE = ("-fno-finite-math-only",)
 """A single function is called with any values; infinities and NaN come out as in the interpreter."""
 
+PART = 250
+"""Statements of a C function; in parts, 30 000 of them take gcc a third of the time that they take as one function, and
+run a tenth longer."""
+
 RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 """The compiled function by its address."""
 
@@ -207,7 +211,7 @@ def compile(  # noqa: A001
         raise CodegenError(f"function: must be a CasADi Function, not {type(function).__name__}")
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
-    made_of = recipe((function,), "native")
+    made_of = recipe((function,), "native", PART)
     found = loaded(lambda: _source(function), compiler or find_compiler(), (*NON_FINITE, *flags), made_of, run="pppn")
     return CompiledFunction(
         name=function.name(),
@@ -245,7 +249,7 @@ def _source(function: ca.Function) -> str:
     shaped = [ca.reshape(symbol, *function.size_in(index)) for index, symbol in enumerate(given)]
     results = [ca.vec(ca.densify(result)) for result in called.call(shaped)]
     name = f"{function.name()}_"  # no name of the C library or its own
-    definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})])
+    definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})], part=PART)
     arguments = [f"inputs[{index}] + k * steps[{index}]" for index in range(len(ins))]
     arguments += [f"outputs[{index}] + k * {result.numel()}" for index, result in enumerate(results)]
     return f"""{definition}

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 
 from dualwinch.codegen.compiler import SCHEDULED, Compiler
-from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.codegen.source.casadi_c import by_casadi
+from dualwinch.codegen.source.expressions import elements_read, instructions
 from dualwinch.codegen.source.loops import rolled_statements
 from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.statements import Strand, helpers, statements
@@ -74,7 +75,10 @@ class LaneLayout:
 
 
 def c_source(
-    functions: Sequence[ca.Function], style: Style | None = None, lanes: Mapping[str, LaneLayout] | None = None
+    functions: Sequence[ca.Function],
+    style: Style | None = None,
+    lanes: Mapping[str, LaneLayout] | None = None,
+    part: int | None = None,
 ) -> str:
     """C99 definitions ``static inline void NAME(const double *IN, ..., double *OUT, ...)``, one a function.
 
@@ -84,21 +88,33 @@ def c_source(
         functions: named functions of SX expressions with named inputs and outputs.
         style: how operations are written.
         lanes: name → how the arrays lie of a function that is called in vector lanes; the others' are plain.
+        part: most statements of a function; a longer one is written as several, and none of its outputs may be null. A
+            compiler's time to allocate registers grows faster than a function's length.
 
     Raises:
         CodegenError: an argument or a result is sparse, or there is no C of a function in single precision.
     """
     style, lanes = style or Style(), lanes or {}
-    definitions = [_definition(function, style, lanes.get(function.name())) for function in functions]
+    definitions = [
+        _in_parts(function, style, part)
+        if part and function.is_a("SXFunction") and function.n_instructions() > part and not by_casadi(function, style)
+        else _definition(function, style, lanes.get(function.name()))
+        for function in functions
+    ]
     helping = helpers(functions, style)
     return "\n\n".join(["#include <math.h>", *([helping] if helping else []), *definitions]) + "\n"
 
 
+def _arguments(function: ca.Function, style: Style) -> list[str]:
+    """Declarations of a function's arguments."""
+    real = style.precision
+    inputs = [f"const {real} *restrict {name}" for name in function.name_in()]
+    return inputs + [f"{real} *restrict {name}" for name in function.name_out()]
+
+
 def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -> str:
-    inputs, outputs, real = function.name_in(), function.name_out(), style.precision
-    arguments = ",\n    ".join(
-        [f"const {real} *restrict {name}" for name in inputs] + [f"{real} *restrict {name}" for name in outputs]
-    )
+    inputs, outputs = function.name_in(), function.name_out()
+    arguments = ",\n    ".join(_arguments(function, style))
     unused = [name for name in inputs if not elements_read(function, name)]
     unused += [name for name in outputs if not function.numel_out(name)]
     strands = lanes.strands if lanes else (Strand(optional=True),)
@@ -108,3 +124,40 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     lines += [f"  (void){name};" for name in unused]
     attribute = "__attribute__((always_inline)) " if lanes else ""
     return "\n".join([f"static inline {attribute}void {function.name()}(\n    {arguments}) {{", *lines, "}"])
+
+
+def _in_parts(function: ca.Function, style: Style, length: int) -> str:
+    """A function that calls others one after the other, each with so many of its statements at most.
+
+    Values that a part leaves to later ones go through an array, ``kept``.
+    """
+    made = [instruction[:3] for instruction in instructions(function)]
+    lines = statements(function, style)[-len(made) :]  # one an instruction, after the declarations
+    bounds = range(0, len(made), length)
+    read, written = list[set[int]](), list[set[int]]()
+    for first in bounds:
+        needed, known = set[int](), set[int]()
+        for operation, operands, result in made[first : first + length]:
+            needed.update(() if operation == ca.OP_INPUT else set(operands) - known)
+            known.update(() if operation == ca.OP_OUTPUT else result[:1])
+        read.append(needed)
+        written.append(known)
+    slots = {register: slot for slot, register in enumerate(sorted(set().union(*read)))}
+    names, real = [*function.name_in(), *function.name_out()], style.precision
+    arguments, parts, later = _arguments(function, style), list[str](), set[int]()
+    for number in reversed(range(len(bounds))):
+        left = sorted(written[number] & later)
+        later = (later - written[number]) | read[number]
+        body = [
+            *style.declarations([f"a{register}" for register in sorted(read[number] | written[number])]),
+            *(f"  {style.copy(f'a{register}', f'kept[{slots[register]}]')}" for register in sorted(read[number])),
+            *lines[bounds[number] : bounds[number] + length],
+            *(f"  {style.copy(f'kept[{slots[register]}]', f'a{register}')}" for register in left),
+            *(f"  (void){name};" for name in [*names, "kept"]),
+        ]
+        head = ",\n    ".join([*arguments, f"{real} *restrict kept"])
+        attributes = "static __attribute__((noinline)) void"
+        parts.insert(0, f"{attributes} {function.name()}_{number}(\n    {head}) {{\n" + "\n".join(body) + "\n}")
+    calls = [f"  {function.name()}_{number}({', '.join([*names, 'kept'])});" for number in range(len(bounds))]
+    head = f"static inline void {function.name()}(\n    " + ",\n    ".join(arguments) + ") {"
+    return "\n\n".join([*parts, "\n".join([head, f"  {real} kept[{len(slots) or 1}];", *calls, "}"])])

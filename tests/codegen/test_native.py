@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from dualwinch.codegen import native
 from dualwinch.codegen.errors import CodegenError, CodegenWarning
 from dualwinch.codegen.native import BoundFunction
 from dualwinch.codegen.native import compile as compiled
@@ -43,6 +44,21 @@ def test_numbers_that_are_none_pass_through() -> None:
     x = ca.SX.sym("x")
     logarithm = compiled(ca.Function("logarithm", [x], [ca.log(x)]))
     np.testing.assert_array_equal(logarithm([0.0, np.nan, np.inf]), [-np.inf, np.nan, np.inf])
+
+
+@pytest.mark.parametrize("part", [1, 7, 100])
+def test_a_long_function_in_parts_gives_what_the_interpreter_gives(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "PART", part)
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
+    value, past = ca.vertcat(x, y), ca.SX.zeros(4)
+    for k in range(12):
+        value, past = ca.sqrt(1 + value**2 + past * x[k % 3]), value / (1 + past**2)
+    function = ca.Function("long_one", [x, y], [value, ca.jacobian(past, x), x], ["x", "y"], ["value", "slope", "same"])
+    given, other = np.random.default_rng(3).normal(size=(5, 3)), 0.7
+    found = compiled(function)(given, other)
+    for row in range(5):
+        for result, expected in zip(found, function(given[row], other), strict=True):
+            np.testing.assert_array_equal(result[row], expected.full().reshape(result[row].shape))
 
 
 @pytest.mark.parametrize(
