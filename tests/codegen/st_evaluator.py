@@ -1,14 +1,18 @@
 """Runs Structured Text: blark's parse tree as closures over IEEE 754 numbers; shares no code with the product.
 
 A frame is a dictionary of lower-case names; structures and instances of function blocks are frames of their own, arrays
-are lists.
+are lists. Lines that are a statement each are parsed once for every shape they have, as blark takes a millisecond for
+some letters: names and indices are put in afterwards. What they may be called, their declarations say.
 """
 
 import ctypes
 import ctypes.util
+import dataclasses
 import gc
 import operator
+import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -69,6 +73,65 @@ def parsed(source: str) -> st.SourceCode:
     return result.transform()
 
 
+LINE = re.compile(r" +([\w.\[\]]+ := [^;]*;|IF [^;]* THEN [^;]*; ELSE [^;]*; END_IF;)")
+"""A line that is a statement."""
+
+WORDS = "IF|THEN|ELSE|END_IF|AND|OR|NOT|TRUE|FALSE|L?REAL"
+NAME = re.compile(rf"(?<=\[)\d+(?=\])|\b(?!(?:{WORDS})\b)[A-Za-z_]\w*\b(?! *\()")
+"""An index, or a name that is none of a function."""
+
+RUN = "lines_"
+"""What the names begin with of variables in whose place lines go."""
+
+
+def with_runs(source: str) -> tuple[str, dict[str, list[str]]]:
+    """A source with one assignment in the place of lines that follow each other, and these by its variable."""
+    text, runs, before = list[str](), dict[str, list[str]](), False
+    for line in source.splitlines():
+        if found := LINE.fullmatch(line):
+            if not before:
+                text.append(f"{RUN}{len(runs)} := 0;")
+                runs[f"{RUN}{len(runs)}"] = []
+            runs[f"{RUN}{len(runs) - 1}"].append(found[1])
+        else:
+            text.append(line)
+        before = bool(found)
+    return "\n".join(text), runs
+
+
+def statement_of(line: str) -> Any:
+    """The tree of a line that is a statement."""
+    names = dict[str, str]()
+
+    def stand_in(found: re.Match[str]) -> str:
+        name = f"{90000 + len(names)}" if found[0].isdigit() else f"name_{len(names)}"
+        names[name] = found[0]
+        return name
+
+    return renamed(_shape(NAME.sub(stand_in, line)), names)
+
+
+@cache
+def _shape(line: str) -> Any:
+    (item,) = parsed(f"FUNCTION_BLOCK shape\n{line}\nEND_FUNCTION_BLOCK\n").items
+    body: Any = item
+    (statement,) = body.body.statements
+    return statement
+
+
+def renamed(node: Any, names: dict[str, str]) -> Any:
+    """A tree with other names in the place of some."""
+    if isinstance(node, str):
+        return names.get(node, node)
+    if isinstance(node, list | tuple):
+        return [renamed(each, names) for each in node]
+    if not dataclasses.is_dataclass(node) or isinstance(node, type):
+        return node
+    other = object.__new__(type(node))
+    other.__dict__.update({key: value if key == "meta" else renamed(value, names) for key, value in vars(node).items()})
+    return other
+
+
 def copied(value: Any) -> Any:
     """A value that changes with no other."""
     if isinstance(value, dict):
@@ -82,7 +145,8 @@ class Machine:
     def __init__(self, source: str) -> None:
         self.structures: dict[str, st.StructureTypeDeclaration] = {}
         self.pous: dict[str, Any] = {}
-        for item in parsed(source).items:
+        text, self._runs = with_runs(source)
+        for item in parsed(text).items:
             if isinstance(item, st.DataTypeDeclaration):
                 assert isinstance(item.declaration, st.StructureTypeDeclaration)
                 self.structures[str(item.declaration.name).lower()] = item.declaration
@@ -143,7 +207,13 @@ class Machine:
         return frame
 
     def _statements(self, block: Any) -> list[Closure]:
-        return [self._statement(each) for each in block.statements] if block else []
+        found = list[Closure]()
+        for each in block.statements if block else []:
+            run = None
+            if isinstance(each, st.AssignmentStatement):
+                run = self._runs.get(str(getattr(each.variables[0], "name", "")))
+            found += [self._statement(tree) for tree in ([each] if run is None else map(statement_of, run))]
+        return found
 
     def _statement(self, node: Any) -> Closure:
         if isinstance(node, st.AssignmentStatement):
