@@ -20,7 +20,7 @@ def seeds(scenarios: Sequence[object]) -> set[int]:
 
 
 def test_no_draw_is_in_two_sets_and_the_search_has_seen_none(make_problem: MakeProblem) -> None:
-    problem = make_problem(ensemble="rig")
+    problem = make_problem()
     validation, prepared = validation_scenarios(problem, SIZES), prepare(problem)
     assert len(validation) <= SIZES.draws + SIZES.vertices
     assert sum(each.vertex for each in validation) == SIZES.vertices
