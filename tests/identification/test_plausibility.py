@@ -85,7 +85,7 @@ def test_torques_that_change_faster_than_they_are_logged_are_named() -> None:
 )
 def test_a_key_that_other_values_fix_is_refused(key: str, gone: tuple[str, ...]) -> None:
     """No ripple has no angle, no load cell no zero; vortices that are off shed at no frequency."""
-    calm = machine(disturbance__vortex=False)
+    calm = machine(disturbance__vortex=False, simulation__duration=8.0)
     whole = logged(calm)
     log = replace(whole, columns={name: each for name, each in whole.columns.items() if name not in gone})
     with pytest.raises(ConfigurationError, match=f"--fit {key}: nothing in these logs depends on it"):
@@ -99,20 +99,20 @@ WORDS = (
 
 
 @pytest.mark.parametrize(
-    "truth",
+    ("truth", "duration"),
     [
-        {"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0},
+        ({"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0}, 20.0),
         *(
-            pytest.param({f"plant.{key.format(end)}": value for end in (1, 2)}, marks=pytest.mark.slow)
+            pytest.param({f"plant.{key.format(end)}": value for end in (1, 2)}, 8.0, marks=pytest.mark.slow)
             for key, value in {"winch_{}.drum_radius": 0.6, "winch_{}.inertia": 20.0, "rope_{}.modulus": 3e10}.items()
         ),
     ],
 )
-def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float]) -> None:
+def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float], duration: float) -> None:
     """Which of its three signs shows first, a model that is far off decides, and not what is off."""
-    log = logged(override(machine(), truth))
+    believed = machine(simulation__duration=duration)
     with pytest.raises(ConfigurationError, match=WORDS):
-        identify([log], ["plant.vehicle.mass"], machine())
+        identify([logged(override(believed, truth))], ["plant.vehicle.mass"], believed)
 
 
 @pytest.mark.slow
