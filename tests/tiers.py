@@ -45,18 +45,22 @@ def each_choice(*factors: Iterable[Any]) -> list[Any]:
 
 
 def choice_of_pairs(*factors: Iterable[Any]) -> list[Any]:
-    """Parameters of a test for a pairwise covering array; rows of it that have every value once are quick.
+    """Parameters of a test for a pairwise covering array; few rows of it that have every value once are quick.
 
-    Where a combination is costly and nothing asks for all of them.
+    Where a combination is costly and nothing asks for all of them. The row with most values that no earlier one has
+    comes next; of several, that whose values come first among theirs, as registries begin with what is simple.
     """
-    seen: set[tuple[int, Any]] = set()
+    values = [list(factor) for factor in factors]
+    rows, quick = covering_array(*values), list[tuple[Any, ...]]()
+    unseen = {each for row in rows for each in enumerate(row)}
 
-    def quick(row: tuple[Any, ...]) -> bool:
-        new = set(enumerate(row)) - seen
-        seen.update(new)
-        return bool(new)
+    def worth(row: tuple[Any, ...]) -> tuple[int, int]:
+        return len(unseen.intersection(enumerate(row))), -sum(map(list.index, values, row))
 
-    return mostly_slow(covering_array(*factors), quick)
+    while unseen:
+        quick.append(max(rows, key=worth))
+        unseen.difference_update(enumerate(quick[-1]))
+    return mostly_slow(rows, quick.__contains__)
 
 
 def all_but(quick: Iterable[Any], values: Iterable[Any]) -> list[Any]:

@@ -119,10 +119,9 @@ def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -
 def test_a_delay_that_arx_models_do_not_show_is_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they show each alike, a fit without the delay makes up for it by inertia and damping."""
     monkeypatch.setattr(model_choice, "torque_lags", lambda _sections, order: np.ones(order))
-    right = override(machine(simulation__duration=12.0), OFF | {"simulation.delay_samples": 2})
-    found = identify(
-        [logged(right)], ["plant.vehicle.mass", "plant.winch_*.inertia"], machine(simulation__duration=12.0)
-    )
+    short = machine(simulation__duration=8.0)
+    right = override(short, OFF | {"simulation.delay_samples": 2})
+    found = identify([logged(right)], ["plant.vehicle.mass", "plant.winch_*.inertia"], short)
     values = leaves(right)
     assert (np.abs(found.values - [values[key] for key in found.keys]) < 3 * found.deviations).all()
     assert any("torques act 2 samples after they are logged" in note for note in found.notes)

@@ -103,7 +103,7 @@ WORDS = (
     [
         ({"plant.winch_1.gear_ratio": 24.0, "plant.winch_2.gear_ratio": 24.0}, 20.0),
         *(
-            pytest.param({f"plant.{key.format(end)}": value for end in (1, 2)}, 8.0, marks=pytest.mark.slow)
+            pytest.param({f"plant.{key.format(end)}": value for end in (1, 2)}, 4.0, marks=pytest.mark.slow)
             for key, value in {"winch_{}.drum_radius": 0.6, "winch_{}.inertia": 20.0, "rope_{}.modulus": 3e10}.items()
         ),
     ],
