@@ -271,7 +271,7 @@ def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: Da
 
 @pytest.mark.slow
 def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: DaskProcesses, tmp_path: Path) -> None:
-    there = [*RACE, *LAWS, "--out", str(tmp_path / "there"), "--cluster", dask.address]
+    there = [*RACE, *LAWS[:4], "--out", str(tmp_path / "there"), "--cluster", dask.address]
     ran = command(*there)
     entries = tmp_path / "there" / "entries"
     for _ in range(1200):
@@ -281,9 +281,9 @@ def test_a_race_whose_client_was_killed_goes_on_to_what_one_process_finds(dask: 
     ran.kill()
     ran.communicate()
     kept = len(list(entries.glob("*.json")))
-    assert 0 < kept < 5
+    assert 0 < kept < 3
     main(there)
-    main([*RACE, *LAWS, "--out", str(tmp_path / "here")])
+    main([*RACE, *LAWS[:4], "--out", str(tmp_path / "here")])
     ours, theirs = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("here", "there"))
     assert without_time(ours) == without_time(theirs)
 
