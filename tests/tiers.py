@@ -19,13 +19,17 @@ COLLECTED = pytest.StashKey[list[pytest.Item]]()
 """All tests that were collected, before those of other tiers are deselected."""
 
 
+def in_full() -> bool:
+    """Whether property tests try all of their examples (profile ``full``); to be asked outside of them."""
+    return settings().max_examples == FULL
+
+
 def examples(full: int, **words: Any) -> settings:
     """``@examples(60)``: so many in the profile ``full``; in ``quick`` not more than its number there.
 
     The words are those of `hypothesis.settings`.
     """
-    usual = settings().max_examples
-    return settings(max_examples=full if usual == FULL else min(full, usual), **words)
+    return settings(max_examples=full if in_full() else min(full, settings().max_examples), **words)
 
 
 def pairwise(*factors: Iterable[Any], allowed: Callable[..., bool] = lambda *_: True) -> list[Any]:
