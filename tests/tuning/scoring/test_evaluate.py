@@ -14,6 +14,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import SelectionConfig
+from tests.tiers import all_but
 from tests.tuning.conftest import MakeProblem
 
 CONFIG = SelectionConfig()
@@ -43,7 +44,7 @@ def test_the_start_is_evaluated_by_preparing(make_problem: MakeProblem) -> None:
     assert evaluator.start() == evaluator.evaluate([Candidate(prepared.problem.start, "start")])[0]
 
 
-@pytest.mark.parametrize("kind", ["fando-nftsm", "adrc", "pid-cascade"])
+@pytest.mark.parametrize("kind", all_but(["fando-nftsm", "pid-cascade"], ["fando-nftsm", "adrc", "pid-cascade"]))
 def test_the_paper_is_its_own_controller_whatever_law_is_tuned(kind: str, make_problem: MakeProblem) -> None:
     settings = ["simulation.duration=0.1", f"controller.kind={kind}", "controller.nominal.mass=9e3"]
     prepared = prepare(make_problem(settings=settings, space=["controller.coordination.preload"]))
