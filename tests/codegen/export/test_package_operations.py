@@ -16,7 +16,7 @@ from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from tests.codegen.operations import functions, interpreted
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
-COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
+COMPILERS = [*filter(shutil.which, ("gcc", "clang")), pytest.param("zig", marks=pytest.mark.external)]
 AT = np.array([[0.3, 0.7], [-0.4, 2.5], [0.9, -1.5]])
 """Where most operations are defined, so that a package does not refuse the result."""
 

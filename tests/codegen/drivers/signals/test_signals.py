@@ -28,7 +28,7 @@ from dualwinch.codegen.drivers.unit import unit
 from dualwinch.codegen.errors import CompilerNotFoundError
 from tests.codegen.drivers.test_rollout import SANITISERS
 
-COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)] + ["zig"]
+COMPILERS = [*filter(shutil.which, ("gcc", "clang")), pytest.param("zig", marks=pytest.mark.external)]
 
 MIXED = (
     *(RandomSignal(1, 2, 0.7), RandomSignal(1, 3, 2.0, 0.99), None),
