@@ -183,7 +183,7 @@ BOUND, LABEL = 6000.0, "worst.peak_tension <= 6000 N"
 @pytest.fixture
 def bounded(make_problem: MakeProblem) -> Evaluator:
     bounds = [f"worst.peak_tension<={BOUND:g}"]
-    return Evaluator(prepare(make_problem(ensemble="rig", space=[f"{RESERVE}=0:225"], constraints=bounds)))
+    return Evaluator(prepare(make_problem(space=[f"{RESERVE}=0:225"], constraints=bounds)))
 
 
 def screening_of(
