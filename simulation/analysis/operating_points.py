@@ -46,6 +46,9 @@ error of Oettli and Prager, Numer. Math. 6, 1964): a stiff rope makes some 1e-7 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
 """Newton steps at most: at first; without limits, to begin again from there; and then, by least squares."""
 
+AMID = 0.2
+"""A position is near an end of the track where it is off the middle by more than this share of half the track."""
+
 ROUNDS = 6
 """How many times at most what has been learnt of a machine, and all else, are solved for in turns."""
 
@@ -331,9 +334,11 @@ def loop_operating_points(
     """Solve for steady motion at many points.
 
     1. Newton's method from a perfect controller's state: no errors, tensions as commanded.
-    2. Where that does not converge: damped steps by least squares, in turns with what an estimator learns of the
-       machine, from where law and estimator come to without limits.
-    3. Where that does not either: the same from that perfect controller's state.
+    2. Where that does not converge: numerical continuation in the position, from amid the track, where both ropes are
+       long and soft (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
+    3. Where that does not either, and amid the track: damped steps by least squares, in turns with what an estimator
+       learns of the machine, from where law and estimator come to without limits; then from that perfect controller's
+       state.
     4. Derivatives that are round-off become zero (`without_round_off`).
 
     Args:
@@ -357,16 +362,45 @@ def loop_operating_points(
             known = None if near is None else near[cold]
             start[cold] = _first_guesses(structure, sample, parameters[cold], x[cold], v[cold], known)
     found = _newton(sample, start, ITERATIONS)
+    away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
+    if len(away):
+        known, amid = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
+        middle = _first_guesses(structure, sample, parameters[away], amid, v[away], known)
+        middle = _by_all_means(sample, middle, _newton(sample, middle, ITERATIONS))
+        away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
+        there = _newton(sample, _carried_over(sample, middle, start[away]), ITERATIONS)
+        found[away[there.steady]] = there[np.flatnonzero(there.steady)]
+    found = _by_all_means(sample, start, found)
+    beside = (
+        sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
+    )
+    found.slopes = without_round_off(found.slopes, *beside)
+    return found
+
+
+def _lengths(sample: "_OpenSample", parameters: Floats) -> Floats:
+    """Lengths of the tracks in m, (s,), for parameters (s, parameters)."""
+    return parameters[:, sample.loop.parameters.index("plant.track.length")]
+
+
+def _carried_over(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
+    """Starts at other positions whose controllers are as they were found, but for the way between."""
+    x = sample.loop.states.index(f"{PLANT}x")
+    way = start.state[:, [x]] - found.state[:, [x]]
+    state = np.where(sample.controller, found.state + way * sample.loop.marked(Mark.POSITION), start.state)
+    outside = start.outside.copy()
+    outside[:, sample.reference] = found.outside[:, sample.reference] + way[:, 0]
+    return replace(start, state=state, outside=outside, leaving=found.leaving.copy())
+
+
+def _by_all_means(sample: "_OpenSample", start: LoopOperatingPoints, found: LoopOperatingPoints) -> LoopOperatingPoints:
+    """What was found, and where nothing was, what damped steps find from both kinds of starts."""
     for limited in (False, True):
         again = np.flatnonzero(~found.repeats)
         if not len(again):
             break
         begun = start[again] if limited else _without_limits(sample, start[again])
         found[again] = _in_turns(sample, begun, LEAST_SQUARES_ITERATIONS, least_squares=True)
-    beside = (
-        sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
-    )
-    found.slopes = without_round_off(found.slopes, *beside)
     return found
 
 
@@ -418,6 +452,7 @@ class _OpenSample:
         learnt: (n,) which of them are what has been learnt of a machine.
         remembers: (n,) which of them remember the last sample.
         adapting: (states,) which states are those of law and estimator.
+        controller: (states,) which states are those of the whole controller.
         reference: index of the reference position among what comes from outside.
         evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)``, of many points. Values are the
             kept states a sample later, what comes back to the openings, and the inner forces' changes over the sample,
@@ -442,6 +477,7 @@ class _OpenSample:
         self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept]
         adapting = ("controller.law.", "controller.estimator.")
         self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
+        self.controller = np.array([name.startswith("controller.") for name in self.loop.states])
         self.reference = self.loop.exogenous.index("reference.x")
         self._function = _open_function(structure, compiled)
         self.evaluate = native.compile(self._function, flags=QUICK_BUILD) if compiled else self._interpreted  # pyright: ignore[reportAttributeAccessIssue]
