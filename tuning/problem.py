@@ -153,8 +153,6 @@ class TuningProblem:
     @property
     def margin_amplitudes(self) -> tuple[float, ...]:
         """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small ones."""
-        if self.ensemble is None:
-            return (0.0,)
         return tuple(sorted({self.experiment.sensors.speed_noise, *self.selection.margin_amplitudes}))
 
     def margin(self, constraint: Constraint) -> float:

@@ -10,7 +10,8 @@ import numpy as np
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
-from dualwinch.simulation.analysis.remarks import loop_remarks
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remarks
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method
@@ -96,8 +97,8 @@ class TuningResult:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What `simulate` and `export` will say of the best's loop on the nominal machine (`loop_remarks`)."""
-        return tuple(loop_remarks(self.best))
+        """What is wrong with the best's loop on the nominal machine, also in motion where no margin is bounded."""
+        return (*loop_remarks(self.best), *(() if self.problem.margins else amplitude_remarks(self.best)))
 
     @property
     def gains(self) -> dict[str, Any]:
@@ -158,7 +159,7 @@ def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, value in verdict.scored.statistics.items():
         theirs = verdict.statistics("paper")[name]
-        ratio = [number(value / theirs, 3) if theirs else "" for _ in compared]
+        ratio = [number(value / theirs, 3) if theirs > 0 <= value else "" for _ in compared]
         values = [number(verdict.statistics(column)[name], 4) for column in columns]
         rows.append([name, *values, *ratio, readable_unit(tuned.problem.units[name])])
     return ["", *columns.values(), *compared, ""], rows
@@ -231,7 +232,8 @@ def contenders(tuned: TuningResult) -> list[str]:
     """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
-    words = [f"paper: {paper} with the paper's gains"]
+    damped = any(value for key, value in leaves(tuned.problem.paper_experiment.controller).items() if "damping" in key)
+    words = [f"paper: {paper} with the paper's gains{' and the damping of drums of the start' * damped}"]
     return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 

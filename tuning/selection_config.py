@@ -64,8 +64,8 @@ class SelectionConfig:
             (those on which the start's are least), and in validation and test.
         margin_machines_screened: drawn machines among which the former are chosen, those on which the start's are least
             where the nominal machine's are.
-        margin_amplitudes: of the speed error in m/s, at which margins are computed in an ensemble, beside that of the
-            speed sensor's noise.
+        margin_amplitudes: of the speed error in m/s, at which margins are computed beside that of the speed sensor's
+            noise.
         loop_range: margin over the least of its machine and amplitude up to which it says how nearly active a loop is.
         back_off: distance that bounds on the worst case keep in training and after a repair, for more scenarios have
             worse cases.

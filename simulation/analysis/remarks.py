@@ -10,6 +10,7 @@ import numpy as np
 from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.analysis.describing_function import amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
@@ -207,4 +208,28 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
         yield (
             f"drum {worst.winch} may swing on its rope at {worst.frequency:.3g} Hz: the loop gain at that resonance is "
             f"{worst.gain:.3g}, must be at most 1 {where}"
+        )
+
+
+SPEED_ERRORS = (0.01, 0.1)
+"""Amplitudes in m/s of the speed error at which a loop that is stable at rest is looked at once more."""
+
+
+def amplitude_remarks(experiment: Experiment) -> Iterator[str]:
+    """Say at which amplitude of the speed error a loop amid the track is unstable, by its describing function.
+
+    Nothing is said of a law without odd powers of the speed error, whose loop is the same at all amplitudes, and of a
+    loop that is unstable at small amplitudes already (`loop_remarks`).
+    """
+    middle = experiment.plant.track.length / 2
+    try:
+        points = amplitude_sweep(experiment, middle, amplitudes=(min(SPEED_ERRORS) / 1e4, *SPEED_ERRORS))
+    except (DualwinchError, ArithmeticError):
+        return
+    unstable = [f"{100 * point.amplitude:g}" for point in points if not point.margins.stable]
+    if unstable and points[0].margins.stable:
+        yield (
+            f"unstable at speed errors of {' and '.join(unstable)} cm/s, though stable at small ones: a disturbance "
+            f"or a noisy sensor may bring it there (dualwinch linearise --loop broken --x {middle:g}); "
+            "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
         )

@@ -207,7 +207,8 @@ def test_of_a_leader_margins_are_known_in_all_loops(bounded: TuningProblem) -> N
 
 def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_problem: MakeProblem) -> None:
     problem = make_problem(constraints=["none", "worst.disk_margin>=0.5*paper"], ensemble=None, space=[BETA])
-    paper = MarginSurvey([problem.paper_experiment]).worst([[]])[0]["disk"].value
+    survey = MarginSurvey([problem.paper_experiment], amplitudes=problem.margin_amplitudes)
+    paper = survey.worst([[]])[0]["disk"].value
     assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
 
 

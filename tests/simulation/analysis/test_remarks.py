@@ -4,12 +4,29 @@ import math
 from dataclasses import replace
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.remarks import RemarkLimits, defaults_left, remarks, unusual_values
+from dualwinch.simulation.analysis.describing_function import amplitude_sweep
+from dualwinch.simulation.analysis.remarks import (
+    RemarkLimits,
+    amplitude_remarks,
+    defaults_left,
+    remarks,
+    unusual_values,
+)
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SHORT = override(case(2), {"simulation.duration": 1.0})
+STEEP = override(
+    case(4),
+    {
+        "controller.nftsm.beta": 0.13,
+        "controller.nftsm.eta": 0.94,
+        "controller.nftsm.k": 13.6,
+        "controller.nftsm.phi": 0.01,
+        "controller.observer.l0": 28.0,
+    },
+)
 
 
 def test_the_papers_run_needs_no_remark() -> None:
@@ -119,3 +136,12 @@ def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_
     ]
     assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: see to its unit"
     assert not unusual_values(load_ensemble("site").experiment)
+
+
+def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
+    """The paper's gains are stable at all of them."""
+    assert not list(amplitude_remarks(case(4)))
+    (said,) = amplitude_remarks(STEEP)
+    assert said.startswith("unstable at speed errors of 1 and 10 cm/s")
+    points = amplitude_sweep(STEEP, 25.0, amplitudes=(1e-6, 0.01, 0.1))
+    assert [point.margins.stable for point in points] == [True, False, False]
