@@ -643,6 +643,7 @@ def _newton(
         if held is not None:
             counted[:, :n] &= ~held
             unknown[:, :n] &= ~held
+            unknown &= _tied(matrix * np.maximum(np.abs(values), 1.0)[:, None], unknown)
         last, sizes = excess[active], np.maximum(np.abs(values), 1.0)
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
         at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
@@ -738,6 +739,22 @@ def _equations(
     unknown = counted & moved
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
     return rest, matrix, counted, unknown
+
+
+def _tied(matrix: Floats, unknown: Flags) -> Flags:
+    """Which unknowns (a, n) some unknown moves by more than round-off; the others stay as they are.
+
+    Args:
+        matrix: (a, n, n) change of each equation by each unknown of its own size.
+        unknown: (a, n) what is not held.
+    """
+    for _ in range(matrix.shape[1]):
+        inside = (np.abs(matrix) > np.finfo(float).eps) & unknown[:, None, :]
+        tied = unknown & inside.any(axis=2)
+        if (tied == unknown).all():
+            break
+        unknown = tied
+    return unknown
 
 
 def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:

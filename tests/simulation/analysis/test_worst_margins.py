@@ -187,6 +187,15 @@ def test_all_machines_of_the_sea_have_steady_motion_at_the_ends_of_the_track(mon
         assert (of_machine["disk"].reason, of_machine["disk"].value > 0.4) == ("", True)
 
 
+def test_machines_of_the_site_have_a_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There the speed wheel says nothing of its scale, which the filter learns in motion."""
+    problem = tuning_problem(ensemble="site")
+    machines = problem.drawn(3, 11, problem.tuned(problem.start))
+    at(monkeypatch, [(25.0, 0.0)])
+    for of_machine in MarginSurvey(machines).each([[]], ["disk"])[0]:
+        assert of_machine["disk"].reason != UNSTEADY
+
+
 def test_points_are_ends_and_middle_of_the_track_at_rest_and_at_cruise() -> None:
     points = survey_points(PAPER)
     assert sorted({x for x, _ in points}) == [2.5, 25.0, 47.5]
