@@ -330,7 +330,8 @@ def share_from(text: str | None, option: str) -> float | None:
     parts = re.fullmatch(r"\s*(\d*\.?\d+)\s*(%?)\s*", text)
     share = float(parts[1]) / (100 if parts[2] else 1) if parts else 0.0
     if not 0 < share < 1:
-        raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as 0.5%")
+        usual = "95%" if option == "--confidence" else "0.5%"
+        raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as {usual}")
     return share
 
 
