@@ -98,7 +98,9 @@ class TuningResult:
     @cached_property
     def remarks(self) -> tuple[str, ...]:
         """What is wrong with the best's loop on the nominal machine, also in motion where no margin is bounded."""
-        return (*loop_remarks(self.best), *(() if self.problem.margins else amplitude_remarks(self.best)))
+        amplitudes = self.problem.selection.margin_amplitudes
+        in_motion = () if self.problem.margins or not amplitudes else amplitude_remarks(self.best, amplitudes)
+        return (*loop_remarks(self.best), *in_motion)
 
     @property
     def gains(self) -> dict[str, Any]:

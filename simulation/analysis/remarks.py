@@ -211,19 +211,15 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
         )
 
 
-SPEED_ERRORS = (0.01, 0.1)
-"""Amplitudes in m/s of the speed error at which a loop that is stable at rest is looked at once more."""
-
-
-def amplitude_remarks(experiment: Experiment) -> Iterator[str]:
-    """Say at which amplitude of the speed error a loop amid the track is unstable, by its describing function.
+def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float]) -> Iterator[str]:
+    """Say at which amplitudes, in m/s, of the speed error a loop amid the track is unstable, by describing functions.
 
     Nothing is said of a law without odd powers of the speed error, whose loop is the same at all amplitudes, and of a
     loop that is unstable at small amplitudes already (`loop_remarks`).
     """
     middle = experiment.plant.track.length / 2
     try:
-        points = amplitude_sweep(experiment, middle, amplitudes=(min(SPEED_ERRORS) / 1e4, *SPEED_ERRORS))
+        points = amplitude_sweep(experiment, middle, amplitudes=(min(amplitudes) / 1e4, *amplitudes))
     except (DualwinchError, ArithmeticError):
         return
     unstable = [f"{100 * point.amplitude:g}" for point in points if not point.margins.stable]

@@ -86,7 +86,7 @@ def test_a_log_cut_out_of_mid_run_needs_no_origin() -> None:
 
 
 @pytest.mark.slow
-def test_a_kind_of_phase_that_nobody_described_is_found() -> None:
+def test_a_kind_of_phase_that_is_not_described_is_found() -> None:
     found = identify([logged(light(**SHORT, **{"disturbance.strouhal": 0.19}))], KEYS, light(**SHORT, **UNDESCRIBED))
     assert (np.abs(found.values - TRUTH) < 3 * found.deviations).all()
     assert found.along[STROUHAL][0] == pytest.approx(0.19, abs=0.002)
