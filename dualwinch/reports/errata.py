@@ -289,9 +289,10 @@ NOTES = (
             "plant.track.tilt",
         ),
         modules=("model/heavy_ropes.py", "model/winch.py", "model/friction.py", "model/vehicle.py"),
-        effect="On an independent plant, gains tuned on this one leave 0.027 mm; with ropes of 2.36 kg/m 11 of 12 "
-        "machines are lost, with 30 kg m² more on the drums all 12, with sag on rollers every 1 m 7. The paper's gains "
-        "leave 0.323 mm, 0.326 mm, 0.325 mm and 0.322 mm, and are lost with 220 kg m².",
+        effect="On an independent plant, gains tuned on this one leave 0.028 mm; with ropes of 2.36 kg/m all of 12 "
+        "machines go slack for long and 3 are lost, with 30 kg m² more on the drums all 12 are, with sag on "
+        "rollers every 1 m a rope goes slack on 10. The paper's gains leave 0.323 mm, 0.326 mm, 0.326 mm and "
+        "0.322 mm, and are lost with 220 kg m².",
         page="rig.md",
     ),
     Note(
