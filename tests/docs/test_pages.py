@@ -9,6 +9,10 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 WRITTEN = [path for path in sorted(DOCS.rglob("*.md")) if not path.relative_to(DOCS).as_posix().startswith("project/")]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *WRITTEN]
+CODE = {"model", "controllers", "simulation", "config", "identification", "tuning", "lab", "codegen", "dualwinch"}
+FOLDERS = CODE | {"docs", "tests", "notebooks", "examples", "benchmarks"}
+"""The repository's own folders: a name that begins with one of them is a path."""
+
 MADE = {"project/contributing", "project/changelog"}
 """Pages that the site makes of documents which stand elsewhere."""
 
@@ -33,6 +37,47 @@ def test_links_figures_and_headings_exist(document: Path) -> None:
         if not page.exists() or (heading and page.suffix == ".md" and heading not in anchors(page)):
             missing.append(target)
     assert missing == []
+
+
+def missing_paths(text: str) -> list[str]:
+    """Paths in the code spans of a text that begin with a folder of the repository and do not exist."""
+    spans = re.findall(r"`([^`\n]+)`", text)
+    paths = [path for span in spans for path in re.findall(r"(?<![\w./<~$-])[\w.-]+/[\w./*-]*", span)]
+    return [path for path in paths if path.split("/")[0] in FOLDERS and not any(ROOT.glob(path.rstrip("/")))]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_paths_of_the_repository_exist(document: Path) -> None:
+    if document.name != "CHANGELOG.md":  # which tells of files that were
+        assert missing_paths(document.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("name", ["docs/design.md", "CONTRIBUTING.md"])
+def test_sources_named_without_a_folder_exist(name: str) -> None:
+    """In these two every source is one of the repository's, and none a user's own."""
+    sources = {path.name for folder in FOLDERS for path in (ROOT / folder).rglob("*")}
+    named = re.findall(r"`([\w-]+\.(?:py|c|h|js|j2))`", (ROOT / name).read_text(encoding="utf-8"))
+    assert [source for source in named if source not in sources] == []
+
+
+def test_a_path_that_does_not_exist_is_found() -> None:
+    assert missing_paths("`model/winch.py`, `tuned/best.toml`, `model/`, and `lab/wasm/*.py`") == []
+    assert missing_paths("a loop (`lab/wasm/wide.py`, `run -m lab/none`)") == ["lab/wasm/wide.py", "lab/none"]
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/rig.md", "docs/stress.md"])
+def test_pages_say_of_heavy_machines_what_the_table_of_the_rig_says(name: str) -> None:
+    table = (DOCS / "rig.md").read_text(encoding="utf-8").partition("<!-- realistic rig: begin -->")[2]
+    cells = [[cell.strip() for cell in line.split("|")] for line in table.splitlines() if line.startswith("| ")]
+    rows = {row[1]: dict(zip(cells[0], row, strict=True)) for row in cells}
+    rope = rows["rope mass, 2.36 kg/m"]
+    lost = {mass: rows[f"drum inertia + {mass} kg m²"]["gains: lost"] for mass in (20, 30)}
+    said = (
+        f"with ropes of 2.36 kg/m, ropes go slack for long on {rope['gains: for long']} of 12 machines and "
+        f"{rope['gains: lost']} are lost; with 20 kg m² more on the drums {lost[20]} are lost, with 30 kg m² all "
+        f"{lost[30]}."
+    )
+    assert said in " ".join((ROOT / name).read_text(encoding="utf-8").split())
 
 
 def test_the_site_lists_every_page_and_notebook_once() -> None:
