@@ -153,7 +153,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
         if column not in UNIT_OF:
             raise ConfigurationError(f"{name}: {unknown('column', column, UNIT_OF)}")
     if "t" not in columns:
-        raise ConfigurationError(f"{name}: t: no such column; it has {', '.join(columns)}")
+        raise ConfigurationError(f"{name}: must have a column t, times in s; it has {', '.join(columns) or 'none'}")
     arrays = {column: np.array(values, float) for column, values in columns.items()}
     for column, values in arrays.items():
         if values.shape != arrays["t"].shape or values.ndim != 1:

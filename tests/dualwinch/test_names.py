@@ -29,8 +29,13 @@ WRONG = {
     "name to sweep": (["linearise", "--sweep", "y=1:2:1"], "x"),
     "parameter to fit": (["identify", "log.csv", "--fit", "plant.vehicle.mas"], "plant.vehicle.mass"),
     "reading": (["identify", "log.csv", "--fit", "plant.vehicle.mass", "--column", "tau1=left"], "tau_1"),
+    "study in a shared file": (["worker", "--storage", "studies.journal", "--study", "see"], "sea"),
     "platform": (["export", "fmu", "--platforms", "linux46", "--out", "a.fmu"], "linux64"),
 }
+
+
+STUDY = '{"op_code": 0, "worker_id": "w", "study_name": "sea", "directions": [1]}'
+"""Optuna's line for a study that was begun."""
 
 
 @pytest.mark.parametrize("kind", WRONG)
@@ -39,6 +44,7 @@ def test_the_nearest_and_what_there_is_are_named(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_text("t,tau_1,tau_2,x\n0,1,1,0\n0.001,1,1,0\n0.002,1,1,0\n")
+    (tmp_path / "studies.journal").write_text(f"{STUDY}\n")
     words, near = WRONG[kind]
     with pytest.raises(SystemExit) as ended:
         main(words)

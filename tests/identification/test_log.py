@@ -121,6 +121,10 @@ def test_arrays_of_a_wrong_name_name_the_nearest() -> None:
         log({"t": t, "tau1": t, "tau_2": t, "x": t})
     with pytest.raises(ConfigurationError, match="tau_1: no such column; it has tau_2, x"):
         log({"t": t, "tau_2": t, "x": t})
+    with pytest.raises(ConfigurationError, match="unknown column 'time'; did you mean 't'"):
+        log({"time": t, "tau_1": t, "tau_2": t, "x": t})
+    with pytest.raises(ConfigurationError, match="must have a column t, times in s; it has tau_1, tau_2, x"):
+        log({"tau_1": t, "tau_2": t, "x": t})
 
 
 def test_a_column_may_be_left_out(tmp_path: Path) -> None:

@@ -31,7 +31,6 @@ import optuna
 from optuna.storages import RetryHeartbeatStaleTrialCallback, fail_stale_trials
 from optuna.trial import FrozenTrial, TrialState
 
-from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import Space, space_from
@@ -46,6 +45,7 @@ from dualwinch.tuning.storage.record import (
     evaluation_of,
     finish,
     first_candidates,
+    joined_definition,
 )
 from dualwinch.tuning.storage.store import Propose, SearchBudget, StudyStorage, TrialClaim
 
@@ -112,14 +112,11 @@ class DatabaseStudy(StudyStorage):
             DualwinchError: the database cannot be reached or used.
         """
         storage = connected(url)
-        known = sorted(there.study_name for there in storage.get_all_studies())
-        if study not in known:
+        try:
+            definition = joined_definition(study, storage)
+        except BaseException:
             storage.engine.dispose()
-            raise ConfigurationError(f"--study {study}: is not there; there are: {', '.join(known) or 'none'}")
-        definition = optuna.load_study(study_name=study, storage=storage).user_attrs.get(DEFINITION)
-        if definition is None:
-            storage.engine.dispose()
-            raise ConfigurationError(f"--study {study}: is none of this program")
+            raise
         return cls(url, study, storage, space_from(definition["space"]))
 
     @property

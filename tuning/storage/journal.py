@@ -27,7 +27,15 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.space import Space, space_from
-from dualwinch.tuning.storage.record import BUDGET, DEFINITION, begun, check_resume, evaluation_of, finished_trial
+from dualwinch.tuning.storage.record import (
+    BUDGET,
+    DEFINITION,
+    begun,
+    check_resume,
+    evaluation_of,
+    finished_trial,
+    joined_definition,
+)
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
@@ -160,11 +168,11 @@ class SharedJournalStudy(StudyStorage):
         if not path.is_file():
             raise ConfigurationError(f"--storage {path}: is not there; `dualwinch tune --shared` begins a study in it")
         lock = _locked(path, shared=True)
-        known = {there.study_name: there.user_attrs for there in _storage(path).get_all_studies()}
-        definition = known.get(study, {}).get(DEFINITION)
-        if definition is None:
+        try:
+            definition = joined_definition(study, _storage(path))
+        except BaseException:
             lock.close()
-            raise ConfigurationError(f"--study {study}: is not there; there are: {', '.join(sorted(known)) or 'none'}")
+            raise
         return cls(path, study, lock, space_from(definition["space"]))
 
     @property

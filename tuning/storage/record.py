@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
@@ -136,6 +137,20 @@ def begun(
         space = space_from((known or {}).get("space", []))
         check_definition(study, definition, known, (problem.space, space))
     return there
+
+
+def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dict[str, Any]:
+    """What a study was begun with that is to be joined.
+
+    Raises:
+        ConfigurationError: there is no such study; the message names the nearest; or it is none of this program.
+    """
+    known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
+    if study not in known:
+        raise ConfigurationError(f"--study: {unknown('study', study, sorted(known))}")
+    if DEFINITION not in known[study]:
+        raise ConfigurationError(f"--study {study}: is none of this program")
+    return known[study][DEFINITION]
 
 
 def check_definition(
