@@ -36,7 +36,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import rk4
-from dualwinch.simulation.loop.zero_order_hold import ZeroOrderHold, motion_template, problem_of
+from dualwinch.simulation.loop.closed_loop import ZeroOrderHold, motion_template, problem_of
 from dualwinch.simulation.sensors import measurement
 
 Floats = NDArray[np.float64]

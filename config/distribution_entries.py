@@ -15,15 +15,15 @@ from dualwinch.config.toml_text import toml_value
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, numbers_of, unknown
 from dualwinch.model.quantities.tree import leaves, shown, validated, with_leaves
-from dualwinch.simulation.ensembles.distributions import (
+from dualwinch.simulation.ensembles.ensemble import (
     DISTRIBUTIONS,
     Choice,
     Distribution,
+    Drawn,
     LogUniform,
     Normal,
     Uniform,
 )
-from dualwinch.simulation.ensembles.ensemble import Drawn
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import leaf_of
 

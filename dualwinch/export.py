@@ -38,7 +38,7 @@ from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.server.client import udp_client
+from dualwinch.simulation.server.registers import udp_client
 
 
 def provenance(experiment: Experiment) -> Provenance:

@@ -31,14 +31,14 @@ from dualwinch.model.vehicle import Vehicle, drag, friction
 from dualwinch.model.winch import winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.structure import parameters_of, structure_of
-from dualwinch.simulation.loop.zero_order_hold import (
+from dualwinch.simulation.loop.closed_loop import (
     between_samples,
     motion_template,
     named_function,
     problem_of,
     zero_order_hold,
 )
+from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.sensors import Sensors, measurement
 
 Floats = NDArray[np.float64]

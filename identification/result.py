@@ -21,8 +21,7 @@ from dualwinch.identification.smoother import SmoothedForce
 from dualwinch.identification.unknowns import UnknownParameter
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, relative, table
-from dualwinch.simulation.ensembles.distributions import Choice
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 

@@ -283,7 +283,7 @@ def split_header(text: str) -> tuple[str, str | None]:
 
 
 def csv_units(path: Path) -> dict[str, str]:
-    """Units of a CSV file, where `simulation.results.storage` has put its metadata beside it."""
+    """Units of a CSV file, where `simulation.results.file_formats` has put its metadata beside it."""
     beside = path.with_name(path.name + "-metadata.json")
     if not beside.exists():
         return {}

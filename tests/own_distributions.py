@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.distributions import Distribution
+from dualwinch.simulation.ensembles.ensemble import Distribution
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.results.file_formats import load_result, save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run

@@ -31,7 +31,7 @@ from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.results.file_formats import save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import ContinuousDimension, space_of

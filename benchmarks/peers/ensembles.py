@@ -11,8 +11,7 @@ from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch.codegen import CompilerNotFoundError
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.simulation.batch.grid import ParameterScenarioGrid
-from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, rollout
 from dualwinch.simulation.batch.workers import run_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble

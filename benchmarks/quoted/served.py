@@ -18,9 +18,8 @@ from dualwinch.export import export_c
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.server.modbus import Modbus
 from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
-from dualwinch.simulation.server.protocols import served
+from dualwinch.simulation.server.protocols import Modbus, served
 from dualwinch.simulation.server.registers import map_as_page
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

@@ -372,7 +372,7 @@ class WorkerOptions:
             if self.cluster is None:
                 yield None
                 return
-            from dualwinch.simulation.batch.cluster import cluster_client
+            from dualwinch.simulation.batch.workers import cluster_client
 
             with cluster_client(self.cluster) as client:
                 info = client.scheduler_info(n_workers=-1)

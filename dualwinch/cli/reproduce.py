@@ -77,7 +77,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.reports.claims import claims
     from dualwinch.simulation.paper import FIGURES, case
-    from dualwinch.simulation.results.storage import save
+    from dualwinch.simulation.results.file_formats import save
     from dualwinch.simulation.simulate import simulate
 
     engine = engine_here("compiled")

@@ -155,8 +155,7 @@ def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Proto
         ConfigurationError: a port that there is not.
         MissingExtraError: their libraries are not installed.
     """
-    from dualwinch.simulation.server.modbus import Modbus
-    from dualwinch.simulation.server.opcua import OpcUa
+    from dualwinch.simulation.server.protocols import Modbus, OpcUa
 
     return [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
 
@@ -280,7 +279,7 @@ def say_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
 
 def keep(plant: ServedPlant, result: Result, file: Path | None) -> None:
     """Write a run to a file, where one is asked for."""
-    from dualwinch.simulation.results.storage import save
+    from dualwinch.simulation.results.file_formats import save
 
     if file:
         save(result, file, {**plant.notes, **version_notes()})

@@ -30,7 +30,7 @@ def show(
     """Write the lab's page with a run of your own in it, as run A to compare with."""
     from dualwinch.lab.assemble import own_run
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.storage import load_result
+    from dualwinch.simulation.results.file_formats import load_result
 
     if not run.is_file():
         raise ConfigurationError(f"cannot read {run}: no such file")

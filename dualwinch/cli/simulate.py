@@ -148,8 +148,7 @@ def simulate_one(
     """Run, print, write. Everything that can be wrong with the files is found before the run."""
     from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import format_of
-    from dualwinch.simulation.results.storage import save
+    from dualwinch.simulation.results.file_formats import format_of, save
     from dualwinch.simulation.simulate import simulate as run
 
     if stride < 1:

@@ -14,9 +14,8 @@ from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import leaves, numbers
 from dualwinch.model.scalar import Scalar, where
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop, start_function
+from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop, named_function, start_function
 from dualwinch.simulation.loop.structure import structure_of, unknown_keys
-from dualwinch.simulation.loop.zero_order_hold import named_function
 
 DELAY = "simulation.delay_samples"
 """A number at run time here; elsewhere it shapes the code."""

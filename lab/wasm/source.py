@@ -29,9 +29,8 @@ from dualwinch.model.reference import PAPER_DURATION, PAPER_SPEED, Reference, de
 from dualwinch.model.scalar import Scalar, both, exp, maximum, where
 from dualwinch.simulation.analysis.idealisations import idealisation_checks
 from dualwinch.simulation.exogenous.signals import courses, stream_number
-from dualwinch.simulation.loop.closed_loop import start_function
+from dualwinch.simulation.loop.closed_loop import named_function, start_function
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
-from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.metrics.metrics import KEYS, finish
 
 TIMES = ("reference.accelerate_until", "reference.cruise_until", "reference.brake_until")

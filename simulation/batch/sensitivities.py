@@ -17,7 +17,7 @@ from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.grid import ParameterScenarioGrid
+from dualwinch.simulation.batch.rollout import ParameterScenarioGrid
 from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_shape, experiment_of
 from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, spread, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope

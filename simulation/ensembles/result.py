@@ -267,7 +267,7 @@ def facts_of(result: Any, notes: Mapping[str, str]) -> dict[str, Any]:
 def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
     """Write a result to a file; the file appears whole or not at all.
 
-    As with a single run (`simulation.results.storage.save`) a CSV file's units stand beside it in
+    As with a single run (`simulation.results.file_formats.save`) a CSV file's units stand beside it in
     ``FILE-metadata.json``; the other formats carry units, seed, statistics, the nominal experiment, how values were
     drawn, and notes inside.
 

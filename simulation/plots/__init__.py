@@ -12,9 +12,8 @@ from dualwinch.simulation.plots.linear import (
     modal_frequencies,
     pole_map,
 )
-from dualwinch.simulation.plots.overview import overview, steady_state_bars
 from dualwinch.simulation.plots.page import encode, save
-from dualwinch.simulation.plots.runs import commands, error, tensions, trajectory
+from dualwinch.simulation.plots.runs import commands, error, overview, steady_state_bars, tensions, trajectory
 
 __all__ = [
     "amplitude_margins",

@@ -263,7 +263,7 @@ class ServedPlant:
 
     @property
     def notes(self) -> dict[str, str]:
-        """Of the last run, as texts for `results.storage.save`: what clients wrote, and how time was kept."""
+        """Of the last run, as texts for `results.file_formats.save`: what clients wrote, and how time was kept."""
         run, _, events = self._finished
         return {"events": json.dumps(events), "timing": json.dumps(_timing(run, self.experiment))}
 

@@ -1,4 +1,7 @@
-"""Where clients find the values of a served plant: one map for datagrams, Modbus and OPC UA, as CSV or a page."""
+"""Where clients find the values of a served plant: one map for datagrams, Modbus and OPC UA, as CSV or a page.
+
+An exported controller is such a client, with a C program around it.
+"""
 
 import csv
 import io
@@ -6,11 +9,14 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from dualwinch.codegen.block import Block
+from dualwinch.codegen.errors import CodegenError
+from dualwinch.codegen.export.package import Provenance, templates
 from dualwinch.codegen.files import write_whole
 from dualwinch.codegen.text import markdown
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Leaf
-from dualwinch.simulation.server.plant import ServedPlant
+from dualwinch.simulation.server.plant import PORT, SIGNALS, ServedPlant, signal_name
 
 FIRST_INPUT = 1000
 """Modbus register of the first input; outputs begin at 0. Each is a 32-bit float, high word first: two registers."""
@@ -106,3 +112,39 @@ def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
     if path.suffix not in FORMATS:
         raise ConfigurationError(f"{path.name}: the name of a register map must end with {' or '.join(FORMATS)}")
     write_whole(path, FORMATS[path.suffix](plant))
+
+
+COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"
+"""First bytes of the datagrams from clients, and of those to them; as in codegen/drivers/realtime.c."""
+
+
+def udp_client(block: Block, name: str, provenance: Provenance) -> str:
+    """C99 program that runs a controller of `codegen.export.package.c_package` against ``dualwinch serve``.
+
+    Args:
+        block: the controller.
+        name: of the package.
+        provenance: goes into a comment.
+
+    Raises:
+        CodegenError: the controller has an input that a served plant does not send, such as a reference ahead of time.
+    """
+    signals = [signal_name(column) for column in SIGNALS]
+    for variable in block.inputs:
+        if variable.name not in signals:
+            raise CodegenError(
+                f"the input {variable.name} is not sent by `dualwinch serve`; it sends {', '.join(signals)}"
+            )
+    return (
+        templates("double")
+        .get_template("udp.c.j2")
+        .render(
+            block=block,
+            name=name,
+            signals=signals,
+            port=PORT,
+            provenance=provenance,
+            command_magic=hex(int.from_bytes(COMMAND_MAGIC, "little")),
+            measurement_magic=hex(int.from_bytes(MEASUREMENT_MAGIC, "little")),
+        )
+    )

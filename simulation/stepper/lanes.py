@@ -24,10 +24,10 @@ from dualwinch.simulation.loop.closed_loop import (
     absent_signals,
     closed_loop,
     exogenous_names,
+    named_function,
     starts,
 )
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
-from dualwinch.simulation.loop.zero_order_hold import named_function
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.stepper.commands import COMMANDED_STATES, CommandName, under_command

@@ -14,8 +14,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.distributions import Choice, Normal, Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Normal, Uniform
 from dualwinch.simulation.ensembles.result import save_ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.paper import case

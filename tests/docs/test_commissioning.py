@@ -44,7 +44,7 @@ def test_a_datagram_has_the_signals_of_the_map() -> None:
 
 @pytest.mark.slow
 def test_the_lesson_drops_a_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dualwinch.simulation.server.modbus import Modbus
+    from dualwinch.simulation.server.protocols import Modbus
 
     monkeypatch.chdir(tmp_path)
     assert "export c --udp --case 4 --out controller" in PAGE

@@ -15,9 +15,8 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.cluster import cluster_client
 from dualwinch.simulation.batch.task import WorkerError
-from dualwinch.simulation.batch.workers import spread
+from dualwinch.simulation.batch.workers import cluster_client, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from tests.dask_cluster import DaskProcesses, dask_processes

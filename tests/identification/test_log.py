@@ -10,7 +10,7 @@ from dualwinch.identification.log import log
 from dualwinch.identification.log_files import column_map, read_log
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.results.storage import save
+from dualwinch.simulation.results.file_formats import save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 

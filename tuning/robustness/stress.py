@@ -13,8 +13,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.grid import ParameterScenarioGrid
-from dualwinch.simulation.batch.rollout import run_grid
+from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, run_grid
 from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment

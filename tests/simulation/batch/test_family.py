@@ -10,8 +10,7 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, scenario_groups
-from dualwinch.simulation.ensembles.distributions import Choice, Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.loop.structure import parameters_of

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from dualwinch.simulation.ensembles.distributions import Choice, Distribution, LogUniform, Normal, Uniform
+from dualwinch.simulation.ensembles.ensemble import Choice, Distribution, LogUniform, Normal, Uniform
 
 SHARES = (np.arange(20_000) + 0.5) / 20_000
 """As evenly spread as draws between 0 and 1 can be, so that moments are those of the distribution."""

@@ -9,8 +9,7 @@ from dualwinch.config.plugins import register
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.ensembles.distributions import Choice, Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case

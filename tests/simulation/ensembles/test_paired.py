@@ -14,8 +14,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS
 from dualwinch.simulation.ensembles import run
 from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio, paper_controller
-from dualwinch.simulation.ensembles.distributions import Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.settings import override
 

@@ -13,8 +13,7 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS, rollout
 from dualwinch.simulation.ensembles import run as module
-from dualwinch.simulation.ensembles.distributions import Choice
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import POINTS, run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities

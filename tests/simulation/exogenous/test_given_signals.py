@@ -14,8 +14,7 @@ from dualwinch.model.signals import Signal
 from dualwinch.simulation.analysis.authority import required_force
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.ensembles.distributions import Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import sea_signals
 from dualwinch.simulation.experiment import Experiment, Simulation

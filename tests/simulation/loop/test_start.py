@@ -8,8 +8,7 @@ import pytest
 from dualwinch import override
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.blocks import block
-from dualwinch.simulation.ensembles.distributions import Uniform
-from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import initial_state_of, start_slopes, starts
 from dualwinch.simulation.loop.structure import parameters_of, structure_of

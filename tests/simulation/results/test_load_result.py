@@ -12,9 +12,8 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.results.file_formats import FORMATS
+from dualwinch.simulation.results.file_formats import FORMATS, load_result, save
 from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.results.storage import load_result, save
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.own_parts import DriftFree, StateFeedback, Watched

@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots import overview
-from dualwinch.simulation.results.storage import load_result, save
+from dualwinch.simulation.results.file_formats import load_result, save
 from dualwinch.simulation.server.plant import ServedPlant, ServerSettings, approach
 from dualwinch.simulation.stepper.stepper import Stepper
 from tests.simulation.server.clients import (

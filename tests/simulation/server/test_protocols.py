@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.simulation.server.modbus import Modbus, number_of, words_of
-from dualwinch.simulation.server.opcua import OpcUa
 from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
-from dualwinch.simulation.server.protocols import Protocol, served
+from dualwinch.simulation.server.protocols import Modbus, OpcUa, Protocol, number_of, served, words_of
 from dualwinch.simulation.server.registers import map_as_csv, map_as_page, registers, write_map
 from tests.simulation.server.clients import HOLDING, TORQUES, finished, serving, short
 

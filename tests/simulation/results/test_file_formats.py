@@ -11,8 +11,8 @@ from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.result import save_ensemble
 from dualwinch.simulation.paper import case
+from dualwinch.simulation.results.file_formats import save
 from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.results.storage import save
 from dualwinch.simulation.rows import COLUMNS
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

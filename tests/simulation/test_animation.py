@@ -12,8 +12,7 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.animation import animation, labelled_machine
-from dualwinch.simulation.animation.machine import LEFT, RIGHT, SLACK, colour
+from dualwinch.simulation.animation import LEFT, RIGHT, SLACK, animation, colour, labelled_machine
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
