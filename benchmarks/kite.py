@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown, put
-from dualwinch.identification.log_files import read_columns
+from dualwinch.identification.log import read_columns
 from dualwinch.model.errors import ConfigurationError
 
 GRAVITY = 9.81

@@ -47,7 +47,7 @@ from .export import export_fmu as export_fmu
 from .export import export_mex as export_mex
 from .export import export_st as export_st
 from .export import generate_c as generate_c
-from .identification.excitation import excite as excite
+from .identification.experiment_design import excite as excite
 from .identification.identify import identify as identify
 from .identification.options import EstimationOptions as EstimationOptions
 from .identification.result import IdentificationResult as IdentificationResult

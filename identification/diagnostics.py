@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.likelihood import noise_by_differences
 from dualwinch.identification.log import POSITIONS, TORQUES, UNIT_OF, Log, longest_step
-from dualwinch.identification.noise import noise_by_differences
 from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
 from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import LogSection

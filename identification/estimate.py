@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.controllers.controller import Controller
 from dualwinch.identification.filter import LogFilters, all_completed
-from dualwinch.identification.likelihood import Likelihood
-from dualwinch.identification.noise import NoiseEstimator, initial_measurement_noise
+from dualwinch.identification.likelihood import Likelihood, NoiseEstimator, initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
     READINGS,

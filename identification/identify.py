@@ -20,8 +20,7 @@ from dualwinch.identification.diagnostics import (
     whiteness_tests,
 )
 from dualwinch.identification.estimate import ParameterEstimate, distinct_optima, multistart
-from dualwinch.identification.log import Log, log_of
-from dualwinch.identification.log_files import column_map, read_log
+from dualwinch.identification.log import Log, column_map, log_of, read_log
 from dualwinch.identification.model_choice import ModelChoice, marginal
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import READINGS

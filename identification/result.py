@@ -1,10 +1,13 @@
 """The result of an estimation: estimates with their uncertainties, as tables, text, record, ensemble and figure."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -23,7 +26,8 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, relative, table
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.simulation.plots.page import GivenAxes, new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, plain
 
 Floats = NDArray[np.float64]
 Table = tuple[list[str], list[list[str]]]
@@ -294,8 +298,6 @@ class IdentificationResult:
         Args:
             ax: two axes to draw into; default: a figure of its own.
         """
-        from dualwinch.identification.plots import identification_figure
-
         verdicts = {test.name: test.words for test in self.whiteness}
         return identification_figure(
             self.headline, self.unknowns, self.values, self.deviations, self.innovations, verdicts, ax=ax
@@ -307,3 +309,71 @@ def _digits(value: float, deviation: float) -> int:
     if not value or not deviation or not math.isfinite(deviation):
         return 4
     return min(max(math.floor(math.log10(abs(value))) - math.floor(math.log10(deviation)) + 2, 2), 9)
+
+
+INNOVATION_COLOURS = LinearSegmentedColormap.from_list("innovation", [BLUE, "white", VERMILION])
+
+
+def identification_figure(
+    headline: str,
+    unknowns: Sequence[UnknownParameter],
+    values: Floats,
+    deviations: Floats,
+    innovations: Mapping[str, Floats],
+    verdicts: Mapping[str, str],
+    *,
+    ax: GivenAxes = None,
+) -> Figure:
+    """Draw estimates with their intervals beside their starts; see `IdentificationResult`."""
+    rows = range(len(unknowns))
+    with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", headline) as page:
+        estimates, sensors = page.panels(1, 2)
+        by = np.array([unknown.uncertainty for unknown in unknowns]) / 100
+        starts = np.array([unknown.start for unknown in unknowns])
+        estimates.axvline(0, color=GREY, linewidth=1.0)
+        estimates.errorbar(
+            (values - starts) / by,
+            rows,
+            xerr=1.96 * deviations / by,
+            fmt="o",
+            color=BLUE,
+            markersize=4,
+            linewidth=1.5,
+            capsize=2,
+        )
+        estimates.set_yticks(rows, [*map(_estimate_label, unknowns, values.tolist(), deviations.tolist())])
+        estimates.set_ylim(len(rows) - 0.5, -0.5)
+        known = any(unknown.prior for unknown in unknowns)
+        estimates.set_xlabel("change, % of " + ("the prior deviation" if known else "the start"))
+        _innovation_strips(innovations, verdicts, sensors)
+    return page.figure
+
+
+def _innovation_strips(
+    innovations: Mapping[str, Floats], verdicts: Mapping[str, str], axes: Axes, shown: float = 0.5
+) -> None:
+    """A strip of colour for each sensor: white where its innovations are as large as expected.
+
+    Colours end where root mean squares depart from 1 by `shown`.
+    """
+    names = list(innovations)
+    drawn = axes.pcolormesh(
+        next(iter(innovations.values()))[0],
+        range(len(names)),
+        np.array([innovations[name][1] for name in names]),
+        cmap=INNOVATION_COLOURS,
+        vmin=1 - shown,
+        vmax=1 + shown,
+        rasterized=True,
+    )
+    axes.grid(visible=False)
+    axes.set_yticks(range(len(names)), [f"{name}\n{verdicts.get(name, '').partition(' at lag')[0]}" for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("time in motion (s)")
+    axes.figure.colorbar(drawn, ax=axes, extend="both", label="innovations, RMS (1: as expected)")
+
+
+def _estimate_label(unknown: UnknownParameter, value: float, deviation: float) -> str:
+    """A key without what all have in common, and its estimate."""
+    key = unknown.key.removeprefix("plant.").removeprefix("sensors.").removeprefix("disturbance.")
+    return f"{plain(key)}\n{value:.5g} ± {deviation:.2g}{behind_number(unknown.unit)}"

@@ -71,7 +71,7 @@ def excite(
     beside those of the present motion.
     """
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.identification.excitation import excite
+    from dualwinch.identification.experiment_design import excite
     from dualwinch.identification.options import DEFAULTS
 
     search = DEFAULTS.excitation

@@ -11,7 +11,7 @@ import pytest
 
 from dualwinch.codegen.drivers.prediction import FilterCovariances, FilterData, compile_predictor
 from dualwinch.identification.filter import LogFilters
-from dualwinch.identification.noise import initial_measurement_noise
+from dualwinch.identification.likelihood import initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS
 from dualwinch.identification.predictor import (
     NoiseCovariances,

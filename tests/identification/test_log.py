@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualwinch.identification.log import log
-from dualwinch.identification.log_files import column_map, read_log
+from dualwinch.identification.log import column_map, log, read_log
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.file_formats import save

@@ -13,8 +13,7 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import csc_array
 
-from dualwinch.identification.log import Log, log
-from dualwinch.identification.log_files import column_map, read_log
+from dualwinch.identification.log import Log, column_map, log, read_log
 from dualwinch.model.errors import ConfigurationError
 
 ROWS = 40

@@ -7,8 +7,8 @@ import pytest
 
 from dualwinch.identification.estimate import PredictionErrorMethod
 from dualwinch.identification.identify import identify
+from dualwinch.identification.likelihood import NoiseEstimator
 from dualwinch.identification.log import log_of
-from dualwinch.identification.noise import NoiseEstimator
 from dualwinch.identification.options import NoiseOptions
 from dualwinch.identification.predictor import GaussMarkov
 from dualwinch.identification.resample import sections_of

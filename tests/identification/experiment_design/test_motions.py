@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dualwinch.identification.excitation import MotionLimits, motion_dimensions, motion_limits, motion_of
+from dualwinch.identification.experiment_design import MotionLimits, motion_dimensions, motion_limits, motion_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import own_duration, setpoint
 from dualwinch.simulation.experiment import Experiment

@@ -34,11 +34,12 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, relative, table
-from dualwinch.model.reference import Reference, cruise_speed, own_duration
+from dualwinch.model.reference import Reference, cruise_speed, own_duration, setpoint
 from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import GivenAxes
+from dualwinch.simulation.plots.page import GivenAxes, new_page
+from dualwinch.simulation.plots.style import BLUE, GREY, logarithmic, plain
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import no_progress
 from dualwinch.simulation.results.result import Result
@@ -327,12 +328,40 @@ class ExcitationDesign:
         Args:
             ax: two axes to draw into; default: a figure of its own.
         """
-        from dualwinch.identification.plots import excitation_figure
-
         reference, present = self.experiment.reference, self.present_deviations
         return excitation_figure(
             self.headline, reference, self.duration, self.unknowns, present, self.deviations, ax=ax
         )
+
+
+def excitation_figure(
+    headline: str,
+    reference: Reference,
+    duration: float,
+    unknowns: Sequence[UnknownParameter],
+    present: Floats,
+    deviations: Floats,
+    *,
+    ax: GivenAxes = None,
+) -> Figure:
+    """Draw a motion, and the deviations to expect of it; see `ExcitationDesign`."""
+    rows = range(len(unknowns))
+    with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", headline) as page:
+        left, right = page.panels(1, 2)
+        t = np.linspace(0, duration, 600)
+        left.plot(t, setpoint(t, reference).x, color=BLUE)
+        left.set(xlabel="time (s)", ylabel="reference (m)", xlim=(0, duration))
+        by = np.array([unknown.uncertainty for unknown in unknowns]) / 100
+        before, after = present / by, deviations / by
+        right.hlines(rows, before, after, color=GREY, linewidth=1.0)
+        right.plot(before, rows, "o", color="white", markeredgecolor=GREY, markersize=5, label="present motion")
+        right.plot(after, rows, "o", color=BLUE, markersize=5, label="this motion")
+        right.set_yticks(rows, [plain(each.key.removeprefix("plant.").removeprefix("sensors.")) for each in unknowns])
+        right.set_ylim(len(rows) - 0.5, -0.5)
+        logarithmic(right, between=(1, 2, 5))
+        right.set_xlabel("deviation to expect, % of the parameter")
+        page.legend()
+    return page.figure
 
 
 def excite(

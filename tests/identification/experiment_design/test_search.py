@@ -8,7 +8,7 @@ import pytest
 
 from dualwinch.config.experiment_file import loads, to_toml
 from dualwinch.identification.estimate import PredictionErrorMethod
-from dualwinch.identification.excitation import ExcitationDesign, excite
+from dualwinch.identification.experiment_design import ExcitationDesign, excite
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import log_of
 from dualwinch.identification.options import DEFAULTS
