@@ -119,7 +119,8 @@ def linearise(
     if loop == "broken":
         tables = print_broken(systems, experiment, values, swept, cut or "u")
     elif swept is None:
-        tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed")
+        learnt = _learnt_states(experiment) if loop == "closed" else frozenset()
+        tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed", learnt=learnt)
     elif loop == "closed":
         tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
     else:
@@ -409,8 +410,19 @@ SMALL = 8
 """Systems of up to so many states are printed whole."""
 
 
-def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool) -> list[FigureTable]:
-    """Print operating point, matrices (of a small system), modes, DC gains, sufficient sensors; stability of a loop."""
+def _learnt_states(experiment: Experiment) -> frozenset[str]:
+    from dualwinch.simulation.analysis.linear_loop import learnt_states
+
+    return learnt_states(experiment)
+
+
+def print_point(
+    system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool, learnt: frozenset[str] = frozenset()
+) -> list[FigureTable]:
+    """Print operating point, matrices (of a small system), modes, DC gains, sufficient sensors; stability of a loop.
+
+    Modes of learnt states, some hundred, are printed in one line unless they are unstable; the tables have them all.
+    """
     import numpy as np
 
     from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, modes, plant_prefix
@@ -436,10 +448,11 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
             console.print(styled("bold", f"\n{name}", f" ({time})"))
             console.print(_matrix(name, "", system.states, map(FigureColumn, inputs), getattr(system, name)).render())
     console.print(styled("bold", "\nmodes"))
+    slow = [mode for mode in found if learnt.issuperset(mode.main_states) and not (closed and is_unstable(mode))]
+    shown = [mode for mode in found if mode not in slow]
+    columns = _mode_columns(system.dt, closed=closed)
     tables += [
-        FigureTable(
-            "modes", _mode_columns(system.dt, closed=closed), [_mode_row(mode, closed=closed) for mode in found]
-        ),
+        FigureTable("modes", columns, [_mode_row(mode, closed=closed) for mode in found]),
         FigureTable(
             "participation",
             (FigureColumn("mode", ""), FigureColumn("state", ""), FigureColumn("share", factor=100)),
@@ -447,13 +460,16 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
         ),
         FigureTable("sampling", (FigureColumn("samples_per_period"),), [(SAMPLES_A_PERIOD,)]),
     ]
-    console.print(tables[3].render())
+    console.print(FigureTable("", columns, [_mode_row(mode, closed=closed) for mode in shown]).render())
+    if slow:
+        longest = max(mode.time_constant for mode in slow)
+        console.print(f"and {len(slow)} modes of what the estimator learns, which decay within {longest:.3g} s")
     if not closed:
         console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
     console.print(styled("bold", "\nparticipation of the states"))
     shares = [
         (mode.label, ", ".join(f"{name} {100 * mode.participation[name]:.3g} %" for name in mode.main_states))
-        for mode in found
+        for mode in shown
     ]
     console.print(FigureTable("", (FigureColumn("mode", ""), FigureColumn("states", "")), shares).render())
     if small and plant_prefix(system.states) is not None:

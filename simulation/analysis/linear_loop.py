@@ -19,7 +19,7 @@ from dualwinch.model.linear.properties import states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import unknown
+from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.simulation.analysis.operating_points import (
     LoopOperatingPoint,
     loop_operating_point,
@@ -210,10 +210,19 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each of the closed loop's states."""
     known = describe_parts(initial_loop_state(point.experiment))
-    prefixes = ("motion.plant.", "controller.law.", "controller.coordination.", "controller.", "")
     found = []
     for state in point.loop.states:
-        name = state.removeprefix(next(prefix for prefix in prefixes if state.startswith(prefix)))
         torque = state.startswith("queue.")
-        found.append((name, "N m" if torque else known[state].quantity.unit if state in known else "1"))
+        found.append((_short(state), "N m" if torque else known[state].quantity.unit if state in known else "1"))
     return found
+
+
+def learnt_states(experiment: Experiment) -> frozenset[str]:
+    """Names of the closed loop's states that say what the estimator has learnt of the machine, as its system has them."""
+    loop = closed_loop(structure_of(experiment))
+    return frozenset(_short(loop.states[index]) for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
+
+
+def _short(state: str) -> str:
+    prefixes = ("motion.plant.", "controller.law.", "controller.coordination.", "controller.", "")
+    return state.removeprefix(next(prefix for prefix in prefixes if state.startswith(prefix)))

@@ -52,6 +52,9 @@ AMID = 0.2
 ROUNDS = 6
 """How many times at most what has been learnt of a machine, and all else, are solved for in turns."""
 
+STANDSTILL = 1e-12
+"""Change of a state over a sample, over its size, that is none: in samples of 1 ms it would take thirty years."""
+
 NEIGHBOUR = 1e-9
 """Distance of the neighbours of a point at which derivatives are compared with its own, over each state's size."""
 
@@ -640,11 +643,12 @@ def _newton(
         found, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
         values = np.hstack([at.state[:, sample.kept], at.leaving])
         rest, matrix, counted, unknown = _equations(sample, found, values, at)
+        sizes, last = np.maximum(np.abs(values), 1.0), excess[active]
         if held is not None:
             counted[:, :n] &= ~held
             unknown[:, :n] &= ~held
-            unknown &= _tied(matrix * np.maximum(np.abs(values), 1.0)[:, None], unknown)
-        last, sizes = excess[active], np.maximum(np.abs(values), 1.0)
+        with np.errstate(over="ignore"):  # where a search diverges
+            unknown &= _tied(matrix * (sizes[:, None] / sizes[..., None]), unknown)
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
         at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
         with np.errstate(invalid="ignore"):  # where a search diverges both are infinite: `excess` is, then
@@ -732,24 +736,20 @@ def _equations(
     # where it began
     counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
     counted[:, n:] = True
-    # so is what is learnt where nothing but round-off is learnt of it, such as a wheel's scale at rest
-    sizes, learnt = np.maximum(np.abs(values), 1.0), np.append(sample.learnt, [False] * 3)
-    with np.errstate(over="ignore", invalid="ignore"):
-        moved[:, learnt] &= (np.abs(matrix[:, learnt]) * sizes[:, None] > np.finfo(float).eps).any(axis=2)
     unknown = counted & moved
     matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
     return rest, matrix, counted, unknown
 
 
 def _tied(matrix: Floats, unknown: Flags) -> Flags:
-    """Which unknowns (a, n) some unknown moves by more than round-off; the others stay as they are.
+    """Which unknowns (a, n) some unknown moves at all; the others stay as they are, such as a wheel's scale at rest.
 
     Args:
-        matrix: (a, n, n) change of each equation by each unknown of its own size.
+        matrix: (a, n, n) change of each state over its size by that of each unknown over its own.
         unknown: (a, n) what is not held.
     """
     for _ in range(matrix.shape[1]):
-        inside = (np.abs(matrix) > np.finfo(float).eps) & unknown[:, None, :]
+        inside = (np.abs(matrix) > STANDSTILL) & unknown[:, None, :]
         tied = unknown & inside.any(axis=2)
         if (tied == unknown).all():
             break

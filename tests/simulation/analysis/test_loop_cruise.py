@@ -10,7 +10,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.operating_points import RESIDUAL, STEP, LoopOperatingPoint, loop_operating_point
 from dualwinch.simulation.paper import case
@@ -106,3 +106,11 @@ def test_at_speed_a_filter_that_learns_and_heavy_ropes_come_to_steady_motion() -
     assert point.row["u"] == pytest.approx(2610, rel=1e-3)
     assert point.residual < 1e-7
     assert error_after(point, 1.5, 200) == pytest.approx(point.row["e"], abs=1e-6)
+
+
+@pytest.mark.parametrize("x", [40.0, 46.8])
+def test_at_rest_the_wheels_scale_is_as_believed(x: float) -> None:
+    """Nothing but the rounding of positions moves it there: Newton's method must not take that for a slope."""
+    point = loop_operating_point(load(SEARCHED), x, 0.0)
+    assert point.state[point.loop.states.index("controller.estimator.wheel.error")] == 0
+    assert np.abs(linear_closed_loop(load(SEARCHED), x).poles()).max() < 1
