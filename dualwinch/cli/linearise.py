@@ -419,17 +419,14 @@ def _learnt_states(experiment: Experiment) -> frozenset[str]:
 def print_point(
     system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool, learnt: frozenset[str] = frozenset()
 ) -> list[FigureTable]:
-    """Print operating point, matrices (of a small system), modes, DC gains, sufficient sensors; stability of a loop.
-
-    Modes of learnt states, some hundred, are printed in one line unless they are unstable; the tables have them all.
-    """
+    """Print operating point, matrices (of a small system), modes, DC gains, sufficient sensors; stability of a loop."""
     import numpy as np
 
-    from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, modes, plant_prefix
+    from dualwinch.model.linear.modes import modes, plant_prefix
     from dualwinch.model.linear.properties import dc_gains
     from dualwinch.model.quantities.tree import numbers
 
-    console, found, small = terminal(), listed(modes(system, plant), closed=closed), len(system.states) <= SMALL
+    console, small = terminal(), len(system.states) <= SMALL
     console.print(styled("bold", "operating point"))
     columns = _point_columns(*numbers(point), point=point)
     tables = [FigureTable("operating_point", columns, [list(numbers(point).values())])]
@@ -447,11 +444,37 @@ def print_point(
         for name, inputs in (("A", system.states), ("B", system.inputs)):
             console.print(styled("bold", f"\n{name}", f" ({time})"))
             console.print(_matrix(name, "", system.states, map(FigureColumn, inputs), getattr(system, name)).render())
+    tables += _print_modes(listed(modes(system, plant), closed=closed), system.dt, closed=closed, learnt=learnt)
+    if small and plant_prefix(system.states) is not None:
+        console.print(styled("bold", "DC gains", ": lasting change of an output for each unit of an input"))
+        inputs = (FigureColumn(name, f"output/({system.units[name]})") for name in system.inputs)
+        tables.append(_matrix("dc_gains", "output", system.outputs, inputs, dc_gains(system)))
+        console.print(tables[-1].render())
+        tables += _print_structure(system)
+    if closed:
+        radius = float(np.abs(system.poles()).max())
+        console.print(f"spectral radius over a sample {radius:.9g}: {'stable' if radius < 1 else 'UNSTABLE'}")
+        columns = [FigureColumn("spectral_radius"), FigureColumn("stable", "")]
+        tables.append(FigureTable("stability", columns, [(radius, radius < 1)]))
+    return tables
+
+
+def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learnt: frozenset[str]) -> list[FigureTable]:
+    """Print modes and which states participate in them.
+
+    Those of learnt states, some hundred, are printed in one line unless they are unstable; the tables have them all.
+    """
+    from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
+
+    console = terminal()
     console.print(styled("bold", "\nmodes"))
-    slow = [mode for mode in found if learnt.issuperset(mode.main_states) and not (closed and is_unstable(mode))]
-    shown = [mode for mode in found if mode not in slow]
-    columns = _mode_columns(system.dt, closed=closed)
-    tables += [
+    shown: list[Mode] = []
+    slow: list[Mode] = []
+    for mode in found:
+        hidden = learnt.issuperset(mode.main_states) and not is_unstable(mode)
+        (slow if hidden else shown).append(mode)
+    columns = _mode_columns(dt, closed=closed)
+    tables = [
         FigureTable("modes", columns, [_mode_row(mode, closed=closed) for mode in found]),
         FigureTable(
             "participation",
@@ -472,17 +495,6 @@ def print_point(
         for mode in shown
     ]
     console.print(FigureTable("", (FigureColumn("mode", ""), FigureColumn("states", "")), shares).render())
-    if small and plant_prefix(system.states) is not None:
-        console.print(styled("bold", "DC gains", ": lasting change of an output for each unit of an input"))
-        inputs = (FigureColumn(name, f"output/({system.units[name]})") for name in system.inputs)
-        tables.append(_matrix("dc_gains", "output", system.outputs, inputs, dc_gains(system)))
-        console.print(tables[-1].render())
-        tables += _print_structure(system)
-    if closed:
-        radius = float(np.abs(system.poles()).max())
-        console.print(f"spectral radius over a sample {radius:.9g}: {'stable' if radius < 1 else 'UNSTABLE'}")
-        columns = [FigureColumn("spectral_radius"), FigureColumn("stable", "")]
-        tables.append(FigureTable("stability", columns, [(radius, radius < 1)]))
     return tables
 
 

@@ -218,7 +218,7 @@ def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
 
 
 def learnt_states(experiment: Experiment) -> frozenset[str]:
-    """Names of the closed loop's states that say what the estimator has learnt of the machine, as its system has them."""
+    """Names of those states of `linear_closed_loop` that say what the estimator has learnt of the machine."""
     loop = closed_loop(structure_of(experiment))
     return frozenset(_short(loop.states[index]) for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
 
