@@ -21,7 +21,7 @@ from dualwinch.simulation.experiment import Simulation
 from dualwinch.tuning.optimisers import Optimiser, optimiser
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import SILENT, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import NO_PROGRESS, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
@@ -114,7 +114,7 @@ def table(races: Sequence[Race]) -> str:
 
 
 def _search(
-    prepared: TrainingSet, name: str, proposer: Optimiser, trials: int, watch: TuningProgress = SILENT
+    prepared: TrainingSet, name: str, proposer: Optimiser, trials: int, watch: TuningProgress = NO_PROGRESS
 ) -> float:
     progress = search(name, proposer, MemoryStorage(SearchBudget(trials)), Evaluator(prepared), watch)
     if progress.best is None or not progress.best.feasible:

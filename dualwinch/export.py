@@ -37,7 +37,7 @@ from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName, block
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.simulation.server.registers import udp_client
 
 
@@ -235,7 +235,7 @@ def export_fmu(
     fmi: Version = 2,
     kind: Kind | None = None,
     platforms: str | None = None,
-    progress: Progress = no_progress,
+    progress: PhaseProgress = no_progress,
 ) -> str:
     """Write an FMU. Everything that can be wrong with the request is found before anything is compiled.
 

@@ -32,7 +32,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, in_order, spread
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import parameters_of, zeros_of
-from dualwinch.simulation.progress import no_progress, part
+from dualwinch.simulation.progress import Progress, no_progress, part
 
 Floats = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class PredictionErrorMethod:
     def run(
         self,
         start: Floats,
-        progress: Callable[[float], None] = no_progress,
+        progress: Progress = no_progress,
         noise: NoiseCovariances | None = None,
         *,
         unless: Callable[[Experiment, NoiseCovariances], bool] | None = None,
@@ -210,7 +210,7 @@ class PredictionErrorMethod:
         return DivergedFilterError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
 
     def _least_squares_rounds(
-        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Callable[[float], None]
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
     ) -> tuple[Floats, NoiseCovariances]:
         """Values and noise near the best, by least squares with new gains in every round."""
         search = self._search
@@ -305,7 +305,7 @@ def multistart(
     drawn: int,
     starts: int,
     seed: int,
-    progress: Callable[[float], None],
+    progress: Progress,
     workers: Workers = None,
 ) -> list[ParameterEstimate]:
     """Estimates from several starts of the first `drawn` unknowns (`starts_of`), the likeliest first.
@@ -320,7 +320,7 @@ def multistart(
 
 
 def _searches(
-    method: PredictionErrorMethod, starts: Sequence[Floats], progress: Callable[[float], None], workers: Workers
+    method: PredictionErrorMethod, starts: Sequence[Floats], progress: Progress, workers: Workers
 ) -> Iterator[ParameterEstimate | ConfigurationError]:
     """What comes of a search from each start; an error where the filter diverges there."""
     if isinstance(workers, Executor):
@@ -336,7 +336,7 @@ def _searches(
 
 
 def _search(
-    method: PredictionErrorMethod, start: Floats, progress: Callable[[float], None] = no_progress
+    method: PredictionErrorMethod, start: Floats, progress: Progress = no_progress
 ) -> ParameterEstimate | ConfigurationError:
     try:
         return method.run(start, progress)

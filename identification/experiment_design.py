@@ -8,7 +8,7 @@ Experiment Design and Data Analysis).
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from time import perf_counter
@@ -41,7 +41,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import BLUE, GREY, logarithmic, plain
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -381,7 +381,7 @@ def excite(
     seed: int = 0,
     options: EstimationOptions = DEFAULTS,
     threads: int | None = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> ExcitationDesign:
     """Design the motion whose log determines some parameters best, by CMA-ES on the information of simulated logs.
 

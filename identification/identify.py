@@ -41,7 +41,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.workers import Workers, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ def identify(
     unrecorded: float | None = None,
     options: EstimationOptions = DEFAULTS,
     workers: Workers = None,
-    progress: Progress = no_progress,
+    progress: PhaseProgress = no_progress,
 ) -> IdentificationResult:
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 

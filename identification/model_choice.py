@@ -38,7 +38,7 @@ from dualwinch.identification.vortices import likelier_phase, shows_other_vortic
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import Progress, part
+from dualwinch.simulation.progress import PhaseProgress, part
 
 Floats = NDArray[np.float64]
 
@@ -180,7 +180,7 @@ class ModelChoice:
     unknowns: Sequence[UnknownParameter]
     options: EstimationOptions
     threads: int | None
-    progress: Progress
+    progress: PhaseProgress
 
     def of(
         self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True

@@ -6,7 +6,7 @@ import gzip
 import hashlib
 import json
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -20,8 +20,7 @@ from dualwinch.lab.catalogue import catalogue
 from dualwinch.lab.wasm.build import FLAGS, modules, wasm_compiler
 from dualwinch.lab.wasm.structures import LabStructure, structures
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-
-Progress = Callable[[float], None]
+from dualwinch.simulation.progress import Progress, no_progress
 
 PACKAGE = Path(__file__).parents[1]
 """The folder that holds the product's packages."""
@@ -52,7 +51,7 @@ class Content:
 
 
 def content(
-    rig: Ensemble, version: str, *, offered: Sequence[LabStructure] | None = None, progress: Progress | None = None
+    rig: Ensemble, version: str, *, offered: Sequence[LabStructure] | None = None, progress: Progress = no_progress
 ) -> Content:
     """Catalogue and modules, from the cache folder or newly built.
 
@@ -74,7 +73,7 @@ def content(
     file = cache_folder() / f"lab-{key}.json.gz"
     with contextlib.suppress(*DAMAGED):
         return _read(file)
-    built = _built(offered, rig, version, progress or (lambda _: None))
+    built = _built(offered, rig, version, progress)
     try:
         _write(file, built)
     except OSError as error:

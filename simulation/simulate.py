@@ -1,7 +1,5 @@
 """Run one experiment."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.prepare import check_memory, prepare
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result
 
@@ -25,7 +24,7 @@ def simulate(
     nominal: Plant | None = None,
     stride: int = 1,
     engine: EngineName | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> Result:
     """Run one experiment.
 
@@ -57,8 +56,7 @@ def simulate(
         outcome, stepped, rows = run(parameters, piece, state, stride)
         kept.append(rows)
         done += stepped
-        if progress:
-            progress(done / experiment.samples)
+        progress(done / experiment.samples)
         if outcome != Outcome.COMPLETED:
             break
     rows = kept[0] if len(kept) == 1 else np.concatenate(kept)

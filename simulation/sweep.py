@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 from dualwinch.model.arguments import instance
 from dualwinch.simulation.batch.rollout import RunGrid
+from dualwinch.simulation.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
 from typing import Any
 
@@ -52,7 +53,7 @@ def sweep(
     values: Mapping[str, Iterable[Any]],
     *,
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> Sweep:
     """Run an experiment with every combination of some values.
 

@@ -10,7 +10,7 @@ from dualwinch.tuning.optimisers import Optimiser
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import SILENT, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import NO_PROGRESS, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.storage.record import first_candidates
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
@@ -28,7 +28,7 @@ def search(
     optimiser: Optimiser,
     store: StudyStorage,
     evaluator: Evaluator,
-    watch: TuningProgress = SILENT,
+    watch: TuningProgress = NO_PROGRESS,
     progress: SearchStatus | None = None,
 ) -> SearchStatus:
     """Search until the budget is spent.

@@ -11,7 +11,7 @@ from dualwinch.tuning.problem import SEARCH, TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import SEARCHING, SILENT, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import select
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.storage.connection import quiet
@@ -42,7 +42,7 @@ def tune(
     store: StudyStorage | None = None,
     afterwards: float = 0.0,
     keep: bool = True,
-    watch: TuningProgress = SILENT,
+    watch: TuningProgress = NO_PROGRESS,
 ) -> TuningResult:
     """Search for gains, choose the best by validation, and score it in a test set.
 

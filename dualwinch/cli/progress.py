@@ -22,7 +22,7 @@ BAR_WIDTH = 40
 
 
 class ProgressLine:
-    """A `simulation.progress.Progress` on standard error, while it is used as a context.
+    """A `simulation.progress.PhaseProgress` on standard error, while it is used as a context.
 
     On a terminal it is a line that disappears at the end: phase, and status or a bar with the time left. Elsewhere a
     command with a name writes a line for each phase, and every ten seconds one with the status, or with the share that
@@ -61,7 +61,7 @@ class ProgressLine:
         self._live.stop()
 
     def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
-        """Report progress, as `simulation.progress.Progress` says."""
+        """Report progress, as `simulation.progress.PhaseProgress` says."""
         new = bool(phase) and phase != self._phase
         self._fraction, self._status = fraction, status
         if new:

@@ -5,7 +5,7 @@ optimal control problem: torques within their limits, chosen with full knowledge
 will do, on ropes that do not stretch. A real controller knows less, and has elastic ropes and noisy sensors in between.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -28,7 +28,7 @@ from dualwinch.simulation.batch.scenarios import Scenarios, scenario_groups
 from dualwinch.simulation.batch.workers import map_all
 from dualwinch.simulation.exogenous.signals import Sea, exogenous_sources, sea_signals
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -326,7 +326,7 @@ class LeastErrors:
         return np.isfinite(self.blind) & np.isfinite(self.foreseeing)
 
 
-def least_errors(experiments: Sequence[Experiment], progress: Callable[[float], None] = no_progress) -> LeastErrors:
+def least_errors(experiments: Sequence[Experiment], progress: Progress = no_progress) -> LeastErrors:
     """Lower bounds of the errors of many runs (`least_mse`).
 
     Args:

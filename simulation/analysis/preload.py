@@ -12,7 +12,6 @@ Ropes stretch as their tension says at once: their damping is left out, which is
 millimetres a second. Drums have the radius of the data sheet, and the friction of the vehicle's speed.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
@@ -41,6 +40,7 @@ from dualwinch.simulation.analysis.authority import (
 )
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -279,7 +279,7 @@ def preloads(
     *,
     error: float = 0.0,
     torque_rate: float | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> Preloads:
     """Run an experiment whose preload is scheduled, and what it is to be compared with.
 
@@ -300,19 +300,18 @@ def preloads(
         raise ConfigurationError(
             f'controller.coordination.kind = "{schedule.kind}": must be "{ScheduledPreload.kind}" here'
         )
-    say = progress or (lambda _share: None)
     bound = least_preload(experiment, least, error=error, torque_rate=torque_rate)
-    say(0.3)
+    progress(0.3)
     scheduled = simulate(experiment)
     constant = _with(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
     as_it_is = simulate(constant)
-    say(0.5)
-    preload = _best_constant(constant, scheduled, MEASURE[least], lambda share: say(0.5 + 0.4 * share))
+    progress(0.5)
+    preload = _best_constant(constant, scheduled, MEASURE[least], lambda share: progress(0.5 + 0.4 * share))
     best = None
     if preload is not None:
         limits = replace(constant.controller.limits, preload=preload)
         best = simulate(replace(constant, controller=replace(constant.controller, limits=limits)))
-    say(1.0)
+    progress(1.0)
     return Preloads(MEASURE[least], as_it_is, best, scheduled, bound)
 
 
@@ -320,9 +319,7 @@ def _with(experiment: Experiment, coordination: Coordination) -> Experiment:
     return replace(experiment, controller=replace(experiment.controller, coordination=coordination))
 
 
-def _best_constant(
-    experiment: Experiment, scheduled: Result, measure: str, progress: Callable[[float], None]
-) -> float | None:
+def _best_constant(experiment: Experiment, scheduled: Result, measure: str, progress: Progress) -> float | None:
     """The constant preload in N of least measure that is as good as the schedule; ``None``: there is none."""
     limits = experiment.controller.limits
     tried = np.linspace(2 * limits.tension_min, 2 * limits.command_max, CONSTANTS + 2)[1:-1]

@@ -6,7 +6,7 @@ The theorem regards the vehicle as driven by the force command itself, ``dv/dt =
 `certify` evaluates every condition with the bounds found in a run, and `nearby_gains` raises the gains that fall short.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -254,7 +255,7 @@ class Certificate:
         return self.certified and all(c.holds for c in self.conditions)
 
 
-def certify(experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Certificate:
+def certify(experiment: Experiment, *, progress: Progress = no_progress) -> Certificate:
     """Run an experiment and hold the paper's stability theorem against it (Section 3.1.5).
 
     Args:
@@ -322,7 +323,7 @@ class NearbyGains:
     reason: str
 
 
-def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None = None) -> NearbyGains:
+def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> NearbyGains:
     """Raise the gains that fall short, run again, and repeat: a change of gains also changes the bounds.
 
     Raised are ``k``, ``l0``, ``gamma`` and ``gamma_force``, each to where the last run's bounds put it. Where that
@@ -345,8 +346,7 @@ def nearby_gains(given: Certificate, *, progress: Callable[[float], None] | None
             tried = certify(_raised(tried, decay))
             runs += 1
             history.append(f"k_a = {decay:g}: {_shortfall(tried)}")
-            if progress:
-                progress(runs / (2 * ROUNDS))
+            progress(runs / (2 * ROUNDS))
             if tried.certified or tried.result.outcome != "completed":
                 break
     before, after = leaves(experiment.controller), leaves(tried.result.experiment.controller)

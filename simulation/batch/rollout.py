@@ -1,7 +1,7 @@
 """Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +19,7 @@ from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_batch, experiment_of
+from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_batch, experiment_of
 from dualwinch.simulation.batch.workers import Workers, cores, portion_of, run_all, spread, threads_of
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
 from dualwinch.simulation.experiment import Experiment
@@ -28,6 +28,7 @@ from dualwinch.simulation.loop.engine import Engine, engine_of
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import final_states, metric_quantities, metrics_of
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
 from dualwinch.simulation.scenario import Scenario
 
@@ -187,7 +188,7 @@ def rollout(
     stride: int = 0,
     most_slack: float | None = None,
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> BatchResult:
     """Run every set of parameters in every scenario.
 
@@ -278,7 +279,7 @@ def run_grid(
     experiments: NDArray[np.object_],
     *,
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> BatchResult:
     """Run experiments, side by side in vector lanes where they are of one structure, length and sample time.
 
@@ -354,8 +355,7 @@ def _spread(
         for number, portion in spread(executor, rollout_portion, tasks()):
             found.put(at[number], portion)
             done += portion.outcomes.size
-            if progress:
-                progress(done / runs)
+            progress(done / runs)
     except KeyboardInterrupt:
         return False
     return True
@@ -372,7 +372,7 @@ def rollout_portion(
     """A part of a parameter–scenario grid, on one thread of a worker; arguments as of `rollout` and of the grid."""
     pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
     found = _not_begun(pairs, len(scenarios), stride)
-    _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, None)
+    _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, no_progress)
     return found
 
 

@@ -6,7 +6,7 @@ wrong. What one compiled loop can run is of one structure (`by_structure`).
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -32,6 +32,7 @@ from dualwinch.simulation.loop.structure import (
     symbolic_parts,
 )
 from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
+from dualwinch.simulation.progress import Progress
 from dualwinch.simulation.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -327,9 +328,6 @@ def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
         raise ConfigurationError(f"simulation.substeps = {given}: must be >= {needed} for ropes as stiff as these")
 
 
-Progress = Callable[[float], None] | None
-
-
 def by_structure(
     scenarios: Scenarios, progress: Progress, *, alike: bool = True
 ) -> Iterator[tuple[NDArray[np.int64], Scenarios, Progress]]:
@@ -364,8 +362,7 @@ def by_structure(
     for indices in places.values() or [[]]:
 
         def report(share: float, before: int = done, count: int = len(indices)) -> None:
-            if progress:
-                progress((before + share * count) / len(scenarios))
+            progress((before + share * count) / len(scenarios))
 
         yield np.array(indices, np.int64), [scenarios[index] for index in indices], report
         done += len(indices)

@@ -1,6 +1,6 @@
 """How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -18,7 +18,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.rollout import ParameterScenarioGrid
-from dualwinch.simulation.batch.scenarios import Progress, Scenarios, by_structure, check_shape, experiment_of
+from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_shape, experiment_of
 from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, spread, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
@@ -27,6 +27,7 @@ from dualwinch.simulation.loop.structure import described_parameters, parameters
 from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import WORDS, not_run
 from dualwinch.simulation.scenario import Scenario
 
@@ -224,7 +225,7 @@ def sensitivities(
     columns: Sequence[str] = (),
     stride: int = 1,
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> Sensitivities:
     """Run every set of values in every scenario, with exact forward sensitivities.
 
@@ -295,8 +296,7 @@ def _spread(
         for number, part in spread(executor, sensitivities_portion, ((*task, columns, stride) for task in tasks)):
             found.put((slice(None), places[chosen[number]]), part)
             done += len(chosen[number])
-            if progress:
-                progress(done / count)
+            progress(done / count)
     except KeyboardInterrupt:
         return False
     return True

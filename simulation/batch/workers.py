@@ -40,6 +40,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
+from dualwinch.simulation.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -58,9 +59,7 @@ def threads_of(workers: Workers) -> int | None:
     return workers if isinstance(workers, int) else None
 
 
-def run_all(
-    jobs: Sequence[Callable[[], None]], threads: int | None = None, progress: Callable[[float], None] | None = None
-) -> bool:
+def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, progress: Progress = no_progress) -> bool:
     """Run jobs on threads; an interrupt lets those under way finish and drops the rest.
 
     Args:
@@ -78,8 +77,7 @@ def run_all(
             finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in finished:
                 future.result()
-            if progress:
-                progress(1 - len(waiting) / len(jobs))
+            progress(1 - len(waiting) / len(jobs))
     except KeyboardInterrupt:
         return False
     finally:

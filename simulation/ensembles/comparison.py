@@ -18,7 +18,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
 from dualwinch.simulation.ensembles.run import run_side_by_side
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.progress import Progress, no_progress
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ class Comparison:
         """What no controller gets below in each scenario."""
         return self.find_least_errors()
 
-    def find_least_errors(self, progress: Callable[[float], None] = no_progress) -> LeastErrors:
+    def find_least_errors(self, progress: Progress = no_progress) -> LeastErrors:
         """Find `least_errors`, which may take minutes where many scenarios are infeasible.
 
         Args:
@@ -203,7 +203,7 @@ def compare(
     seed: int,
     *,
     workers: Workers = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> Comparison:
     """Run every controller in every scenario (common random numbers).
 

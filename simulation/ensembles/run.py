@@ -1,6 +1,6 @@
 """Run ensembles: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from dualwinch.simulation.batch.workers import Workers, in_order, portion_of, sp
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import no_progress, part
+from dualwinch.simulation.progress import Progress, no_progress, part
 from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario, Value
 
@@ -39,7 +39,7 @@ def run_ensemble(
     *,
     traces: bool = True,
     workers: Workers = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> EnsembleResult:
     """Run scenarios of an ensemble.
 
@@ -68,7 +68,7 @@ def run_side_by_side(
     seed: int,
     points: int = 0,
     workers: Workers = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> list[EnsembleResult]:
     """Run the same scenarios of several ensembles, which differ in their controllers alone; as `run_ensemble`.
 
@@ -124,7 +124,7 @@ def portions_of(
     seed: int,
     points: int,
     workers: Workers,
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> Iterator[EnsemblePortion]:
     """The scenarios of `run_side_by_side`, a portion after the other; fewer, if any, after an interrupt.
 
@@ -187,9 +187,7 @@ def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> Ensem
     )
 
 
-def _run_portion(
-    portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Callable[[float], None]
-) -> list[BatchResult]:
+def _run_portion(portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Progress) -> list[BatchResult]:
     """A portion of the scenarios by every ensemble, up to the first run that is interrupted."""
     ran: list[BatchResult] = []
     for number, chosen in enumerate(portion):

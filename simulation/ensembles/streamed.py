@@ -7,7 +7,7 @@ Sums are exact and quantiles come from counts (DDSketch: C. Masson, J. E. Rim an
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ from dualwinch.simulation.ensembles.run import (
     portions_of,
 )
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.progress import no_progress
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.file_formats import plain
 
 Floats = NDArray[np.float64]
@@ -204,7 +204,7 @@ def ensemble_statistics(
     *,
     accuracy: float = 1e-3,
     workers: Workers = None,
-    progress: Callable[[float], None] = no_progress,
+    progress: Progress = no_progress,
 ) -> EnsembleStatistics:
     """Run scenarios of an ensemble as `run_ensemble` does, and keep their statistics alone.
 
@@ -247,7 +247,7 @@ def _parts(
     seed: int,
     accuracy: float,
     workers: Workers,
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> Iterator[EnsembleStatistics]:
     """The statistics of successive portions."""
     if not isinstance(workers, Executor):

@@ -11,6 +11,7 @@ from dualwinch.lab import content as kept
 from dualwinch.lab.content import Content, content
 from dualwinch.lab.wasm import build
 from dualwinch.lab.wasm.build import modules
+from dualwinch.simulation.progress import no_progress
 from tests.lab.in_node import of_id, zig_is_there
 
 pytestmark = [pytest.mark.external, pytest.mark.skipif(not zig_is_there(), reason="needs zig")]
@@ -25,7 +26,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def made(shares: list[float] | None = None) -> Content:
-    progress = None if shares is None else shares.append
+    progress = no_progress if shares is None else shares.append
     return content(load_ensemble("rig"), "0", offered=[of_id("nftsm")], progress=progress)
 
 

@@ -31,6 +31,7 @@ from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
     HELD_OUT,
@@ -63,9 +64,9 @@ from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.progress import (
     CHOOSING,
     DRAWING,
+    NO_PROGRESS,
     REFERENCES,
     SEARCHING,
-    SILENT,
     SearchStatus,
     TuningProgress,
 )
@@ -107,7 +108,7 @@ def race(
     stress: bool = False,
     out: str | PathLike[str] | None = None,
     workers: Workers = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
     """Tune every combination of parts with the same number of rollouts, and score all in the same unseen scenarios.
 
@@ -183,7 +184,7 @@ def race(
         folder=None if out is None else Path(out),
         breaking=_breaking(first) if stress else None,
         workers=workers,
-        told=progress,
+        progress=progress,
     )
 
 
@@ -388,7 +389,7 @@ def scored(
     *,
     breaking: Breaking | None = None,
     workers: Workers = None,
-    watch: TuningProgress = SILENT,
+    watch: TuningProgress = NO_PROGRESS,
 ) -> EntryResult:
     """Tune an entry, and score its best and its fronts in the unseen scenarios.
 
@@ -441,7 +442,7 @@ def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPo
 
 
 def paper(
-    problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = SILENT
+    problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> BaselineScore:
     """The paper's gains in the unseen scenarios, and the least error there.
 
@@ -479,32 +480,28 @@ BEGINS = {
 }
 """Phase → share of an entry's time that is over by then, roughly."""
 
-Told = Callable[[float, str], None]
-"""``told(share, words)``: how much of what is left to do is done, and what is being done."""
-
 
 class EntryProgress(TuningProgress):
-    """Watches one entry, and tells how much of the race is done."""
+    """Watches one entry, and reports how much of what is left of the race is done, and what is being done."""
 
-    def __init__(self, name: str, number: int, of: int, told: Told | None) -> None:
+    def __init__(self, name: str, number: int, of: int, progress: PhaseProgress) -> None:
         """Watch entry `number`, from 0, of so many that have to be run."""
         super().__init__()
-        self._name, self._number, self._of, self._told = name, number, of, told
+        self._name, self._number, self._of, self._of_race = name, number, of, progress
         self._words = ""
 
     def phase(self, words: str) -> None:
-        """Tell what is done from now on."""
+        """Report what is done from now on."""
         self._words = words
-        self._tell(BEGINS.get(words, 0.0))
+        self._report(BEGINS.get(words, 0.0))
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
-        """Tell how far the search is."""
-        self._tell(BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING]))
+        """Report how far the search is."""
+        self._report(BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING]))
 
-    def _tell(self, share: float) -> None:
-        if self._told:
-            number = f"{self._number + 1} of {self._of}, " if self._of > 1 else ""
-            self._told((self._number + share) / self._of, f"{number}{self._name}: {self._words}")
+    def _report(self, share: float) -> None:
+        number = f"{self._number + 1} of {self._of}, " if self._of > 1 else ""
+        self._of_race((self._number + share) / self._of, f"{number}{self._name}: {self._words}")
 
 
 def run_race(
@@ -514,7 +511,7 @@ def run_race(
     folder: Path | None = None,
     breaking: Breaking | None = None,
     workers: Workers = None,
-    told: Told | None = None,
+    progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
     """Tune and score every entry that the folder does not hold yet; find out what breaks it where that is asked for.
 
@@ -526,7 +523,7 @@ def run_race(
         folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
         breaking: finds out what breaks the best gains first.
         workers: of this machine, or an executor; default: one thread a core.
-        told: called now and then.
+        progress: called now and then with the share that is done of what there is to do, and with what is being done.
 
     Returns:
         The race; `BenchmarkResult.left` says how many entries an interrupt has left out.
@@ -543,7 +540,7 @@ def run_race(
     jobs = [RaceJob(PAPER, PAPER, entrants[0].problem, terms)]
     jobs += [RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, breaking) for each in entrants]
     try:
-        _run_jobs(jobs, kept, workers, told)
+        _run_jobs(jobs, kept, workers, progress)
     except KeyboardInterrupt:
         if not set(kept.stems) - {PAPER}:
             raise
@@ -586,14 +583,18 @@ class RaceJob:
         """Whether something is still to be found out."""
         return record is None or (self.breaking is not None and record["stress"] is None)
 
-    def watch(self, number: int, count: int, told: Told | None) -> TuningProgress:
+    def watch(self, number: int, count: int, progress: PhaseProgress) -> TuningProgress:
         """Progress of this entry among the entries that have to be run."""
         if self.entrant is None:
-            return EntryProgress(self.name, 0, 1, lambda _, words: told(0.0, words) if told else None)
-        return EntryProgress(self.name, number, count, told)
+
+            def phase_alone(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+                progress(0.0, phase)
+
+            return EntryProgress(self.name, 0, 1, phase_alone)
+        return EntryProgress(self.name, number, count, progress)
 
     def run(
-        self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = SILENT
+        self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = NO_PROGRESS
     ) -> dict[str, Any]:
         """The result, JSON-ready; `record`: what is known of it."""
         if self.entrant is None:
@@ -609,7 +610,7 @@ PAUSE = 1.0
 """Time in s between two looks at what other processes have finished."""
 
 
-def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, told: Told | None) -> None:
+def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, progress: PhaseProgress) -> None:
     """Do what a folder lacks: one after the other here, or side by side on an executor's workers.
 
     Jobs that another process has claimed are left to it, and done here if it ends without a result.
@@ -625,25 +626,24 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, tol
                     if not isinstance(workers, Executor):
                         break
             finished = count - sum(job.entrant is not None for job in waiting)
-            if told and not ours:
-                told(0.0, f"another process has claimed what is left, {len(waiting)} searches and scores")
+            if not ours:
+                progress(0.0, f"another process has claimed what is left, {len(waiting)} searches and scores")
             if isinstance(workers, Executor):
-                _spread_jobs(ours, kept, workers, told)
+                _spread_jobs(ours, kept, workers, progress)
             else:
                 for job in ours:
-                    watch = job.watch(finished, count, told)
+                    watch = job.watch(finished, count, progress)
                     kept.keep(job.stem, job.definition, job.run(kept.find(job.stem), workers, watch))
         before, waiting = len(waiting), [job for job in waiting if job.lacks(kept.look(job.stem))]
         if len(waiting) == before:
             time.sleep(PAUSE)
 
 
-def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, told: Told | None) -> None:
+def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, progress: PhaseProgress) -> None:
     """Do jobs side by side on an executor's workers; what is finished is kept at once."""
-    if told and jobs:
-        told(0.0, f"{len(jobs)} searches and scores on the cluster")
+    if jobs:
+        progress(0.0, f"{len(jobs)} searches and scores on the cluster")
     tasks = ((job, kept.find(job.stem)) for job in jobs)
     for done, (number, result) in enumerate(spread(executor, RaceJob.run, tasks), 1):
         kept.keep(jobs[number].stem, jobs[number].definition, result)
-        if told:
-            told(done / len(jobs), f"{done} of {len(jobs)} done on the cluster, {jobs[number].name} last")
+        progress(done / len(jobs), f"{done} of {len(jobs)} done on the cluster, {jobs[number].name} last")

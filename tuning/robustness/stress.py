@@ -18,6 +18,7 @@ from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import baseline_controller, is_baseline
 from dualwinch.tuning.constraints import Constraint
@@ -69,7 +70,7 @@ def stress(
     seed: int = 0,
     name: str = "given",
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> RobustnessResult:
     """Find out which imperfection breaks an experiment's gains first, and at which size; likewise the paper's.
 
@@ -140,7 +141,7 @@ def stress_tuned(
     scenarios: int | None = None,
     name: str = "given",
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> RobustnessResult:
     """`stress` for the best of a tuning problem: on top of what it was tuned in, under the problem's constraints."""
     return stress(
@@ -207,9 +208,7 @@ def _ensemble(
 class ScaledRunner:
     """Runs scenarios, and tells how much of what is expected has been done."""
 
-    def __init__(
-        self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Callable[[float], None] | None
-    ) -> None:
+    def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
         """Set the bench up.
 
         Args:
@@ -246,8 +245,7 @@ class ScaledRunner:
             scenarios[row] = self._scaling.scenarios(controller, each)
 
         def report(share: float, before: int = self._done) -> None:
-            if self._progress:
-                self._progress((before + share * len(sizes)) / self._expected)
+            self._progress((before + share * len(sizes)) / self._expected)
 
         runs = run_grid(scenarios, workers=self._workers, progress=report)
         if runs.interrupted:
@@ -270,7 +268,7 @@ def breakdowns(
     scenarios: int,
     seed: int,
     workers: Workers = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = no_progress,
 ) -> RobustnessResult:
     """Find at which size of each imperfection each of some gains break.
 
@@ -323,8 +321,7 @@ def breakdowns(
         ImperfectionResult(imperfection, reach, {name: breaks[imperfection] for name, breaks in found.items()})
         for imperfection, reach in reaches.items()
     ]
-    if progress:
-        progress(1.0)
+    progress(1.0)
     return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows))
 
 

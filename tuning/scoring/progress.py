@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first
 
@@ -58,13 +58,13 @@ class SearchStatus:
 
 
 class TuningProgress:
-    """Reports the phases and batches of a search as `simulation.progress.Progress`: fraction, phase and a status line.
+    """Reports phases and batches of a search as `simulation.progress.PhaseProgress`: fraction, phase and a status line.
 
     Attributes:
         objectives: names and units of what is minimised, for the status line.
     """
 
-    def __init__(self, progress: Progress = no_progress, objectives: Sequence[Statistic] = ()) -> None:
+    def __init__(self, progress: PhaseProgress = no_progress, objectives: Sequence[Statistic] = ()) -> None:
         self.objectives, self._progress = tuple(objectives), progress
 
     def phase(self, words: str) -> None:
@@ -108,5 +108,5 @@ def _left(now: SearchStatus, until: float | None, trials: int | None) -> float |
     return max(min(left), 0.0) if left else None
 
 
-SILENT = TuningProgress()
+NO_PROGRESS = TuningProgress()
 """Reports to nothing."""

@@ -35,7 +35,7 @@ from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.tuning.problem import CHANCE, TEST, TuningProblem
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import CHOOSING, SCORING, SILENT, TuningProgress
+from dualwinch.tuning.scoring.progress import CHOOSING, NO_PROGRESS, SCORING, TuningProgress
 from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, rarest_violations_first
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.screening import Screening, Validated
@@ -52,7 +52,7 @@ def select(
     evaluator: Evaluator,
     trials: Sequence[Evaluation],
     sizes: SampleSizes | None = None,
-    watch: TuningProgress = SILENT,
+    watch: TuningProgress = NO_PROGRESS,
 ) -> SelectionResult:
     """Choose the best trial by validation set and chance constraint, and score it in the test set.
 

@@ -36,7 +36,7 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TRAINING, TuningProblem
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.progress import DRAWING, REFERENCES, SILENT, TuningProgress
+from dualwinch.tuning.scoring.progress import DRAWING, NO_PROGRESS, REFERENCES, TuningProgress
 from dualwinch.tuning.scoring.rollouts import over, run_pairs, worst_of
 from dualwinch.tuning.selection_config import SelectionConfig
 
@@ -260,7 +260,7 @@ class TrainingSet:
     pace: float = 0.0
 
 
-def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = SILENT) -> TrainingSet:
+def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS) -> TrainingSet:
     """Draw the training scenarios of a problem, and run the baseline controller and the start in them.
 
     The rollouts that a search calls are compiled by then.

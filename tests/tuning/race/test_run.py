@@ -41,7 +41,11 @@ class Finished:
 def finished(make_race: MakeRace) -> Finished:
     entrants, terms = make_race()
     shares: list[float] = []
-    return Finished(entrants, terms, run_race(entrants, terms, told=lambda share, _: shares.append(share)), shares)
+
+    def noted(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        shares.append(fraction)
+
+    return Finished(entrants, terms, run_race(entrants, terms, progress=noted), shares)
 
 
 def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
@@ -50,11 +54,11 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
     entrants, terms, whole = finished.entrants, finished.terms, finished.found
     assert whole.left == 0
 
-    def interrupting(share: float, words: str) -> None:  # noqa: ARG001
-        if words.startswith("2 of 2, adrc: searching"):
+    def interrupting(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        if phase.startswith("2 of 2, adrc: searching"):
             raise KeyboardInterrupt
 
-    part = run_race(entrants, terms, folder=tmp_path / "part", told=interrupting)
+    part = run_race(entrants, terms, folder=tmp_path / "part", progress=interrupting)
     assert part.left == 1
     assert [scored.entry.law for scored in part.entries] == ["nftsm"]
     assert "Interrupted: 1 entries are left" in repr(part)
@@ -80,11 +84,11 @@ def test_a_race_by_an_executor_is_that_of_this_process_and_two_processes_share_a
     run = list[str]()
 
     def racing(name: str) -> BenchmarkResult:
-        def told(share: float, words: str) -> None:  # noqa: ARG001
-            if words.endswith("searching"):
-                run.append(f"{name}: {words}")
+        def noted(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+            if phase.endswith("searching"):
+                run.append(f"{name}: {phase}")
 
-        return run_race(entrants, terms, folder=tmp_path, told=told)
+        return run_race(entrants, terms, folder=tmp_path, progress=noted)
 
     with ThreadPoolExecutor(2) as pool:
         found = list(pool.map(racing, ("one", "two")))
@@ -96,12 +100,12 @@ def test_a_race_by_an_executor_is_that_of_this_process_and_two_processes_share_a
 def test_before_the_first_is_finished_an_interrupt_is_raised(make_race: MakeRace, tmp_path: Path) -> None:
     entrants, terms = make_race()
 
-    def interrupting(share: float, words: str) -> None:  # noqa: ARG001
-        if "searching" in words:
+    def interrupting(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        if "searching" in phase:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_race(entrants, terms, folder=tmp_path, told=interrupting)
+        run_race(entrants, terms, folder=tmp_path, progress=interrupting)
     assert [file.name for file in (tmp_path / "entries").iterdir()] == ["paper.json"]
 
 
