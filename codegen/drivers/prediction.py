@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
 from dualwinch.codegen.drivers.unit import hoisted_all, recipe, unit
 from dualwinch.codegen.sampled import PredictedSystem
@@ -62,7 +63,7 @@ class FilterPass:
     """One pass of an extended Kalman filter: its gains, and the likelihood of its innovations.
 
     Attributes:
-        outcome: as `Outcome`, of how it ended.
+        outcome: how it ended.
         done: samples gone through.
         gains: (samples, readings, states) Kalman gains, from innovations to corrections; zeros where nothing was read.
         whitening: (samples, readings, readings) from innovations to white ones of variance 1; likewise.
@@ -74,7 +75,7 @@ class FilterPass:
         covariances: (samples, watched, states) the last states' rows of its covariance; or None.
     """
 
-    outcome: int
+    outcome: Outcome
     done: int
     gains: Floats
     whitening: Floats
@@ -103,7 +104,7 @@ class FixedGainPrediction:
         innovations: (samples, readings) whitened; NaN where nothing was read; or None.
     """
 
-    outcome: int
+    outcome: Outcome
     done: int
     normal: Floats
     innovations: Floats | None
@@ -162,7 +163,7 @@ class Predictor:
         with np.errstate(invalid="ignore"):
             noise = noise / counts
         return FilterPass(
-            outcome=outcome,
+            outcome=Outcome(outcome),
             done=done.value,
             gains=gain_rows,
             whitening=whitening,
@@ -213,7 +214,7 @@ class Predictor:
         innovations = np.full((len(data.inputs), readings), np.nan) if rows else None
         gains = filtered.gains, filtered.whitening
         outcome = self._predict(parameters, *data.arguments, *gains, normal, innovations, ctypes.byref(done))
-        return FixedGainPrediction(outcome, done.value, normal, innovations)
+        return FixedGainPrediction(Outcome(outcome), done.value, normal, innovations)
 
 
 def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:

@@ -17,7 +17,7 @@ from dualwinch.simulation.analysis.describing_function import describing_gain
 from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
-from dualwinch.simulation.batch.workers import Item, Outcome, cores, map_all
+from dualwinch.simulation.batch.workers import Item, Returned, cores, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
@@ -334,8 +334,8 @@ class MarginSurvey:
 
 
 def _in_chunks(
-    work: Callable[[Sequence[Item]], list[Outcome]], items: Sequence[Item], threads: int | None
-) -> list[Outcome]:
+    work: Callable[[Sequence[Item]], list[Returned]], items: Sequence[Item], threads: int | None
+) -> list[Returned]:
     """What some work makes of items, up to `TOGETHER` at a time, on threads; linear algebra has none of its own then.
 
     Raises:

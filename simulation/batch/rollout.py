@@ -172,12 +172,9 @@ class BatchResult(RunOutcomes):
     columns: dict[str, Floats]
     interrupted: bool = False
 
-    def put(self, at: Any, part: "BatchResult") -> None:
-        """Put the runs of a part into their places, an index of arrays (n, m)."""
-        self.outcomes[at], self.end_times[at] = part.outcomes, part.end_times
-        for table, values in ((self.metrics, part.metrics), (self.columns, part.columns)):
-            for name in table:
-                table[name][at] = values[name]
+    @property
+    def _arrays(self) -> Mapping[str, NDArray[Any] | Mapping[str, NDArray[Any]]]:
+        return {**super()._arrays, "columns": self.columns}
 
 
 def rollout(

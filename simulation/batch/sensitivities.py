@@ -28,7 +28,7 @@ from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results.outcomes import WORDS, not_run
+from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, not_run
 from dualwinch.simulation.scenario import Scenario
 
 
@@ -181,14 +181,12 @@ FRAME = "simulation.jitter", "sensors.position_bias"
 """Numbers with which it changes where the vehicle should be."""
 
 
-@dataclass(frozen=True)
-class Sensitivities:
-    """Runs and their derivatives by p numbers, for n sets of values in m scenarios.
+@dataclass(frozen=True, eq=False)
+class Sensitivities(RunOutcomes):
+    """Runs and their derivatives by p numbers, for n sets of values in m scenarios; arrays of outcomes are (n, m).
 
     Attributes:
         names: keys of the numbers.
-        outcomes: (n, m) words, as in `simulation.batch.rollout.BatchResult`.
-        metrics: figure of merit → (n, m); NaN where a pair was not completed.
         gradients: figure of merit → (n, m, p); NaN where the figure of merit is.
         errors: (n, m, kept) tracking error e in m; NaN after an early end.
         slopes: (n, m, kept, p) derivatives of e.
@@ -199,8 +197,6 @@ class Sensitivities:
     """
 
     names: tuple[str, ...]
-    outcomes: NDArray[np.str_]
-    metrics: dict[str, Floats]
     gradients: dict[str, Floats]
     errors: Floats
     slopes: Floats
@@ -209,12 +205,10 @@ class Sensitivities:
     quantities: dict[str, Quantity] = field(default_factory=dict)
     interrupted: bool = False
 
-    def put(self, at: Any, part: "Sensitivities") -> None:
-        """Put the runs of a part into their places, an index of arrays (n, m)."""
-        self.outcomes[at], self.errors[at], self.slopes[at] = part.outcomes, part.errors, part.slopes
-        for name in ("metrics", "gradients", "columns", "column_slopes"):
-            for key, table in getattr(self, name).items():
-                table[at] = getattr(part, name)[key]
+    @property
+    def _arrays(self) -> Mapping[str, NDArray[Any] | Mapping[str, NDArray[Any]]]:
+        tables = {"gradients": self.gradients, "columns": self.columns, "column_slopes": self.column_slopes}
+        return {**super()._arrays, "errors": self.errors, "slopes": self.slopes, **tables}
 
 
 def sensitivities(
@@ -361,9 +355,8 @@ def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], st
     kept = kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
     return Sensitivities(
+        **vars(none),
         names=seeds.names,
-        outcomes=none.outcomes,
-        metrics=none.metrics,
         gradients={name: np.full((*shape, p), np.nan) for name in none.metrics},
         errors=np.full((*shape, kept), np.nan),
         slopes=np.full((*shape, kept, p), np.nan),
@@ -419,6 +412,7 @@ def _differentiate(
     kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width))
     completed, rows, among = kept.outcome == Outcome.COMPLETED, len(kept.first), slice(chosen.start, chosen.stop)
     result.outcomes[at] = WORDS[kept.outcome]
+    result.end_times[at] = kept.done * pairs.shared.simulation.sample_time
 
     numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
     samples = slice(0, rows * max(stride, 1), max(stride, 1))

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-Outcome = TypeVar("Outcome")
+Returned = TypeVar("Returned")
 
 Workers: TypeAlias = int | Executor | None
 """Threads of this machine (None: one a core), or an executor."""
@@ -85,7 +85,7 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
     return True
 
 
-def map_all(work: Callable[[Item], Outcome], items: Sequence[Item], threads: int | None = None) -> list[Outcome]:
+def map_all(work: Callable[[Item], Returned], items: Sequence[Item], threads: int | None = None) -> list[Returned]:
     """What some work makes of each of some items, on threads, in their order.
 
     Args:
@@ -96,7 +96,7 @@ def map_all(work: Callable[[Item], Outcome], items: Sequence[Item], threads: int
     Raises:
         KeyboardInterrupt: interrupted; work under way is finished.
     """
-    found: dict[int, Outcome] = {}
+    found: dict[int, Returned] = {}
 
     def one(index: int) -> None:
         found[index] = work(items[index])
@@ -149,7 +149,7 @@ class KeepingExecutor(Executor):
         except OSError as error:
             raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
 
-    def submit(self, fn: Callable[..., Outcome], /, *args: Any, **kwargs: Any) -> Future[Outcome]:
+    def submit(self, fn: Callable[..., Returned], /, *args: Any, **kwargs: Any) -> Future[Returned]:
         """Have the executor compute a call."""
         return self.executor.submit(fn, *args, **kwargs)
 
@@ -183,11 +183,11 @@ UNABLE: WeakKeyDictionary[Executor, dict[str, WorkerCompileError]] = WeakKeyDict
 
 def spread(
     executor: Executor,
-    work: Callable[..., Outcome],
+    work: Callable[..., Returned],
     tasks: Iterable[tuple[Any, ...]],
     *,
     at_once: int = 4096,
-) -> Generator[tuple[int, Outcome], None, None]:
+) -> Generator[tuple[int, Returned], None, None]:
     """Have tasks computed by an executor's workers; numbers of tasks and their results, as they come.
 
     To schedule, to move data, and to repeat what a lost worker had begun, is the executor's. What a Dask worker cannot
@@ -321,9 +321,9 @@ def _reason(error: BaseException) -> str:
     return one_line(f"{type(error).__name__}: {error}")
 
 
-def in_order(numbered: Iterator[tuple[int, Outcome]]) -> Iterator[Outcome]:
+def in_order(numbered: Iterator[tuple[int, Returned]]) -> Iterator[Returned]:
     """Results of numbered tasks in the order of their numbers, each as soon as all before it are there."""
-    early, following = dict[int, Outcome](), 0
+    early, following = dict[int, Returned](), 0
     for number, result in numbered:
         early[number] = result
         while following in early:

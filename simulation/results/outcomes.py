@@ -1,8 +1,8 @@
 """Outcomes of runs: how and when each ended, and its figures of merit."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -33,6 +33,8 @@ def words_of(outcomes: NDArray[np.integer]) -> NDArray[np.str_]:
 class RunOutcomes:
     """How runs ended and their figures of merit; all arrays have one shape, such as (scenarios,).
 
+    Tables of what derives from this begin with that shape.
+
     Attributes:
         outcomes: how each run ended, a word of `WORDS`.
         end_times: time in s at which each ended; NaN where it was not run.
@@ -58,17 +60,39 @@ class RunOutcomes:
         """(completed,) values of a figure of merit; a run that ended early measured something else."""
         return self.metrics[metric][self.completed]
 
+    @property
+    def _arrays(self) -> Mapping[str, NDArray[Any] | Mapping[str, NDArray[Any]]]:
+        """Name → array, or table of arrays, whose first axes are those of the runs."""
+        return {"outcomes": self.outcomes, "end_times": self.end_times, "metrics": self.metrics}
+
     def take(self, indices: Any, axis: int = -1) -> Self:
         """The runs of some indices along an axis, as `numpy.take`."""
-        return self._changed(lambda values: values.take(indices, axis))
+        along = axis % self.outcomes.ndim
+        return self._changed(lambda values: values.take(indices, along))
 
     def reshape(self, shape: Sequence[int]) -> Self:
         """The same runs in another shape."""
-        return self._changed(lambda values: values.reshape(shape))
+        axes = self.outcomes.ndim
+        return self._changed(lambda values: values.reshape((*shape, *values.shape[axes:])))
 
-    def _changed(self, change: Any) -> Self:
-        changed = {field.name: change(getattr(self, field.name)) for field in fields(RunOutcomes)[:2]}
-        return replace(self, **changed, metrics={name: change(values) for name, values in self.metrics.items()})
+    def _changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
+        changed = {
+            name: {key: change(values) for key, values in found.items()}
+            if isinstance(found, Mapping)
+            else change(found)
+            for name, found in self._arrays.items()
+        }
+        return replace(self, **changed)
+
+    def put(self, at: Any, part: "RunOutcomes") -> None:
+        """Put the runs of a part, of the same class, into their places, an index of these arrays."""
+        for name, found in self._arrays.items():
+            given = getattr(part, name)
+            if isinstance(found, Mapping):
+                for key, values in found.items():
+                    values[at] = given[key]
+            else:
+                found[at] = given
 
     def to_record(self) -> dict[str, Any]:
         """As JSON expresses it (`file_formats.plain`)."""

@@ -1,6 +1,6 @@
 """What gains must keep to in a stress test, what they break, and numbers as people read them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.tuning.constraints import NO_PEAK, Constraint, constraints_from, measured
 
 SHARE = "share"
@@ -94,25 +95,11 @@ WORSE = 2.0
 Unless that bounds nothing or the ropes bear too much already (`failures`).
 """
 
-COMPLETED = "completed"
 
-
-@dataclass(frozen=True)
-class ScaledRuns:
-    """What the scenarios of one size came to.
-
-    Attributes:
-        outcomes: (scenarios,) words.
-        metrics: figure of merit → (scenarios,), NaN where a run was not completed.
-    """
-
-    outcomes: NDArray[np.str_]
-    metrics: Mapping[str, Floats]
-
-    def over(self, constraint: Constraint) -> float:
-        """What a constraint is on, over the scenarios that ran to their end (`measured`)."""
-        statistic = statistic_of(constraint)
-        return measured(statistic, self.metrics[statistic.metric][self.outcomes == COMPLETED])
+def value_of(constraint: Constraint, runs: RunOutcomes) -> float:
+    """What a constraint is on, over the scenarios that ran to their end (`measured`)."""
+    statistic = statistic_of(constraint)
+    return measured(statistic, runs.of_completed(statistic.metric))
 
 
 @dataclass(frozen=True)
@@ -236,7 +223,7 @@ def statistic_of(constraint: Constraint) -> Statistic:
     return constraint.statistic
 
 
-def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledRuns) -> tuple[RobustnessLimit, ...]:
+def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOutcomes) -> tuple[RobustnessLimit, ...]:
     """Constraints as they hold for some gains; without factors on what the paper's gains reach, where they do not.
 
     Args:
@@ -246,17 +233,17 @@ def limits_of(constraints: Sequence[Constraint], paper: ScaledRuns, own: ScaledR
     """
     found = []
     for constraint in constraints:
-        asked, near = constraint.given(paper.over(constraint)), NEAR if constraint.of_paper else 0.0
+        asked, near = constraint.given(value_of(constraint, paper)), NEAR if constraint.of_paper else 0.0
         if asked.unbounded:
             continue
-        reached = own.over(asked)
+        reached = value_of(asked, own)
         larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
         found.append(RobustnessLimit(asked if asked.violation(reached, near) <= 0 else eased, asked))
     return tuple(found)
 
 
-def failures(limits: Sequence[RobustnessLimit], runs: ScaledRuns, tension_max: float) -> tuple[BrokenLimit, ...]:
+def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[BrokenLimit, ...]:
     """Why gains fail already in the base; nothing where they are good enough to be tried further.
 
     A run was not completed, a tension is beyond what ropes and motors bear, or a broken bound on a share or a tension
@@ -287,16 +274,16 @@ def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
     return any(not failure.at_least for failure in failures)
 
 
-def broken(limits: Sequence[RobustnessLimit], runs: ScaledRuns) -> tuple[BrokenLimit, ...]:
+def broken(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[BrokenLimit, ...]:
     """What gains do not keep to: runs that did not end well first, then what is exceeded by the largest share."""
-    lost = [str(outcome) for outcome in runs.outcomes if outcome != COMPLETED]
+    lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
     found = [BrokenLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
     exceeded = []
     for limit in limits:
         constraint = limit.constraint
-        value = runs.over(constraint)
+        value = value_of(constraint, runs)
         beyond = constraint.violation(value)
-        if beyond > 0 and (runs.outcomes == COMPLETED).any():
+        if beyond > 0 and runs.completed.any():
             unit = unit_of(constraint.statistic.quantity)
             exceeded.append(
                 (beyond, BrokenLimit(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least))

@@ -13,7 +13,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, run_grid
+from dualwinch.simulation.batch.rollout import BatchResult, ParameterScenarioGrid, run_grid
 from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -35,7 +35,6 @@ from dualwinch.tuning.robustness.imperfections import (
 from dualwinch.tuning.robustness.limits import (
     BrokenLimit,
     RobustnessLimit,
-    ScaledRuns,
     broken,
     constraints_of,
     failures,
@@ -230,7 +229,7 @@ class ScaledRunner:
         loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
         map_all(compile_batch, list(loops), threads_of(self._workers))
 
-    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[ScaledRuns]:
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
         """What the scenarios of each of some sizes come to.
 
         Args:
@@ -251,8 +250,7 @@ class ScaledRunner:
         if runs.interrupted:
             raise KeyboardInterrupt
         self._done += len(sizes)
-        metrics = [{name: values[row] for name, values in runs.metrics.items()} for row in range(len(sizes))]
-        return [ScaledRuns(*each) for each in zip(runs.outcomes, metrics, strict=True)]
+        return [runs.take(row, axis=0) for row in range(len(sizes))]
 
 
 HALVINGS = int(math.log2(STEPS))

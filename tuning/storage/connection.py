@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import optuna
     from sqlalchemy.engine import URL
 
-Outcome = TypeVar("Outcome")
+Returned = TypeVar("Returned")
 
 HEARTBEAT, GRACE = 5, 20
 """Time in s between two beats of a worker, and the silence after which it counts as dead."""
@@ -108,7 +108,7 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
     return storage
 
 
-def patient(url: str, action: Callable[[], Outcome]) -> Outcome:
+def patient(url: str, action: Callable[[], Returned]) -> Returned:
     """Carry out an action on a database, again and again while the database is away.
 
     Raises:

@@ -88,9 +88,16 @@ def test_gradients_in_the_paper_s_case() -> None:
 def test_the_run_is_the_run(whole: Sensitivities) -> None:
     plain = rollout(NAMES, VALUES, [short(4)], stride=1)
     assert whole.outcomes.tolist() == plain.outcomes.tolist()
+    assert whole.end_times.tolist() == plain.end_times.tolist()
     assert np.abs(whole.errors[0, 0] - plain.columns["e"][0, 0]).max() < 1e-12
     for name, table in plain.metrics.items():
         assert whole.metrics[name] == pytest.approx(table, rel=1e-9, nan_ok=True)
+
+
+def test_the_runs_of_a_scenario_with_their_derivatives(whole: Sensitivities) -> None:
+    part = whole.take(0, axis=1)
+    assert (part.outcomes.shape, part.gradients["mse"].shape) == ((1,), (1, len(NAMES)))
+    assert part.reshape([1, 1]).slopes.tolist() == whole.slopes.tolist()
 
 
 def test_the_gradient_of_the_mean_square_is_that_of_the_residuals(whole: Sensitivities) -> None:

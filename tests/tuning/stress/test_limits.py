@@ -3,17 +3,18 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.robustness.limits import DEFAULTS, ScaledRuns, broken, constraints_of, failures, limits_of
+from dualwinch.simulation.results.outcomes import RunOutcomes
+from dualwinch.tuning.robustness.limits import DEFAULTS, broken, constraints_of, failures, limits_of
 
 EXPERIMENT = Experiment()
 
 
 def reached(
     *given: dict[str, tuple[float, float]], outcomes: tuple[str, ...] = ("completed", "completed")
-) -> ScaledRuns:
+) -> RunOutcomes:
     """What two scenarios came to; later values take the place of earlier ones."""
     metrics = {name: np.array(values) for each in given for name, values in each.items()}
-    return ScaledRuns(np.array(outcomes), metrics)
+    return RunOutcomes(np.array(outcomes), np.full(len(outcomes), np.nan), metrics)
 
 
 GOOD = {"slack_share": (0.0, 0.0), "peak_tension": (5000.0, 5500.0), "mse": (1e-8, 4e-8), "min_tension": (200.0, 90.0)}
