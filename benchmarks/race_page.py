@@ -76,7 +76,7 @@ def claims_table(race: Record) -> str:
 
 
 def race_table(race: Record) -> str:
-    """Everybody in the unseen scenarios, the best first."""
+    """Everybody in the test set, the best first."""
     numbers = {entry["key"]: str(rank) for rank, entry in enumerate(race["entries"], 1)}
     rows = [
         [
@@ -109,7 +109,7 @@ def facts(race: Record) -> str:
     searches = sum(len(entry["searches"]) for entry in entries)
     words = (
         f"{len(entries)} entries in `{race['ensemble']}`, {searches} searches of {race['rollouts']} rollouts by "
-        f"`{race['method']}` ({min(trials)} to {max(trials)} trials), {race['held_out']} unseen scenarios, "
+        f"`{race['method']}` ({min(trials)} to {max(trials)} trials), {race['test_scenarios']} test scenarios, "
         f"seed {race['seed']}."
     )
     if searches > len(entries):
@@ -125,9 +125,10 @@ def least(race: Record) -> str:
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
     best = min(value for entry in race["entries"] if (value := entry["statistics"]["mean.mse"]) is not None)
     return (
-        f"In {found['beyond_authority']} of the {race['held_out']} scenarios the reference is infeasible: it needs "
-        f"more force than the motors can deliver. Lower bound on the RMS error over all scenarios: {without} mm for a "
-        f"non-anticipating optimal controller, {given} mm with full foresight; the best here reaches {_rms(best)} mm."
+        f"In {found['beyond_authority']} of the {race['test_scenarios']} scenarios the reference is infeasible: it "
+        f"needs more force than the motors can deliver. Lower bound on the RMS error over all scenarios: {without} mm "
+        f"for a non-anticipating optimal controller, {given} mm with full foresight; the best here "
+        f"reaches {_rms(best)} mm."
     )
 
 
@@ -186,14 +187,15 @@ def _rms(mean_square: float | None) -> str:
 
 
 def _kept(runs: Record, race: Record) -> str:
-    lost = race["held_out"] - runs["completed"]
+    lost = race["test_scenarios"] - runs["completed"]
     if lost:
         return f"{lost} not completed"
     return f"broken: {runs['broken'][0]}" if runs["broken"] else "kept"
 
 
 def _read(folder: Path) -> Record:
-    return json.loads((folder / "race.json").read_text(encoding="utf-8"))
+    race = json.loads((folder / "race.json").read_text(encoding="utf-8"))
+    return {"test_scenarios": race.get("held_out"), **race}  # its name until 0.1.0
 
 
 def main() -> None:

@@ -402,7 +402,8 @@ def excite(
         speed: largest in m/s; default: the reference's.
         acceleration: largest in m/s²; default: by half of the ropes' largest net force (``options.excitation``).
         torque: largest of a motor in N m; default: any. Tensions stay within the controller's limits anyway.
-        trials: motions that are simulated; default: 200, or any number within `seconds`.
+        trials: motions that are simulated; default: ``options.excitation.trials``, or any number within
+            `seconds`.
         seconds: time after which no further generation of motions begins.
         seed: of the search.
         options: of estimation and search.

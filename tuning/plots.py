@@ -248,7 +248,7 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
     return page.figure
 
 
-def held_out(verdict: SelectionResult) -> Figure | None:
+def distributions(verdict: SelectionResult) -> Figure | None:
     """Distribution of figures of merit over the test scenarios; ``None`` without an ensemble."""
     if not verdict.has_test_set:
         return None
@@ -296,8 +296,8 @@ def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, d
 
 __all__ = [
     "before_and_after",
+    "distributions",
     "front",
-    "held_out",
     "history",
     "importance",
     "importances",

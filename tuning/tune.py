@@ -37,7 +37,7 @@ def tune(
     trials: int | None = None,
     seconds: float | None = None,
     rollouts: int | None = None,
-    held_out: int | None = None,
+    test_scenarios: int | None = None,
     workers: Workers = None,
     store: StudyStorage | None = None,
     afterwards: float = 0.0,
@@ -57,7 +57,7 @@ def tune(
             search is shorter, where there is no time for more. Compiling comes on top.
         rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
             gradient with as many as differences would take; the last batch may go beyond it by a few.
-        held_out: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
+        test_scenarios: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
         workers: of this machine, or an executor; default: one thread a core.
         store: where trials are kept, open; the study in it is gone on with. Default: in memory.
         afterwards: time in s of that which the caller needs for what comes after it.
@@ -72,7 +72,7 @@ def tune(
     """
     instance("problem", problem, TuningProblem, hint=" (tuning_problem makes one)")
     trials = trials_of(trials, seconds, rollouts)
-    for name, count in (("trials", trials), ("rollouts", rollouts), ("held_out", held_out)):
+    for name, count in (("trials", trials), ("rollouts", rollouts), ("test_scenarios", test_scenarios)):
         if count is not None:
             whole_number(name, count, 1)
     if seconds is not None and seconds <= 0:
@@ -107,7 +107,7 @@ def tune(
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt
-    sizes = config.sizes if held_out is None else replace(config.sizes, test=held_out)
+    sizes = config.sizes if test_scenarios is None else replace(config.sizes, test=test_scenarios)
     verdict = select(evaluator, finished, sizes, watch)
     cost = TuningCost(
         rollouts=evaluator.rollouts,

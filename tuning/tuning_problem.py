@@ -83,8 +83,9 @@ def tuning_problem(
         scenarios: of the ensemble, that a candidate is tuned on.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
-        violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: 0.005.
-        confidence: with which the choice supports that; default: 0.95.
+        violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: that of
+            `selection`.
+        confidence: with which the choice supports that; likewise.
         selection: hyper-parameters of training set, ranking and choice.
 
     Raises:

@@ -8,7 +8,17 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch.cli.identify import prior_from
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Figure, Json, Priors, seconds_from
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    WHOLE,
+    ExperimentOptions,
+    Figure,
+    Json,
+    Priors,
+    default_of,
+    seconds_from,
+    stated,
+)
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
@@ -32,6 +42,10 @@ app = App(
 )
 
 
+EXCITE = "excite"
+"""The function with the defaults of the options."""
+
+
 @app.default
 def excite(
     *,
@@ -45,11 +59,14 @@ def excite(
         Parameter(help="Ensemble, such as `rig`: identifiable parameters that it draws are estimated, too."),
     ] = None,
     prior: Priors = None,
-    duration: Annotated[str, Parameter(help="Length of the run, e.g. 60s, 2min.")] = "60s",
+    duration: Annotated[
+        str | None, default_of(EXCITE, "duration", "{:g}s"), Parameter(help="Length of the run, e.g. 60s, 2min.")
+    ] = None,
     criterion: Annotated[
-        Literal["D", "A"],
+        Literal["D", "A"] | None,
+        default_of(EXCITE, "criterion"),
         Parameter(help="D: volume of the estimates' confidence region; A: mean of their variances."),
-    ] = "D",
+    ] = None,
     track: Annotated[float | None, Parameter(help="Farthest position in m (default: a metre before the end).")] = None,
     speed: Annotated[float | None, Parameter(help="Largest speed in m/s (default: the reference's).")] = None,
     acceleration: Annotated[
@@ -57,9 +74,14 @@ def excite(
         Parameter(help="Largest acceleration in m/s^2 (default: by half of the ropes' largest net force)."),
     ] = None,
     torque: Annotated[float | None, Parameter(help="Largest torque of a motor in N m (default: any).")] = None,
-    trials: Annotated[int | None, WHOLE, Parameter(help="Motions to simulate (default 200 without --time).")] = None,
+    trials: Annotated[
+        int | None,
+        WHOLE,
+        default_of("identification.options:DEFAULTS.excitation.trials", words="{} without --time"),
+        Parameter(help="Motions to simulate."),
+    ] = None,
     time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min.")] = None,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of the search.")] = 0,
+    seed: Annotated[int | None, WHOLE, default_of(EXCITE, "seed"), Parameter(help="Seed of the search.")] = None,
     out: Annotated[Path | None, Parameter(help="File for the experiment with that motion, .toml.")] = None,
     plot: Figure = None,
     json: Json = False,
@@ -75,7 +97,7 @@ def excite(
     from dualwinch.identification.options import DEFAULTS
 
     search = DEFAULTS.excitation
-    length = seconds_from(duration, "--duration", search.shortest, search.longest)
+    length = None if duration is None else seconds_from(duration, "--duration", search.shortest, search.longest)
     known = dict(map(prior_from, prior or []))
     limit = None if time is None else seconds_from(time)
     check_file(out, ".toml")
@@ -84,18 +106,16 @@ def excite(
         found = excite(
             fit,
             None if ensemble else given.experiment(),
-            duration=length,
             ensemble=given.ensemble(ensemble) if ensemble else None,
             priors=known,
-            criterion=criterion,
             track=track,
             speed=speed,
             acceleration=acceleration,
             torque=torque,
             trials=trials,
             seconds=limit,
-            seed=seed,
             progress=progress,
+            **stated(duration=length, criterion=criterion, seed=seed),
         )
     if json:
         print_json(found.to_record() | version_notes())

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, print_note
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, default_of, own_default, print_note, stated
 from dualwinch.cli.output import wrote
 
 if TYPE_CHECKING:
+    from dualwinch.simulation.blocks import BlockName
     from dualwinch.simulation.experiment import Experiment
 
 app = App(
@@ -28,7 +29,7 @@ What = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
 
 
-def chosen_from(given: ExperimentOptions, what: str = "controller") -> Experiment:
+def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment:
     """The experiment; a note on standard error says where a controller for another machine makes an unstable loop."""
     from dualwinch.simulation.analysis.remarks import loop_remarks
     from dualwinch.simulation.experiment import Experiment
@@ -59,10 +60,12 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
 def export_c(
     *,
     out: Out,
-    what: Annotated[What, Parameter(help="Which part.")] = "controller",
+    what: Annotated[What | None, default_of("export_c", "what"), Parameter(help="Which part.")] = None,
     precision: Annotated[
-        Literal["double", "float"], Parameter(help="Of every number; float: no double-precision operation at all.")
-    ] = "double",
+        Literal["double", "float"] | None,
+        default_of("export_c", "precision"),
+        Parameter(help="Of every number; float: no double-precision operation at all."),
+    ] = None,
     freeze: Annotated[
         bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
     ] = False,
@@ -90,13 +93,14 @@ def export_c(
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
-        wrote_to(out, run(asked, out, what=what, precision=precision, freeze=freeze, udp=udp))
+        wrote_to(out, run(asked, out, freeze=freeze, udp=udp, **stated(what=what, precision=precision)))
         return
-    if freeze or udp or precision != "double":
+    if freeze or udp or precision == "float":
         raise ConfigurationError(
             "--generator casadi: writes double precision with parameters as an argument, and no program"
         )
-    wrote_to(out, generate_c(asked, out, blocks=[what], header=header, main=main, mex=mex))
+    blocks: list[BlockName] = [what or own_default("export_c", "what")]
+    wrote_to(out, generate_c(asked, out, blocks=blocks, header=header, main=main, mex=mex))
 
 
 @app.command(
@@ -111,20 +115,26 @@ def export_c(
 def export_st(
     *,
     out: Out,
-    what: Annotated[What, Parameter(help="Which part.")] = "controller",
-    precision: Annotated[Literal["double", "float"], Parameter(help="Of every number; double: LREAL, float: REAL.")] = (
-        "double"
-    ),
+    what: Annotated[What | None, default_of("export_st", "what"), Parameter(help="Which part.")] = None,
+    precision: Annotated[
+        Literal["double", "float"] | None,
+        default_of("export_st", "precision"),
+        Parameter(help="Of every number; double: LREAL, float: REAL."),
+    ] = None,
     flavour: Annotated[
-        Literal["iec", "codesys", "twincat", "siemens-scl"],
+        Literal["iec", "codesys", "twincat", "siemens-scl"] | None,
+        default_of("export_st", "flavour"),
         Parameter(
             help="Whose text; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a "
             "project; siemens-scl: external sources of TIA Portal."
         ),
-    ] = "iec",
+    ] = None,
     most_operations: Annotated[
-        int, WHOLE, Parameter(help="Refuse what has more operations a call; they are counted in the README.")
-    ] = 20_000,
+        int | None,
+        WHOLE,
+        default_of("export_st", "most_operations"),
+        Parameter(help="Refuse what has more operations a call; they are counted in the README."),
+    ] = None,
     given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
@@ -134,11 +144,11 @@ def export_st(
     from dualwinch.export import export_st as run
     from dualwinch.model.errors import ConfigurationError
 
-    if most_operations < 1:
+    if most_operations is not None and most_operations < 1:
         raise ConfigurationError(f"--most-operations {most_operations}: must be >= 1")
     chosen = chosen_from(given, what)
-    files = run(chosen, out, what=what, precision=precision, flavour=flavour, most_operations=most_operations)
-    wrote_to(out, files)
+    options = stated(what=what, precision=precision, flavour=flavour, most_operations=most_operations)
+    wrote_to(out, run(chosen, out, **options))
 
 
 @app.command(
@@ -153,8 +163,8 @@ def export_st(
 def export_fmu(
     *,
     out: Annotated[Path, Parameter(help="File to write, .fmu.")],
-    what: Annotated[What, Parameter(help="Which part.")] = "controller",
-    fmi: Annotated[Literal[2, 3], Parameter(help="Version of FMI.")] = 2,
+    what: Annotated[What | None, default_of("export_fmu", "what"), Parameter(help="Which part.")] = None,
+    fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi"), Parameter(help="Version of FMI.")] = None,
     kind: Annotated[
         Literal["co-simulation", "model-exchange", "both"] | None,
         Parameter(help="Interfaces (default: both for the plant, else co-simulation)."),
@@ -177,7 +187,7 @@ def export_fmu(
 
     chosen = chosen_from(given, what)
     with ProgressLine("generating") as progress:
-        words = run(chosen, out, what=what, fmi=fmi, kind=kind, platforms=platforms, progress=progress)
+        words = run(chosen, out, kind=kind, platforms=platforms, progress=progress, **stated(what=what, fmi=fmi))
     wrote(words)
 
 

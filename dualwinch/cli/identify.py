@@ -18,6 +18,8 @@ from dualwinch.cli.options import (
     Json,
     KeepingWorkerOptions,
     Priors,
+    default_of,
+    stated,
 )
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
@@ -52,6 +54,10 @@ app = App(
 )
 
 
+IDENTIFY = "identify"
+"""The function with the defaults of the options."""
+
+
 @app.default
 def identify(
     logs: Annotated[
@@ -78,8 +84,17 @@ def identify(
     csv: Annotated[
         str, Parameter(help="Separator and decimal mark of CSV files, such as ';,'; default: as each file shows.")
     ] = "",
-    hold_out: Annotated[str, Parameter(help="Share of each log, its end, that is held out and predicted.")] = "0%",
-    starts: Annotated[int, WHOLE, Parameter(help="Searches from different starts, which find distinct optima.")] = 1,
+    hold_out: Annotated[
+        str | None,
+        default_of(IDENTIFY, "hold_out", "{:.0%}"),
+        Parameter(help="Share of each log, its end, that is held out and predicted."),
+    ] = None,
+    starts: Annotated[
+        int | None,
+        WHOLE,
+        default_of(IDENTIFY, "starts"),
+        Parameter(help="Searches from different starts, which find distinct optima."),
+    ] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
     profile: Annotated[
         list[str] | None,
@@ -90,12 +105,13 @@ def identify(
         Parameter(help="File for what acted on the vehicle, .csv or .parquet; disturbance.force.file takes it."),
     ] = None,
     unrecorded: Annotated[
-        str,
+        str | None,
+        default_of("identification.options:DEFAULTS.plausibility.unrecorded", words="{:.0%}"),
         Parameter(
             help="RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused as "
             "one of another machine."
         ),
-    ] = "10%",
+    ] = None,
     out: Annotated[
         Path | None,
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
@@ -133,14 +149,13 @@ def identify(
             priors=known,
             columns=column or [],
             csv=csv,
-            hold_out=share,
-            starts=starts,
             seed=seed,
             profiles=profile or [],
             forces=disturbance is not None,
             workers=workers,
             unrecorded=most,
             progress=progress,
+            **stated(hold_out=share, starts=starts),
         )
     left_out = idealisations(found.experiment)
     facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | version_notes()
@@ -175,9 +190,11 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     return files
 
 
-def _share(option: str, text: str) -> float:
+def _share(option: str, text: str | None) -> float | None:
     from dualwinch.model.errors import ConfigurationError
 
+    if text is None:
+        return None
     parts = re.fullmatch(r"\s*([0-9.]+)\s*(%?)\s*", text)
     try:
         value = float(parts[1]) / (100 if parts[2] else 1) if parts else -1.0

@@ -7,6 +7,9 @@ import warnings
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib import import_module
+from inspect import signature
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,6 +60,37 @@ NominalMachine = Annotated[
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")]
+
+
+def own_default(place: str, argument: str = "") -> Any:
+    """A default where it stands: of an argument, or a constant.
+
+    Args:
+        place: a public function such as ``race``, or a class or constant below ``dualwinch`` with its module, such as
+            ``tuning.tune:TRIALS``.
+        argument: of that function or class; empty: the constant itself.
+    """
+    module, _, name = place.rpartition(":")
+    found = attrgetter(name)(import_module(f"dualwinch.{module}".rstrip(".")))
+    return signature(found).parameters[argument].default if argument else found
+
+
+def default_of(place: str, argument: str = "", words: str = "{}") -> Parameter:
+    """The default of an option that is None where it is not given, for its help, from where it stands.
+
+    A command leaves such an option to its function (`stated`). Modules are imported when help is asked for.
+
+    Args:
+        place: as of `own_default`.
+        argument: likewise.
+        words: what the help shows, as of `str.format`.
+    """
+    return Parameter(show_default=lambda _: words.format(own_default(place, argument)))
+
+
+def stated(**options: Any) -> dict[str, Any]:
+    """Those of some options that were given; the others keep the defaults of the function that they are for."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def choice(what: str, more: str = "") -> str:
@@ -330,7 +364,7 @@ def share_from(text: str | None, option: str) -> float | None:
     parts = re.fullmatch(r"\s*(\d*\.?\d+)\s*(%?)\s*", text)
     share = float(parts[1]) / (100 if parts[2] else 1) if parts else 0.0
     if not 0 < share < 1:
-        usual = "95%" if option == "--confidence" else "0.5%"
+        usual = f"{100 * own_default('tuning.selection_config:SelectionConfig', option.removeprefix('--')):g}%"
         raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as {usual}")
     return share
 

@@ -19,7 +19,10 @@ from dualwinch.cli.options import (
     Plugins,
     WorkerOptions,
     choice,
+    default_of,
+    own_default,
     say_other_machine,
+    stated,
     use_parts,
 )
 from dualwinch.cli.output import json_text, terminal, version_notes, versions
@@ -42,6 +45,10 @@ app = App(
     dualwinch race --searches 5 --cluster tcp://scheduler:8786
 """,
 )
+
+
+RACE = "race"
+"""The function with the defaults of the options."""
 
 
 @Parameter(name="*")
@@ -76,7 +83,11 @@ ENTRIES = BenchmarkEntries()
 @app.default
 def race(
     *,
-    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `rig`, `sea`, or a TOML file.")] = "rig",
+    ensemble: Annotated[
+        str | None,
+        default_of(RACE, "ensemble"),
+        Parameter(help="Ensemble of scenarios: `rig`, `sea`, or a TOML file."),
+    ] = None,
     entries: BenchmarkEntries = ENTRIES,
     ablations: Annotated[
         bool, Parameter(help="Include the paper's law without each of its parts.", negative="")
@@ -85,21 +96,33 @@ def race(
     config: Annotated[
         Path | None, Parameter(help="Machine to race on, TOML: values that the ensemble's file lacks.")
     ] = None,
-    rollouts: Annotated[int, WHOLE, Parameter(help="Rollouts of each search.")] = 30_000,
+    rollouts: Annotated[
+        int | None, WHOLE, default_of(RACE, "rollouts"), Parameter(help="Rollouts of each search.")
+    ] = None,
     searches: Annotated[
-        int,
+        int | None,
         WHOLE,
+        default_of(RACE, "searches"),
         Parameter(help="Searches per entry, each with its own seed: several show how much is luck."),
-    ] = 1,
-    scenarios: Annotated[int | None, WHOLE, Parameter(help="Scenarios a candidate is tuned on (default 12).")] = None,
-    held_out: Annotated[int, WHOLE, Parameter(help="Held-out scenarios for the score.")] = 200,
+    ] = None,
+    scenarios: Annotated[
+        int | None,
+        WHOLE,
+        default_of("tuning.tuning_problem:SCENARIOS"),
+        Parameter(help="Scenarios of the training set, in which a candidate is tried."),
+    ] = None,
+    test_scenarios: Annotated[
+        int | None, WHOLE, default_of(RACE, "test_scenarios"), Parameter(help="Scenarios of the test set, which score.")
+    ] = None,
     set_: Assignments = None,
     constraint: Annotated[
         list[str] | None,
         Parameter(help="As of `dualwinch tune`, for all; may be repeated; none: no constraint.", negative=""),
     ] = None,
     method: Annotated[str | None, Parameter(help="Optimiser, as of `dualwinch tune`.")] = None,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of all scenarios and searches.")] = 0,
+    seed: Annotated[
+        int | None, WHOLE, default_of(RACE, "seed"), Parameter(help="Seed of all scenarios and searches.")
+    ] = None,
     stress: Annotated[
         bool,
         Parameter(help="Also find which imperfection breaks the best of each first (`dualwinch stress`).", negative=""),
@@ -107,7 +130,7 @@ def race(
     out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
     where: WorkerOptions = WORKERS,
 ) -> None:
-    """Tune every law with the same number of rollouts, and score all of them in the same held-out scenarios.
+    """Tune every law with the same number of rollouts, and score all of them in the same test set.
 
     Same seeds, constraints and scenarios for all; errors are compared scenario by scenario with those of the paper's
     gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
@@ -120,8 +143,9 @@ def race(
     from dualwinch.tuning.benchmark.race import race
 
     use_parts(plugin)
-    drawn = load_ensemble(ensemble, load(config) if config else None)
-    say_other_machine(config, ensemble, drawn)
+    name = own_default(RACE, "ensemble") if ensemble is None else ensemble
+    drawn = load_ensemble(name, load(config) if config else None)
+    say_other_machine(config, name, drawn)
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
@@ -133,11 +157,6 @@ def race(
             estimators=entries.estimator,
             coordinations=entries.coordination,
             ablations=ablations,
-            rollouts=rollouts,
-            searches=searches,
-            held_out=held_out,
-            scenarios=scenarios,
-            seed=seed,
             settings=set_ or [],
             constraints=constraint,
             method=method,
@@ -145,6 +164,9 @@ def race(
             out=out,
             workers=workers,
             progress=progress,
+            **stated(
+                rollouts=rollouts, searches=searches, test_scenarios=test_scenarios, scenarios=scenarios, seed=seed
+            ),
         )
         progress(1.0, "writing the report")
         written = write_race(out, found)

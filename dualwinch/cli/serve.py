@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from dualwinch.cli.lab import HOST, page_of, server_of
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json, NominalMachine
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json, NominalMachine, default_of, stated
 from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import print_result
@@ -38,6 +38,10 @@ app = App(
 )
 
 
+SETTINGS = "simulation.server.plant:ServerSettings"
+"""Where the defaults of the options stand."""
+
+
 @app.default
 def serve(
     *,
@@ -50,10 +54,17 @@ def serve(
             help="Keep the time of the clock on the wall; or let each sample wait for the controller's answer.",
         ),
     ] = True,
-    rate: Annotated[float, Parameter(help="How much faster than the clock on the wall the plant's own is.")] = 1.0,
+    rate: Annotated[
+        float | None,
+        default_of(SETTINGS, "rate"),
+        Parameter(help="How much faster than the clock on the wall the plant's own is."),
+    ] = None,
     host: Annotated[str, Parameter(help="Address to listen at; other machines reach none but a public one.")] = HOST,
     udp: Annotated[
-        int | None, WHOLE, Parameter(help="Port of the datagrams (default 47800); 0: any that is free.")
+        int | None,
+        WHOLE,
+        default_of("simulation.server.plant:PORT"),
+        Parameter(help="Port of the datagrams; 0: any that is free."),
     ] = None,
     modbus: Annotated[
         int | None,
@@ -67,17 +78,19 @@ def serve(
         bool, Parameter(help="Let clients start, command and disturb; otherwise they only read.", negative="")
     ] = False,
     watchdog: Annotated[
-        float, Parameter(help="Time in s without a command after which the safe torques are in force.")
-    ] = 0.05,
+        float | None,
+        default_of(SETTINGS, "watchdog"),
+        Parameter(help="Time in s without a command after which the safe torques are in force."),
+    ] = None,
     safe: Annotated[
         str | None,
         Parameter(help="Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope)."),
     ] = None,
     priority: Annotated[
-        int,
+        int | None,
         WHOLE,
         Parameter(help="Real-time priority of the thread that keeps time, 1 to 99 (default: the usual one)."),
-    ] = 0,
+    ] = None,
     runs: Annotated[int | None, WHOLE, Parameter(help="End after so many runs (default: at Ctrl-C).")] = None,
     out: Annotated[
         Path | None, Parameter(help="File for what happened: .csv, .parquet, .npz or .mat; of later runs, NAME-2, ….")
@@ -107,7 +120,11 @@ def serve(
         format_of(out)
         check_place(out)
     check_file(map_, *FORMATS)
-    settings = ServerSettings(rate, not realtime, allow_write, watchdog, torques_from(safe), priority=priority)
+    settings = ServerSettings(
+        lockstep=not realtime,
+        may_write=allow_write,
+        **stated(rate=rate, watchdog=watchdog, safe=torques_from(safe), priority=priority),
+    )
     protocols = protocols_at(host, modbus, opcua)
     asked = given.nominal(ensemble)
     with ProgressLine("compiling the plant"):
@@ -129,8 +146,8 @@ def serve(
         plant.release()
 
 
-def torques_from(text: str | None) -> tuple[float, ...]:
-    """Two torques such as ``22,22``; none where none are given.
+def torques_from(text: str | None) -> tuple[float, ...] | None:
+    """Two torques such as ``22,22``; ``None`` where none are given.
 
     Raises:
         ConfigurationError: they are none.
@@ -138,7 +155,7 @@ def torques_from(text: str | None) -> tuple[float, ...]:
     from dualwinch.model.errors import ConfigurationError
 
     if text is None:
-        return ()
+        return None
     try:
         torques = tuple(map(float, text.split(",")))
     except ValueError:

@@ -20,7 +20,10 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     Json,
     KeepingWorkerOptions,
+    default_of,
+    own_default,
     say_other_machine,
+    stated,
 )
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
@@ -42,6 +45,10 @@ app = App(
 )
 
 
+STRESS = "stress"
+"""The function with the defaults of the options."""
+
+
 @app.default
 def stress(
     file: Annotated[
@@ -49,13 +56,16 @@ def stress(
     ] = None,
     *,
     given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[str, Parameter(help="Ensemble that gives the imperfections: `rig`, or a TOML file.")] = "rig",
+    ensemble: Annotated[
+        str | None,
+        default_of(STRESS, "ensemble"),
+        Parameter(help="Ensemble that gives the imperfections: `rig`, or a TOML file."),
+    ] = None,
     base: Annotated[
-        str,
-        Parameter(
-            help="Ensemble to which they are added: `sea`, a TOML file, or `none` for the experiment as it is.",
-        ),
-    ] = "sea",
+        str | None,
+        default_of(STRESS, "base"),
+        Parameter(help="Ensemble to which they are added: `sea`, a TOML file, or `none` for the experiment as it is."),
+    ] = None,
     constraint: Annotated[
         list[str] | None,
         Parameter(
@@ -65,8 +75,13 @@ def stress(
             negative="",
         ),
     ] = None,
-    scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same at every size and for all gains.")] = 20,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws.")] = 0,
+    scenarios: Annotated[
+        int | None,
+        WHOLE,
+        default_of(STRESS, "scenarios"),
+        Parameter(help="Scenarios, the same at every size and for all gains."),
+    ] = None,
+    seed: Annotated[int | None, WHOLE, default_of(STRESS, "seed"), Parameter(help="Seed of the draws.")] = None,
     out: Annotated[
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
@@ -89,8 +104,9 @@ def stress(
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    if file and base != NO_BASE:
-        say_other_machine(file, base, load_ensemble(base, experiment))
+    around = own_default(STRESS, "base") if base is None else base
+    if file and around != NO_BASE:
+        say_other_machine(file, around, load_ensemble(around, experiment))
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,
@@ -98,16 +114,14 @@ def stress(
     ):
         found = stress(
             experiment,
-            ensemble=ensemble,
-            base=base,
+            base=around,
             settings=given.values,
             constraints=constraint,
             noted=noted_constraints(file, experiment) if file else (),
-            scenarios=scenarios,
-            seed=seed,
             name=file.name if file else f"case {given.case}",
             workers=workers,
             progress=progress,
+            **stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
         )
     if json:
         print_json(to_record(found))

@@ -25,6 +25,8 @@ from dualwinch.cli.options import (
     WORKERS,
     ExperimentOptions,
     WorkerOptions,
+    default_of,
+    own_default,
     say_other_machine,
     seconds_from,
     share_from,
@@ -56,6 +58,13 @@ app = App(
 )
 
 
+def usual_methods(_: object) -> str:
+    """The methods of one objective and of several where none is given."""
+    from dualwinch.tuning.optimisers import default_method
+
+    return f"{default_method(1)}; of several objectives {default_method(2)}"
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
@@ -64,10 +73,16 @@ class StudyOptions:
     method: Annotated[
         str | None,
         Parameter(
-            help="hybrid (default), cmaes, gradient, tpe, gp, random, qmc, nsga2 (default of several objectives), nsga3"
+            help=f"Optimiser: {', '.join(own_default('tuning.optimisers:METHODS'))}.",
+            show_default=usual_methods,
         ),
     ] = None
-    trials: Annotated[int | None, WHOLE, Parameter(help="Trials (default 1000 without --time and --rollouts).")] = None
+    trials: Annotated[
+        int | None,
+        WHOLE,
+        default_of("tuning.tune:TRIALS", words="{} without --time and --rollouts"),
+        Parameter(help="Trials of the search."),
+    ] = None
     time: Annotated[
         str | None, Parameter(help="Time of the search, e.g. 60s, 5min; all ends within 1.3 times that and 10 s.")
     ] = None
@@ -112,6 +127,10 @@ STUDY = StudyOptions()
 """Where no option is given."""
 
 
+SELECTION = "tuning.selection_config:SelectionConfig"
+"""Where the defaults of the chance constraint stand."""
+
+
 @app.default
 def tune(
     *,
@@ -120,7 +139,10 @@ def tune(
         str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, `site`, or a TOML file.")
     ] = None,
     scenarios: Annotated[
-        int | None, WHOLE, Parameter(help="Scenarios of the ensemble in which each candidate is tried.")
+        int | None,
+        WHOLE,
+        default_of("tuning.tuning_problem:SCENARIOS"),
+        Parameter(help="Scenarios of the ensemble in which each candidate is tried."),
     ] = None,
     space: Annotated[
         list[str] | None,
@@ -148,15 +170,18 @@ def tune(
     ] = None,
     violation: Annotated[
         str | None,
-        Parameter(help="Largest probability that a draw of the ensemble violates a bound, e.g. 1% (default 0.5%)."),
+        default_of(SELECTION, "violation", "{:.1%}"),
+        Parameter(help="Largest probability that a draw of the ensemble violates a bound, e.g. 1%."),
     ] = None,
     confidence: Annotated[
-        str | None, Parameter(help="Confidence with which fresh draws support that, e.g. 99% (default 95%).")
+        str | None,
+        default_of(SELECTION, "confidence", "{:.0%}"),
+        Parameter(help="Confidence with which fresh draws support that, e.g. 99%."),
     ] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     options: StudyOptions = STUDY,
 ) -> None:
-    """Search for better gains, and score the best in held-out scenarios.
+    """Search for better gains, and score the best in a test set.
 
     The first trials are the paper's gains and the experiment's own. All candidates run in the same scenarios; Ctrl-C
     ends the search and keeps the best so far. The result is never worse than the start: if nothing is better, the start

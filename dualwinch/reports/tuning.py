@@ -19,8 +19,8 @@ from dualwinch.tuning.benchmark.comparison import RULE
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.plots import (
     before_and_after,
+    distributions,
     front,
-    held_out,
     history,
     importance,
     parallel_coordinates,
@@ -49,7 +49,7 @@ CAPTIONS = {
     "front": "The price of one figure of merit in terms of the other. Where a bound on the chatter touches the lower "
     "edge, it is what keeps the error from being smaller.",
     "before": "The same plant, sea and noise for both. Note the two scales of the error.",
-    "held_out": "The same scenarios for both, seen neither by the search nor by the choice of the best.",
+    "distributions": "The same scenarios for both, seen neither by the search nor by the choice of the best.",
 }
 
 
@@ -155,14 +155,14 @@ def _cost(tuned: TuningResult) -> dict[str, str]:
     }
 
 
-SECTIONS = {"gained": ("held_out", "before"), "cost": ("front",), "search": ("history", "importance", "parallel")}
+SECTIONS = {"gained": ("distributions", "before"), "cost": ("front",), "search": ("history", "importance", "parallel")}
 """Section of the report → its figures."""
 
 
 def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     figures: dict[str, tuple[str, Figure | None]] = {
-        "held_out": ("Held-out scenarios", held_out(verdict)),
+        "distributions": ("Test set", distributions(verdict)),
         "before": ("The paper's gains and the best", before_and_after(problem, verdict)),
         "history": ("History", history(problem, trials)),
         "front": ("Trade-off", front(problem, tuned.training.constraints, trials)),

@@ -21,7 +21,7 @@ BASES: dict[str, tuple[str, ...]] = {
     "sensitivities": ("plant.vehicle.mass", *SHORT),
     "compare": ("paper", "good.toml", "--scenarios", "2", *SHORT),
     "tune": ("--case", "4", *SHORT, "--trials", "2", "--space", "controller.nftsm.beta", "--constraint", "none"),
-    "race": ("--law", "nftsm", "--rollouts", "2", "--scenarios", "1", "--held-out", "2", *SHORT),
+    "race": ("--law", "nftsm", "--rollouts", "2", "--scenarios", "1", "--test-scenarios", "2", *SHORT),
     "stress": ("good.toml", "--scenarios", "1"),
     "identify": ("log.csv", "--fit", "plant.vehicle.mass"),
     "worker": ("--storage", "postgresql://u:secret@127.0.0.1:9/d"),

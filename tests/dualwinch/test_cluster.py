@@ -21,7 +21,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from tests.dask_cluster import DaskProcesses, dask_processes
 
-SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
+SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
 RACE = ("race", "--ensemble", "sea", "--estimator", "kalman", "--method", "cmaes", "--seed", "3", *SHORT)
 LAWS = [word for law in ("nftsm", "adrc", "lqi", "super-twisting") for word in ("--law", law)]
 LASTING = 20.0

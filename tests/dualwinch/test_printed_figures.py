@@ -71,7 +71,7 @@ TO_FILES = [
     pytest.param(
         [
             *("race", "--ensemble", "sea", *SHORT[:1], "simulation.duration=0.1", "--scenarios", "2"),
-            *("--law", "nftsm", "--law", "adrc", "--rollouts", "60", "--held-out", "4"),
+            *("--law", "nftsm", "--law", "adrc", "--rollouts", "60", "--test-scenarios", "4"),
         ],
         marks=pytest.mark.slow,
     ),

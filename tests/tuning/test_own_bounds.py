@@ -83,7 +83,7 @@ def test_another_machine_is_tuned_at_once(kind: str) -> None:
     for ensemble in (None, "sea"):
         problem = dw.tuning_problem(experiment=ferry, ensemble=ensemble, scenarios=2 if ensemble else None)
         problem.check()
-        tuned = dw.tune(problem, trials=4, held_out=2, method="tpe")
+        tuned = dw.tune(problem, trials=4, test_scenarios=2, method="tpe")
         assert tuned.trials[0].outcomes == {"completed": problem.scenarios}
         assert tuned.best.plant.track.length == 120
 

@@ -11,8 +11,8 @@ from dualwinch.tuning import tune as tuning
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.plots import (
     before_and_after,
+    distributions,
     front,
-    held_out,
     history,
     importance,
     importances,
@@ -76,7 +76,7 @@ class Stubborn:
 
 @pytest.fixture(scope="module")
 def tuned(make_problem: MakeProblem) -> TuningResult:
-    return tune(make_problem(selection=SelectionConfig()), trials=96, held_out=6)
+    return tune(make_problem(selection=SelectionConfig()), trials=96, test_scenarios=6)
 
 
 def test_the_best_is_the_tuned_experiment_and_the_numbers_are_exact(tuned: TuningResult) -> None:
@@ -103,7 +103,7 @@ def test_without_a_budget_there_are_as_many_trials_as_of_the_command(
 ) -> None:
     assert tuning.TRIALS == 1000
     monkeypatch.setattr(tuning, "TRIALS", 20)
-    assert len(tune(make_problem(), held_out=2).trials) == 20
+    assert len(tune(make_problem(), test_scenarios=2).trials) == 20
     with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
         tune(make_problem(), seconds=0)
 
@@ -169,7 +169,7 @@ def test_a_search_that_is_too_short_for_its_gains_is_said_to_be(trials: int, sec
 
 def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:
     watch = Recorded(interrupt_at=32)
-    tuned = tune(make_problem(), trials=1000, held_out=6, watch=watch)
+    tuned = tune(make_problem(), trials=1000, test_scenarios=6, watch=watch)
     assert tuned.interrupted
     assert len(tuned.trials) == tuned.progress.trials == 32
     assert tuple(watch.phases) == PHASES
@@ -191,7 +191,7 @@ def test_where_nothing_is_better_the_start_is_kept_and_what_would_help_is_said(
 
 
 def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_problem: MakeProblem) -> None:
-    tuned = tune(make_problem(constraints=["mean.chatter<=0.001*paper"]), trials=20, held_out=6)
+    tuned = tune(make_problem(constraints=["mean.chatter<=0.001*paper"]), trials=20, test_scenarios=6)
     assert not tuned.verdict.scored.feasible
     assert "; violates mean.chatter <= " in worth(tuned)
     assert any(
@@ -204,7 +204,7 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
 ) -> None:
     monkeypatch.setitem(METHODS, "stubborn", Stubborn)
     space = ["controller.nftsm.beta", "controller.kalman.ramp"]
-    tuned = tune(make_problem(space=space, constraints=[]), method="stubborn", trials=6, held_out=4)
+    tuned = tune(make_problem(space=space, constraints=[]), method="stubborn", trials=6, test_scenarios=4)
     assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
 
 
@@ -250,7 +250,7 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
         parallel_coordinates(problem, trials),
         front(problem, tuned.training.constraints, trials),
         before_and_after(problem, verdict),
-        held_out(verdict),
+        distributions(verdict),
     )
     for figure in drawn:
         assert figure
@@ -266,7 +266,7 @@ def test_a_search_that_is_worth_it_has_all_compiled_before(
     compiled: list[str] = []
     monkeypatch.setattr(tuning, "WORTH_COMPILING", worth)
     monkeypatch.setattr(tuning, "compile_ahead", lambda method, _: compiled.append(method))
-    tune(make_problem(), seconds=0.1, held_out=6)
+    tune(make_problem(), seconds=0.1, test_scenarios=6)
     assert compiled == ahead
 
 
@@ -288,7 +288,7 @@ def test_a_problem_runs_nothing(make_problem: MakeProblem, monkeypatch: pytest.M
 
 
 def test_a_front_of_two_objectives_has_its_best_by_the_first(make_problem: MakeProblem) -> None:
-    tuned = tune(make_problem(objectives=["mean.mse", "mean.chatter"]), trials=48, held_out=6)
+    tuned = tune(make_problem(objectives=["mean.mse", "mean.chatter"]), trials=48, test_scenarios=6)
     start = tuned.verdict.scores["start"].evaluation
     assert any(ours < theirs for ours, theirs in zip(tuned.verdict.scored.objectives, start.objectives, strict=True))
     assert isinstance(tuned.verdict.best, Evaluation)

@@ -1,1 +1,1 @@
-"""A race: laws that all are tuned with the same number of rollouts, and scored in scenarios that nobody has seen."""
+"""A race: laws that all are tuned with the same number of rollouts, and scored in one test set."""

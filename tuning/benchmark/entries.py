@@ -12,6 +12,7 @@ from dualwinch.model.arguments import whole_number
 from dualwinch.model.quantities.part import Registry
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR
 
 ALL = "all"
@@ -146,8 +147,8 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     ]
 
 
-ROLLOUTS, HELD_OUT = 30_000, 200
-"""Budget of a search, and scenarios that score, where nothing else is asked for."""
+ROLLOUTS, TEST_SCENARIOS = 30_000, SampleSizes().test
+"""Budget of a search, and scenarios of the test set, where nothing else is asked for."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ class BenchmarkTerms:
         method: name of the optimiser.
         rollouts: budget of each search.
         scenarios: number of scenarios a candidate is tuned on.
-        held_out: number of unseen scenarios that score.
+        test_scenarios: number of scenarios of the test set, which score.
         seed: of scenarios and searches.
     """
 
@@ -171,12 +172,12 @@ class BenchmarkTerms:
     method: str
     rollouts: int
     scenarios: int
-    held_out: int
+    test_scenarios: int
     seed: int
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` where a number is out of range."""
-        for name, least in (("rollouts", 1), ("held_out", 2)):
+        for name, least in (("rollouts", 1), ("test_scenarios", 2)):
             whole_number(name, getattr(self, name), least)
 
     @property

@@ -34,9 +34,9 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
-    HELD_OUT,
     LAW,
     ROLLOUTS,
+    TEST_SCENARIOS,
     BenchmarkEntry,
     BenchmarkTerms,
     EntryProblem,
@@ -99,7 +99,7 @@ def race(
     ablations: bool = False,
     rollouts: int = ROLLOUTS,
     searches: int = 1,
-    held_out: int = HELD_OUT,
+    test_scenarios: int = TEST_SCENARIOS,
     scenarios: int | None = None,
     seed: int = 0,
     settings: Sequence[str] = (),
@@ -110,7 +110,7 @@ def race(
     workers: Workers = None,
     progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
-    """Tune every combination of parts with the same number of rollouts, and score all in the same unseen scenarios.
+    """Tune every combination of parts with the same number of rollouts, and score all in the same test set.
 
     An interrupt (Ctrl-C) keeps what is finished, and the same call with the same folder goes on with the rest. A
     later call may add entries to a folder; all that are in it take part.
@@ -123,7 +123,7 @@ def race(
         ablations: whether the paper's law takes part without each of its parts, too.
         rollouts: of each search (see `dualwinch.tune`).
         searches: of each entry, by seeds of their own; more than one tell how much is luck.
-        held_out: number of unseen scenarios that score.
+        test_scenarios: number of scenarios of the test set, which score.
         scenarios: that a candidate is tuned on; default: those of `dualwinch.tuning_problem`.
         seed: of all scenarios and searches.
         settings: such as ``plant.vehicle.mass=12000``, for all.
@@ -175,7 +175,7 @@ def race(
         method=method,
         rollouts=rollouts,
         scenarios=first.scenarios,
-        held_out=held_out,
+        test_scenarios=test_scenarios,
         seed=seed,
     )
     return run_race(
@@ -376,7 +376,7 @@ def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
     return json.loads(json.dumps(content, allow_nan=False))
 
 
-UNSEEN_PHASE = "scoring in unseen scenarios"
+TEST_PHASE = "scoring in the test set"
 STRESS_PHASE = "finding what breaks it first"
 PAPER_PHASE = "scoring the paper's gains"
 LEAST_PHASE = "finding the least possible error"
@@ -391,7 +391,7 @@ def scored(
     workers: Workers = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> EntryResult:
-    """Tune an entry, and score its best and its fronts in the unseen scenarios.
+    """Tune an entry, and score its best and its fronts in the test set.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
@@ -402,18 +402,18 @@ def scored(
         problem,
         method=terms.method,
         rollouts=terms.rollouts,
-        held_out=min(terms.held_out, problem.selection.sizes.test),
+        test_scenarios=min(terms.test_scenarios, problem.selection.sizes.test),
         workers=workers,
         keep=False,
         watch=watch,
     )
-    watch.phase(UNSEEN_PHASE)
+    watch.phase(TEST_PHASE)
     scorer = Scorer(tuned.training, workers=workers)
-    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
-    best = unseen.score(tuned.verdict.best.candidate)
+    test = TestSet(scorer, terms.test_scenarios, terms.test_seed)
+    best = test.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
     candidates = [trial.candidate for found in fronts.values() for trial in found]
-    points = iter(scorer.over(candidates, unseen.scenarios, constraints=unseen.constraints))
+    points = iter(scorer.over(candidates, test.scenarios, constraints=test.constraints))
     rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
     broken = None
     if breaking:
@@ -444,7 +444,7 @@ def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPo
 def paper(
     problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> BaselineScore:
-    """The paper's gains in the unseen scenarios, and the least error there.
+    """The paper's gains in the test set, and the least error there.
 
     Args:
         problem: any of the race; ensemble, constraints and seed are those of all.
@@ -458,11 +458,11 @@ def paper(
     """
     scorer = Scorer(prepare(problem, workers, watch), workers=workers)
     watch.phase(PAPER_PHASE)
-    unseen = TestSet(scorer, terms.held_out, terms.test_seed)
-    found = unseen.paper
+    test = TestSet(scorer, terms.test_scenarios, terms.test_seed)
+    found = test.paper
     runs = scored_runs(found.result, found.evaluation.violations, operations(problem.paper_experiment))
     watch.phase(LEAST_PHASE)
-    with_paper = problem.drawn(terms.held_out, terms.test_seed, problem.paper_experiment)
+    with_paper = problem.drawn(terms.test_scenarios, terms.test_seed, problem.paper_experiment)
     experiments = [experiment_of(scenario) for scenario in with_paper]
     return BaselineScore(runs, least_errors(experiments))
 
@@ -475,7 +475,7 @@ BEGINS = {
     SEARCHING: 0.12,
     CHOOSING: 0.82,
     SCORING_BEST: 0.9,
-    UNSEEN_PHASE: 0.93,
+    TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
 }
 """Phase → share of an entry's time that is over by then, roughly."""

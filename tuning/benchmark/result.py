@@ -176,7 +176,7 @@ class BenchmarkResult:
         more = f" in {searches} searches" if searches > len(self.searches) else ""
         return (
             f"{entries}{more}, {terms.rollouts} rollouts of '{terms.ensemble}' each, "
-            f"scored in {terms.held_out} unseen scenarios, seed {terms.seed}"
+            f"scored in {terms.test_scenarios} test scenarios, seed {terms.seed}"
         )
 
     def table(self) -> tuple[list[str], list[list[str]]]:
@@ -385,7 +385,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
     terms = found.terms
     words = (
         f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
-        f"scored in {terms.held_out} test scenarios"
+        f"scored in {terms.test_scenarios} test scenarios"
     )
     with new_page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words) as page:
         (axes,) = page.panels()
@@ -452,9 +452,8 @@ def _share(ratio: float) -> str:
 
 def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
     styles = looks((scored.entry.key for scored in found.ranking), COLOURS)
-    words = (
-        f"Trials that keep to every constraint, in {found.terms.held_out} test scenarios; ●: the best, ×: the paper's"
-    )
+    count = found.terms.test_scenarios
+    words = f"Trials that satisfy every constraint, in {count} test scenarios; ●: the best, ×: the paper's"
     with new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
         panels = page.panels(1, len(COSTS), "C", sharey=True)
         for axes, cost in zip(panels, COSTS, strict=True):

@@ -128,7 +128,7 @@ class BaselineScore:
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """A trial of a search, scored in the unseen scenarios.
+    """A trial of a search, scored in the test set.
 
     Attributes:
         cost: mean of the figure of merit that is traded for error, in its unit.
@@ -169,7 +169,7 @@ class EntryResult:
 
     Attributes:
         entry: who.
-        runs: of those gains in the unseen scenarios.
+        runs: of those gains in the test set.
         gains: tuned key → value.
         fronts: figure of merit → what it costs in error, by cost.
         search: how the gains were found.

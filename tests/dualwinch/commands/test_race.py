@@ -20,7 +20,7 @@ from tests.tuning.stress.ensembles import DRUMS
 
 pytestmark = pytest.mark.usefixtures("few_scenarios")
 
-SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--held-out", "4")
+SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
 SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)
 BOUNDS = ("none", "mean.chatter<=1*paper")
 """Instead of the usual constraints, with stability margins, whose machines take most of a small race's time."""
@@ -54,7 +54,7 @@ def test_a_race_is_printed_written_and_added_to(tmp_path: Path, capsys: pytest.C
     out = tmp_path / "race"
     main([*SEA, "--law", "nftsm", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
-    assert "Race: 1 entry, 60 rollouts of 'sea' each, scored in 4 unseen scenarios, seed 3" in said.out
+    assert "Race: 1 entry, 60 rollouts of 'sea' each, scored in 4 test scenarios, seed 3" in said.out
     assert "race: nftsm: drawing scenarios" in said.err
     assert f"wrote race.json, race.svg, fronts.svg, report.html, gains/ in {out}" in said.err
     plugin = tmp_path / "spring.py"
@@ -82,7 +82,13 @@ def test_a_race_is_printed_written_and_added_to(tmp_path: Path, capsys: pytest.C
 def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main([*QUICK, "--law", "nftsm", "--out", str(tmp_path)])
     printed = capsys.readouterr().out
-    words: dict[str, Any] = {"laws": "nftsm", "estimators": ["kalman"], "rollouts": 60, "scenarios": 2, "held_out": 4}
+    words: dict[str, Any] = {
+        "laws": "nftsm",
+        "estimators": ["kalman"],
+        "rollouts": 60,
+        "scenarios": 2,
+        "test_scenarios": 4,
+    }
     words |= {"constraints": BOUNDS}
     found = dw.race("sea", settings=["simulation.duration=0.1"], **words)
     assert printed == f"{found!r}\n"
@@ -91,7 +97,13 @@ def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_searches_have_seeds_of_their_own_and_are_scored_in_the_same_scenarios() -> None:
-    words: dict[str, Any] = {"laws": "nftsm", "estimators": "kalman", "rollouts": 60, "scenarios": 2, "held_out": 4}
+    words: dict[str, Any] = {
+        "laws": "nftsm",
+        "estimators": "kalman",
+        "rollouts": 60,
+        "scenarios": 2,
+        "test_scenarios": 4,
+    }
     words |= {"constraints": BOUNDS}
     settings = ["simulation.duration=0.1"]
     two = dw.race("sea", settings=settings, searches=2, **words)
@@ -175,7 +187,7 @@ def test_an_ensemble_that_draws_gains_is_refused() -> None:
         (("--coordination", "master"), "did you mean 'master-slave'"),
         (("--ensemble", "rigg"), "did you mean 'rig'"),
         (("--law", "nftsm", "--rollouts", "0"), "rollouts = 0: must be a whole number >= 1"),
-        (("--law", "nftsm", "--held-out", "1"), "held_out = 1: must be a whole number >= 2"),
+        (("--law", "nftsm", "--test-scenarios", "1"), "test_scenarios = 1: must be a whole number >= 2"),
         (("--scenarios", "0"), "must be a whole number >= 1"),
         (("--seed", "-1"), "must be a whole number >= 0"),
         (("--method", "nsga2x"), "--method nsga2x: unknown method 'nsga2x'; did you mean 'nsga2'? Must be one of"),

@@ -41,7 +41,7 @@ def dualwinch(*words: object) -> int:
 
 
 @pytest.fixture(autouse=True)
-def few_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_test_set(monkeypatch: pytest.MonkeyPatch) -> None:
     few = SampleSizes(draws=8, vertices=4, chance=20, test=8)
     small = SelectionConfig(demand_among=4, sizes=few)
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)

@@ -32,7 +32,7 @@ def make_race(make_problem: MakeProblem) -> MakeRace:
             "method": "cmaes",
             "rollouts": 100,
             "scenarios": first.scenarios,
-            "held_out": 5,
+            "test_scenarios": 5,
             "seed": first.seed,
         }
         return entrants, BenchmarkTerms(**(usual | words))

@@ -36,7 +36,7 @@ def test_a_prompt_and_a_notebook_show_the_table_and_the_rule() -> None:
     assert [row[-1] for row in rows] == ["2", "1", "–", "–", ""]
     assert "broken: worst.peak_tension <= 6000 N" in rows[2]
     shown = repr(FOUND)
-    assert "4 entries, 3000 rollouts of 'rig' each, scored in 40 unseen scenarios, seed 5" in shown
+    assert "4 entries, 3000 rollouts of 'rig' each, scored in 40 test scenarios, seed 5" in shown
     assert "Holm's correction over all pairs" in shown
     assert "1. adrc" in FOUND._repr_html_()
 

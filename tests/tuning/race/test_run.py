@@ -120,7 +120,7 @@ def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(finished
         for scored in found.entries
         if scored.entry == entrant.entry
     }
-    theirs = compare(controllers, problem.ensemble, terms.held_out, terms.test_seed)
+    theirs = compare(controllers, problem.ensemble, terms.test_scenarios, terms.test_seed)
     for name, runs in (("paper", found.paper.runs), *((each.entry.law, each.runs) for each in found.entries)):
         for metric in ("mse", "chatter", "continuous_load"):
             assert runs.metrics[metric] == pytest.approx(theirs.contenders[name].metrics[metric], rel=1e-9)
@@ -128,7 +128,7 @@ def test_numbers_are_those_of_a_comparison_in_scenarios_of_another_seed(finished
     assert {scored.search.rollouts >= 100 for scored in found.entries} == {True}
 
 
-def test_fronts_are_gains_in_the_unseen_scenarios(finished: Finished) -> None:
+def test_fronts_are_gains_in_the_test_set(finished: Finished) -> None:
     entrants, terms, found = finished.entrants, finished.terms, finished.found
     problems = {entrant.entry.key: entrant.problem for entrant in entrants}
     for scored in found.entries:
@@ -141,7 +141,7 @@ def test_fronts_are_gains_in_the_unseen_scenarios(finished: Finished) -> None:
                 for index, point in enumerate(points)
             }
             assert problem.ensemble is not None
-            theirs = compare(controllers, problem.ensemble, terms.held_out, terms.test_seed)
+            theirs = compare(controllers, problem.ensemble, terms.test_scenarios, terms.test_seed)
             for point, contender in zip(points, theirs.contenders.values(), strict=True):
                 assert point.error == pytest.approx(contender.metrics["mse"].mean(), rel=1e-9)
                 assert point.cost == pytest.approx(contender.metrics[cost].mean(), rel=1e-9)
@@ -149,7 +149,9 @@ def test_fronts_are_gains_in_the_unseen_scenarios(finished: Finished) -> None:
 
 def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
     """On motors that are too weak for the reference, scenario by scenario."""
-    entrants, terms = make_race(["simulation.duration=12.0", "controller.coordination.tension_max=1500"], held_out=3)
+    entrants, terms = make_race(
+        ["simulation.duration=12.0", "controller.coordination.tension_max=1500"], test_scenarios=3
+    )
     found = run_race(entrants, terms)
     least, foreseeing = found.paper.least.blind, found.paper.least.foreseeing
     assert (least > 0).all()
@@ -165,8 +167,8 @@ def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_p
     run_race(entrants[:1], terms, folder=tmp_path)
     with pytest.raises(ConfigurationError, match="another rollouts, 100 and not 200"):
         run_race(entrants, replace(terms, rollouts=200), folder=tmp_path)
-    with pytest.raises(ConfigurationError, match="held_out = 1: must be a whole number >= 2"):
-        replace(terms, held_out=1)
+    with pytest.raises(ConfigurationError, match="test_scenarios = 1: must be a whole number >= 2"):
+        replace(terms, test_scenarios=1)
 
 
 def test_who_did_not_run_everything_to_its_end_is_behind(finished: Finished) -> None:
