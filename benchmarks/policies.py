@@ -19,10 +19,10 @@ from benchmarks.scored import HELD_OUT_SEED, SEED
 from dualwinch import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.environments.environment import HOLD
 from dualwinch.environments.task import Task
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.tune import tune
 

@@ -8,7 +8,8 @@ import numpy as np
 from benchmarks.document import markdown, times
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
-from dualwinch.simulation.ensembles.comparison import Comparison, compare, paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison, compare
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.tune import tune
 

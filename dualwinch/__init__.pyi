@@ -30,6 +30,7 @@ from .controllers.laws.rbf_sliding_mode import RbfSlidingMode as RbfSlidingMode
 from .controllers.laws.super_twisting import SuperTwisting as SuperTwisting
 from .controllers.limits import Limits as Limits
 from .controllers.nominal import nominal_forces as nominal_forces
+from .controllers.paper_controller import paper_controller as paper_controller
 from .controllers.parts import Context as Context
 from .controllers.parts import Coordination as Coordination
 from .controllers.parts import CoordinationOutput as CoordinationOutput
@@ -100,7 +101,6 @@ from .simulation.batch.workers import KeepingExecutor as KeepingExecutor
 from .simulation.blocks import block as block
 from .simulation.ensembles.comparison import Comparison as Comparison
 from .simulation.ensembles.comparison import compare as compare
-from .simulation.ensembles.comparison import paper_controller as paper_controller
 from .simulation.ensembles.ensemble import Choice as Choice
 from .simulation.ensembles.ensemble import Distribution as Distribution
 from .simulation.ensembles.ensemble import Drawn as Drawn

@@ -1,63 +1,15 @@
-"""The paper's gains, as what others are compared with."""
+"""What a search in an ensemble begins with, beyond the paper's gains."""
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
 
-from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
-from dualwinch.controllers.estimators.low_pass import LowPass
-from dualwinch.controllers.limits import Limits
 from dualwinch.model.plant import Plant, is_distributed
-from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import tangent_rope
 from dualwinch.model.scalar import present
 from dualwinch.model.winch import total_inertia
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-
-
-def baseline_controller(own: Controller) -> Controller:
-    """The paper's controller with the paper's gains, for the machine that another one is for.
-
-    Where the winches have other limits than the paper's it keeps to those, and has the other's preload: the paper's
-    gains say nothing of how strong a machine is. It never keeps a reserve. It has the other's damping of the drums, on
-    ropes of any length: the paper has none, and without it heavy drums swing until they are lost.
-    """
-    damping = {f"winch_{side}.damping" for side in (1, 2)}
-    paper = paper_controller()
-    paper = with_leaves(paper, {key: value for key, value in leaves(own).items() if key in damping})
-    limits = paper.limits
-    if _strength(own.limits) != _strength(limits):
-        limits = replace(own.limits, reserve=limits.reserve)
-    return _damped_throughout(replace(paper, nominal=own.nominal, limits=limits))
-
-
-UNFADED = 1e-3
-"""Fade of a winch's gains that is below the shortest rope."""
-
-
-def _damped_throughout(controller: Controller) -> Controller:
-    """A controller whose winches, where they damp their drums, do so on ropes of any length."""
-    known = leaves(controller)
-    damped = (side for side in (1, 2) if known.get(f"winch_{side}.damping"))
-    return with_leaves(controller, {f"winch_{side}.fade": UNFADED for side in damped})
-
-
-def is_baseline(own: Controller) -> bool:
-    """Whether a controller is the paper's with the paper's gains.
-
-    A low-pass without a time constant filters nothing, and is as good as none.
-    """
-    paper = baseline_controller(own)
-    return own.estimator in (paper.estimator, LowPass(0.0)) and (
-        _damped_throughout(replace(own, estimator=paper.estimator)) == paper
-    )
-
-
-def _strength(limits: Limits) -> tuple[float, float]:
-    return limits.tension_min, limits.tension_max
-
 
 KNOWN = ("drum_radius", "layer_thickness")
 """Numbers of a winch that a controller knows, unless they are drawn."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
 
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
@@ -15,7 +16,6 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.baseline import baseline_controller
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
@@ -118,7 +118,7 @@ class TuningProblem:
     @property
     def paper_experiment(self) -> Experiment:
         """The experiment with the paper's controller, whatever law is tuned."""
-        return replace(self.experiment, controller=baseline_controller(self.experiment.controller))
+        return replace(self.experiment, controller=paper_controller(self.experiment.controller))
 
     @property
     def paper_point(self) -> Point | None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
-from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remarks
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.baseline import assumptions
@@ -234,8 +234,8 @@ def contenders(tuned: TuningResult) -> list[str]:
     """What the best is compared with: what stands under each heading."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
-    damped = any(value for key, value in leaves(tuned.problem.paper_experiment.controller).items() if "damping" in key)
-    words = [f"paper: {paper} with the paper's gains{' and the damping of drums of the start' * damped}"]
+    own = adapted(tuned.problem.paper_experiment.controller)
+    words = [f"paper: {paper} with the paper's gains{own and f', and the {own} of the start'}"]
     return words if tuned.verdict.start_is_papers else [f"start: {start} as it was before tuning", *words]
 
 

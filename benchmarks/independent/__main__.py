@@ -16,8 +16,8 @@ import numpy as np
 import dualwinch
 from benchmarks.document import markdown, put, times
 from benchmarks.independent.judge import Conditions, Judge, Runs
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.experiment import Experiment
 
 CONDITIONS = {

@@ -22,8 +22,8 @@ import dualwinch
 from benchmarks.document import markdown, put
 from benchmarks.independent.judge import Conditions, Judge, Runs, Settings
 from benchmarks.independent.site import ARC_MINUTE, DRUM, EFFECTS, RATIO, ROPE, ROTOR, SPARE, draw
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.experiment import Experiment
 
 SAGGING = {"submerged_weight": 20.2, "transverse_mass": 2.96, "transverse_drag": 1.2, "slack_below": 20.0}

@@ -9,10 +9,10 @@ import numpy as np
 import dualwinch as dw
 from benchmarks.document import markdown
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.heavy_ropes import ernst_factor
 from dualwinch.model.ropes import kelvin_voigt
 from dualwinch.simulation.analysis.resonance import UNDECIDED
-from dualwinch.tuning.baseline import baseline_controller
 from dualwinch.tuning.tuning_problem import tuning_problem
 
 SMOOTH = dw.override(dw.case(4), {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
@@ -131,7 +131,7 @@ def preloads() -> str:
         raise ValueError("a tuning in site has an ensemble")
     own, rope = problem.experiment, kelvin_voigt(problem.experiment.plant.rope_1)
     allowed = 0.4 * own.controller.limits.tension_min
-    paper = replace(own, controller=baseline_controller(own.controller))
+    paper = replace(own, controller=paper_controller(own.controller))
     reference = dw.run_ensemble(replace(problem.ensemble, experiment=paper), DRAWS, seed=DRAWN_WITH)
     load, rows = np.nanmean(reference.metrics["continuous_load"]), []
     for preload in PRELOADS:

@@ -11,8 +11,8 @@ import numpy as np
 
 import dualwinch as dw
 from benchmarks.document import markdown
-from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
-from dualwinch.tuning.baseline import baseline_controller
+from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison
 from dualwinch.tuning.robustness.result import ImperfectionResult
 
 SCENARIOS, SEED = 200, 7
@@ -97,7 +97,7 @@ def all_at_once() -> tuple[float, float, str]:
 def on_site() -> dict[str, Comparison]:
     """Gains tuned in `site` and the paper's with their damping, with the ensemble's outages and without."""
     tuned = best("site", 4000)
-    paper = baseline_controller(tuned.controller)
+    paper = paper_controller(tuned.controller)
     return {
         words: compared(tuned, "site", settings, paper)
         for words, settings in {"as drawn": {}, "no outages": {"sensors.outage_length": 0.0}}.items()

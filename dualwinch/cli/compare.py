@@ -61,7 +61,8 @@ def compare(
 
     A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
     position law, gains, estimator, coordination and preload; missing keys keep their defaults. Plant, sea and sensors
-    come from the ensemble alone, --case or --config supply the values missing from its file.
+    come from the ensemble alone, --case or --config supply the values missing from its file. The paper's gains have the
+    damping of drums of the first file, and its tension limits where they are not the paper's.
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run
@@ -98,19 +99,23 @@ METHOD = "percentile bootstrap, scenarios resampled in pairs"
 def controllers(names: Sequence[str]) -> dict[str, Controller]:
     """The controllers of files of gains, by the names they were asked for with.
 
+    The paper's is that for the machine of the first file.
+
     Raises:
         ConfigurationError: no file, one twice, or anything wrong with a file.
     """
     from dualwinch.config.experiment_file import load
+    from dualwinch.controllers.paper_controller import paper_controller
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.ensembles.comparison import paper_controller
 
     if not names:
         raise ConfigurationError(f"give at least one file of gains, or '{PAPER}' for the paper's")
     twice = next((name for index, name in enumerate(names) if name in names[:index]), None)
     if twice is not None:
         raise ConfigurationError(f"{twice}: given twice")
-    return {name: paper_controller() if name == PAPER else load(Path(name)).controller for name in names}
+    found = {name: load(Path(name)).controller for name in names if name != PAPER}
+    paper = paper_controller(next(iter(found.values()), None))
+    return {name: paper if name == PAPER else found[name] for name in names}
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
@@ -198,13 +203,18 @@ def to_record(result: Comparison) -> dict[str, Any]:
 
 def print_comparison(result: Comparison) -> None:
     """Print statistics and ratios."""
+    from dualwinch.controllers.paper_controller import adapted
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 
     console = terminal()
     console.print(f"{len(result)} scenarios of '{result.ensemble.name}', seed {result.seed}, the same for all")
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
-    console.print(statistics_table(result, short_names(list(result.contenders))).render_down())
+    shown = short_names(list(result.contenders))
+    if PAPER in shown and (own := adapted(result.contenders[PAPER].controller)):
+        first_file = next(words for name, words in shown.items() if name != PAPER)
+        console.print(f"{PAPER}: the paper's gains, with the {own} of {first_file}")
+    console.print(statistics_table(result, shown).render_down())
     bounds = result.least_errors
     if bounds.infeasible:
         least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
@@ -223,7 +233,7 @@ def print_comparison(result: Comparison) -> None:
         return
     console.print(f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:")
     pairs = {name: result.paired(name) for name in others}
-    columns, rows = [FigureColumn("name", "")], [[short_names(list(result.contenders))[name]] for name in others]
+    columns, rows = [FigureColumn("name", "")], [[shown[name]] for name in others]
     for metric in pairs[others[0]]:
         columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
         columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.authority import LeastErrors, least_errors
@@ -189,11 +188,6 @@ def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
             interval(lambda x, y, axis=-1: np.median(x / y, axis)),
             better=float((values < references).mean()),
         )
-
-
-def paper_controller() -> Controller:
-    """The paper's controller with the paper's gains: it sees the sensors as they are."""
-    return Controller(estimator=Unfiltered())
 
 
 def compare(

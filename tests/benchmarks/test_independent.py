@@ -10,7 +10,7 @@ from benchmarks.independent.__main__ import judged, main
 from benchmarks.independent.identified import gains_of
 from benchmarks.independent.judge import LOGGED, SAMPLES, Conditions, Judge, Runs
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

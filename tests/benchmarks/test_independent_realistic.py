@@ -9,7 +9,7 @@ import pytest
 from benchmarks.independent.judge import SAMPLES, Conditions, Judge, Runs
 from benchmarks.independent.realistic import ON_SITE, Verdict, main, rows
 from benchmarks.independent.site import EFFECTS, draw
-from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.experiment import Experiment
 
 STILL = Conditions(outage_length=0.0)

@@ -9,7 +9,7 @@ from benchmarks import policies, stepping
 from benchmarks.case import Case
 from benchmarks.peers.peer import UnavailableError
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.settings import override
 

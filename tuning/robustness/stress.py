@@ -10,6 +10,7 @@ import numpy as np
 from dualwinch.codegen.drivers.batch import compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.paper_controller import has_paper_gains, paper_controller
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
@@ -20,7 +21,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.settings import override
-from dualwinch.tuning.baseline import baseline_controller, is_baseline
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.robustness.imperfections import (
@@ -103,8 +103,8 @@ def stress(
     instance("experiment", experiment, Experiment)
     kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
-    controllers = {PAPER: baseline_controller(own)}
-    if not is_baseline(own):
+    controllers = {PAPER: paper_controller(own)}
+    if not has_paper_gains(own):
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
         controllers[name] = own

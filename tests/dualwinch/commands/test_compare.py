@@ -15,10 +15,11 @@ from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.kalman import Kalman
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis import authority
-from dualwinch.simulation.ensembles.comparison import Comparison, paper_controller
+from dualwinch.simulation.ensembles.comparison import Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import BUILT_IN
@@ -46,6 +47,17 @@ def calm(tmp_path: Path) -> Path:
     path = tmp_path / "calm.toml"
     path.write_text('[controller]\nestimator = "kalman"\nobserver.l0 = 9.0\n[plant.vehicle]\nmass = 5e3\n')
     return path
+
+
+def test_the_papers_gains_have_the_drums_damping_of_the_first_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damped = tmp_path / "damped.toml"
+    damped.write_text("[controller]\nwinch_1.damping = 150.0\nwinch_2.damping = 150.0\n")
+    main(["compare", "paper", str(damped), *SHORT, "--out", str(tmp_path / "c.json")])
+    assert "paper: the paper's gains, with the damping of drums of damped.toml" in capsys.readouterr().out
+    paper, _ = json.loads((tmp_path / "c.json").read_text())["files"]
+    assert paper["controller"]["winch_2.damping"] == 150
 
 
 def test_compare_writes_statistics_and_figure(calm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from dualwinch.cli.app import main
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.ensembles.comparison import compare, paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots import comparison, trajectory
 from dualwinch.simulation.settings import override

@@ -16,6 +16,7 @@ import pytest
 from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.config.plugins import load_plugin
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import PLUGIN
 from dualwinch.simulation.batch import task as tasks
@@ -23,7 +24,7 @@ from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
 from dualwinch.simulation.batch.workers import KeepingExecutor, WorkerWarning, in_order, portion_of, spread
-from dualwinch.simulation.ensembles.comparison import compare, paper_controller
+from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment

@@ -10,10 +10,11 @@ from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS
 from dualwinch.simulation.ensembles import run
-from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio, paper_controller
+from dualwinch.simulation.ensembles.comparison import COMPARED, compare, paired_ratio
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.settings import override

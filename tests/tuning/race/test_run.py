@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.ensembles.comparison import compare, paper_controller
+from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.tuning.benchmark import race as race_module
 from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem
 from dualwinch.tuning.benchmark.race import run_race

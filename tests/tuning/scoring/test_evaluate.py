@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.batch.rollout import BatchResult, rollout
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first

@@ -6,7 +6,7 @@ import pytest
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.kalman import Kalman
-from dualwinch.simulation.ensembles.comparison import paper_controller
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness.imperfections import ImperfectionSize

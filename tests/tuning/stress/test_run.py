@@ -12,8 +12,8 @@ from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.constraints import constraints_from

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.ensembles.comparison import paper_controller
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.robustness.imperfections import ScaledEnsemble, between, imperfections, union
