@@ -1,33 +1,84 @@
 """Runs of an experiment over a grid of some of its values, and their figure."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
 
 from dualwinch.model.arguments import instance
-from dualwinch.simulation.batch.rollout import RunGrid
+from dualwinch.model.errors import ConfigurationError, UnknownNameError
+from dualwinch.model.quantities.quantity import Quantity, suggestion
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
+from dualwinch.simulation.batch.rollout import run_grid
+from dualwinch.simulation.batch.workers import Workers
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metric import MetricQuantity
+from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.results import figures
+from dualwinch.simulation.results.outcomes import RunOutcomes
+from dualwinch.simulation.settings import current, leaf_of, override
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from collections.abc import Iterable, Mapping
-from itertools import product
-from typing import Any
-
-import numpy as np
-
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import leaves, shown
-from dualwinch.simulation.batch.rollout import run_grid
-from dualwinch.simulation.batch.workers import Workers
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.settings import current, leaf_of, override
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(RunGrid):
-    """A grid of runs by `dualwinch.sweep`, with its figure."""
+class Sweep(RunOutcomes):
+    """What came of an experiment over a grid of some of its values.
+
+    Attributes:
+        interrupted: whether an interrupt ended the runs; those it left out have the outcome ``not_run``.
+        experiment: what all other values are from.
+        keys: what was varied, an axis of the grid each.
+        values: the values of each key, in its axis' order.
+        quantities: key → unit and meaning.
+    """
+
+    interrupted: bool
+    experiment: Experiment
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+    quantities: Mapping[str, Quantity]
+
+    @property
+    def merits(self) -> dict[str, MetricQuantity]:
+        """Figure of merit → what it is."""
+        return metric_quantities(self.experiment.metrics)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each key."""
+        return tuple(map(len, self.values))
+
+    def at(self, key: str, value: Any) -> Self:
+        """The part of the sweep with one value of a key, which is no axis any more.
+
+        Raises:
+            UnknownNameError: the key was not varied.
+            ConfigurationError: the value was not among its values.
+        """
+        if key not in self.keys:
+            raise UnknownNameError(f"'{key}' was not swept; {suggestion(key, self.keys)}")
+        axis = self.keys.index(key)
+        if value not in self.values[axis]:
+            raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")
+        index = self.values[axis].index(value)
+        return replace(
+            self.take(index, axis),
+            experiment=with_leaves(self.experiment, {key: value}),
+            keys=(*self.keys[:axis], *self.keys[axis + 1 :]),
+            values=(*self.values[:axis], *self.values[axis + 1 :]),
+        )
+
+    def __repr__(self) -> str:
+        axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
+        ends = ", ".join(f"{count} {word}" for word, count in sorted(self.outcome_counts.items()))
+        return f"{type(self).__name__}({axes}; {ends})"
 
     def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
         """A line over one key, or a heat map over two (the first along the horizontal axis).
@@ -43,9 +94,7 @@ class Sweep(RunGrid):
             UnknownNameError: there is no such figure of merit.
             ConfigurationError: there are more than two keys (`at` takes one away), or none.
         """
-        from dualwinch.simulation.plots.ensembles import sweep_figure
-
-        return sweep_figure(self, metric, ax=ax)
+        return figures().ensembles.sweep_figure(self, metric, ax=ax)
 
 
 def sweep(

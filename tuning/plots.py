@@ -17,7 +17,7 @@ from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.plots.page import new_page
+from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.runs import draw_limits
 from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION
 from dualwinch.simulation.scenario import Scenario
@@ -50,13 +50,13 @@ MANY = 3000
 """Points that a figure shows of a kind, at most, evenly thinned."""
 
 
-def history(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
+def history(problem: TuningProblem, trials: Sequence[Evaluation], *, ax: GivenAxes = None) -> Figure:
     """The first objective of every trial, and the best that keeps to the constraints so far."""
     objective = problem.objectives[0]
     values = np.array([trial.objectives[0] for trial in trials])
     feasible = np.array([trial.feasible for trial in trials])
     best = np.minimum.accumulate(np.where(feasible, values, np.inf))
-    with new_page(None, 3.4, "History of the search", f"{axis_title(objective)} of every trial") as page:
+    with new_page(ax, 3.4, "History of the search", f"{axis_title(objective)} of every trial") as page:
         (axes,) = page.panels()
         numbers = np.arange(len(trials))
         axes.plot(numbers, best, color=BLUE, drawstyle="steps-post", label="best so far")

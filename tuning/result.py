@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
@@ -13,9 +14,10 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remarks
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import assumptions
 from dualwinch.tuning.optimisers import default_method
-from dualwinch.tuning.plots import short
+from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
@@ -106,6 +108,14 @@ class TuningResult:
     def gains(self) -> dict[str, Any]:
         """Every tuned key of the best and its value."""
         return self.problem.space.settings(self.verdict.best.point)
+
+    def plot(self, *, ax: GivenAxes = None) -> Figure:
+        """Draw the history of the search: the first objective of every trial, and the best so far.
+
+        Args:
+            ax: axes for it; default: a figure of its own.
+        """
+        return history(self.problem, self.trials, ax=ax)
 
     def __repr__(self) -> str:
         return f"TuningResult({'; '.join(filter(None, (worth(self), headline(self), authority(self))))})"

@@ -12,8 +12,9 @@ Ropes stretch as their tension says at once: their damping is left out, which is
 millimetres a second. Drums have the radius of the data sheet, and the friction of the vehicle's speed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import casadi as ca
 import numpy as np
@@ -41,8 +42,13 @@ from dualwinch.simulation.analysis.authority import (
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -271,6 +277,14 @@ class Preloads:
             return np.nan
         best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
         return float((best - scheduled) / (best - getattr(self.least, self.measure)))
+
+    def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw sum of both tensions, the smaller of them, and error over time (`simulation.plots.preloads`).
+
+        Args:
+            ax: axes for the three; default: a figure of its own.
+        """
+        return figures().preloads(self, ax=ax)
 
 
 def preloads(

@@ -6,8 +6,9 @@ The theorem regards the vehicle as driven by the force command itself, ``dv/dt =
 `certify` evaluates every condition with the bounds found in a run, and `nearby_gains` raises the gains that fall short.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,13 @@ from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SLIDING_MODE = FandoNftsm, Nftsm
 """Laws with odd powers of the speed error."""
@@ -253,6 +259,14 @@ class Certificate:
     def certified_with_ropes(self) -> bool:
         """Whether they also hold with what the ropes do not deliver counted as disturbance."""
         return self.certified and all(c.holds for c in self.conditions)
+
+    def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw the Lyapunov function and its rate over the run (`simulation.plots.lyapunov`).
+
+        Args:
+            ax: axes for these; default: a figure of its own.
+        """
+        return figures().lyapunov(self, ax=ax)
 
 
 def certify(experiment: Experiment, *, progress: Progress = no_progress) -> Certificate:

@@ -6,7 +6,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.disturbance import given_signals
-from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.quantity import Quantity, suggestion
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_batch, experiment_of
 from dualwinch.simulation.batch.workers import Workers, cores, portion_of, run_all, spread, threads_of
@@ -26,7 +25,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, exogenous_names, starts
 from dualwinch.simulation.loop.engine import Engine, engine_of
 from dualwinch.simulation.loop.structure import structure_of, zeros_of
-from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
+from dualwinch.simulation.metrics.metric import Metric
 from dualwinch.simulation.metrics.metrics import final_states, metric_quantities, metrics_of
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import RunOutcomes, not_run, words_of
@@ -216,60 +215,6 @@ def rollout(
         raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
 
     return _batch(names, parameters, scenarios, stride, most_slack, workers, progress, alike=True)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class RunGrid(RunOutcomes):
-    """What came of an experiment over a grid of some of its values.
-
-    Attributes:
-        interrupted: whether an interrupt ended the runs; those it left out have the outcome ``not_run``.
-        experiment: what all other values are from.
-        keys: what was varied, an axis of the grid each.
-        values: the values of each key, in its axis' order.
-        quantities: key → unit and meaning.
-    """
-
-    interrupted: bool
-    experiment: Experiment
-    keys: tuple[str, ...]
-    values: tuple[tuple[Any, ...], ...]
-    quantities: Mapping[str, Quantity]
-
-    @property
-    def merits(self) -> dict[str, MetricQuantity]:
-        """Figure of merit → what it is."""
-        return metric_quantities(self.experiment.metrics)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of values of each key."""
-        return tuple(map(len, self.values))
-
-    def at(self, key: str, value: Any) -> Self:
-        """The part of the sweep with one value of a key, which is no axis any more.
-
-        Raises:
-            UnknownNameError: the key was not varied.
-            ConfigurationError: the value was not among its values.
-        """
-        if key not in self.keys:
-            raise UnknownNameError(f"'{key}' was not swept; {suggestion(key, self.keys)}")
-        axis = self.keys.index(key)
-        if value not in self.values[axis]:
-            raise ConfigurationError(f"{key} = {value}: must be one of {', '.join(map(str, self.values[axis]))}")
-        index = self.values[axis].index(value)
-        return replace(
-            self.take(index, axis),
-            experiment=with_leaves(self.experiment, {key: value}),
-            keys=(*self.keys[:axis], *self.keys[axis + 1 :]),
-            values=(*self.values[:axis], *self.values[axis + 1 :]),
-        )
-
-    def __repr__(self) -> str:
-        axes = ", ".join(f"{key}: {len(values)}" for key, values in zip(self.keys, self.values, strict=True))
-        ends = ", ".join(f"{count} {word}" for word, count in sorted(self.outcome_counts.items()))
-        return f"{type(self).__name__}({axes}; {ends})"
 
 
 def run_grid(

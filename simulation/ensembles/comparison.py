@@ -1,9 +1,10 @@
 """Controllers in the same scenarios of an ensemble: paired statistics, with confidence intervals on the differences."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,11 @@ from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
 from dualwinch.simulation.ensembles.run import run_side_by_side
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.results import figures
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -103,6 +109,14 @@ class Comparison:
                 words += f"; {self.paired(name)['mse'].ratio_of_means.estimate:.3g} times the MSE of {first}"
             lines.append(f"  {name}: {words}")
         return "\n".join(lines)
+
+    def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw shares of scenarios up to an error and a chatter, and ratios of means (`simulation.plots.comparison`).
+
+        Args:
+            ax: axes for error, chatter and ratios; default: a figure of its own.
+        """
+        return figures().comparison(self, ax=ax)
 
     @property
     def partial(self) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,14 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
+from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import known_keys
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 KINDS = ("mean", "median", "p95", "worst")
 """Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
@@ -205,6 +210,17 @@ class EnsembleResult(RunOutcomes):
     def statistics(self) -> dict[str, dict[str, float]]:
         """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
         return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
+
+    def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw the scenarios' errors and tensions over time, as a fan (`simulation.plots.fan_chart`).
+
+        Args:
+            ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
+
+        Raises:
+            ConfigurationError: no traces were kept (``traces=True``), or no scenario ran to its end.
+        """
+        return figures().fan_chart(self, ax=ax)
 
     @property
     def controller(self) -> Controller:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit
-from dualwinch.simulation.batch.rollout import RunGrid
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -40,6 +39,7 @@ from dualwinch.simulation.plots.style import (
     zero_line,
 )
 from dualwinch.simulation.plots.traces import Floats
+from dualwinch.simulation.sweep import Sweep
 
 BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
 """Lower and upper share of a band, and how dark it is."""
@@ -247,7 +247,7 @@ WRITTEN = 60
 """Most cells that have their numbers written in them."""
 
 
-def sweep_figure(found: RunGrid, metric: str, *, ax: GivenAxes = None) -> Figure:
+def sweep_figure(found: Sweep, metric: str, *, ax: GivenAxes = None) -> Figure:
     """Draw a sweep; see `Sweep.plot`.
 
     Raises:

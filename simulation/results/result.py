@@ -1,7 +1,7 @@
 """The result of a run: named columns with units, figures of merit, an outcome; other time grids and forms of it."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -16,11 +16,14 @@ from dualwinch.model.quantities.tables import page, readable, readable_unit, sec
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics
+from dualwinch.simulation.results import figures
 from dualwinch.simulation.rows import CONTINUOUS
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 Floats = NDArray[np.float64]
@@ -130,6 +133,17 @@ class Result(Mapping[str, NDArray[np.float64]]):
             for name, kind in self.interpolation.items()
         }
         return replace(self, columns=columns | {"t": chosen})
+
+    def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
+        """Draw the run at a glance: trajectory, error, tensions, force and estimate (`simulation.plots.overview`).
+
+        Args:
+            ax: axes for these; default: a figure of its own.
+
+        Raises:
+            ConfigurationError: the run keeps no rows.
+        """
+        return figures().overview(self, ax=ax)
 
     def to_pandas(self) -> "pd.DataFrame":
         """The rows as a `pandas.DataFrame`, a column for each but ``t``, which is the index.

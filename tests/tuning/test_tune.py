@@ -13,7 +13,6 @@ from dualwinch.tuning.plots import (
     before_and_after,
     distributions,
     front,
-    history,
     importance,
     importances,
     parallel_coordinates,
@@ -245,7 +244,7 @@ def test_ratios_in_words_never_call_more_less(ratio: float, words: str) -> None:
 def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
     problem, trials, verdict = tuned.problem, tuned.trials, tuned.verdict
     drawn = (
-        history(problem, trials),
+        tuned.plot(),
         importance(problem, trials),
         parallel_coordinates(problem, trials),
         front(problem, tuned.training.constraints, trials),

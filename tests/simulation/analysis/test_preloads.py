@@ -22,6 +22,12 @@ def test_the_runs_are_those_of_the_experiment_with_other_preloads(found: Preload
     assert found.constant.metrics == simulate(case(4)).metrics
 
 
+def test_their_figure_names_all_of_them(found: Preloads) -> None:
+    (legend,) = found.plot().legends
+    words = " ".join(text.get_text() for text in legend.get_texts())
+    assert all(name in words for name in (*found.runs, "least"))
+
+
 @pytest.mark.slow
 def test_the_least_is_that_of_the_experiment(found: Preloads) -> None:
     assert found.least.continuous_load == pytest.approx(least_preload(SCHEDULED).continuous_load)

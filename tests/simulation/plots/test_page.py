@@ -112,6 +112,12 @@ def test_every_figure_draws_into_given_axes(name: str) -> None:
     plots.encode(mine, ".png")
 
 
+@pytest.mark.parametrize("name", ["overview", "lyapunov", "fan chart", "comparison"])
+def test_a_result_draws_its_figure(name: str) -> None:
+    (result,) = arguments_of(name)
+    assert plots.encode(result.plot(), ".png") == plots.encode(FIGURES[name][0](result), ".png")
+
+
 @pytest.mark.parametrize("name", all_but([*FIGURES][::4], FIGURES))
 def test_fewer_axes_get_the_first_panels(name: str) -> None:
     draw, _, count = FIGURES[name]
