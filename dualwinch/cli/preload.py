@@ -72,8 +72,8 @@ def preload(
     write_figure(plot, "preloads", found)
 
 
-SHOWN = {"continuous_load": "", "peak_tension": "", "min_tension": "", "energy": ".3g", "chatter": ".2g", "mse": ""}
-"""Figures of merit that are printed, and formats other than their own."""
+SHOWN = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
+"""Figures of merit that are printed."""
 
 POINTS = 1000
 """Points over time a file keeps of every run."""
@@ -83,7 +83,7 @@ def preloads_table(found: Preloads) -> FigureTable:
     """A row for every preload: its smallest and largest value, and the figures of merit of the run with it."""
     merits = found.scheduled.metrics.quantities
     columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
-    columns += [FigureColumn.of_metric(name, merits[name], form=form) for name, form in SHOWN.items()]
+    columns += [FigureColumn.of_metric(name, merits[name]) for name in SHOWN]
     rows = []
     for name, run in found.runs.items():
         ended = "" if run.outcome == "completed" else f" ({run.outcome})"

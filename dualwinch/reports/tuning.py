@@ -13,7 +13,7 @@ from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, template, write_page
 from dualwinch.simulation.analysis.idealisations import idealisations, summary
-from dualwinch.simulation.ensembles.result import in_words
+from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.tuning.benchmark.comparison import RULE
 from dualwinch.tuning.benchmark.result import BenchmarkResult

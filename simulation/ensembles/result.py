@@ -18,7 +18,7 @@ from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
-from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
+from dualwinch.simulation.metrics.metrics import BUILT_IN, in_words, metric_quantities
 from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
 from dualwinch.simulation.results.outcomes import RunOutcomes
@@ -30,16 +30,6 @@ if TYPE_CHECKING:
 
 KINDS = ("mean", "median", "p95", "worst")
 """Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
-
-
-ABBREVIATIONS = ("mse", "mae")
-"""Words that are written in capitals."""
-
-
-def in_words(name: str) -> str:
-    """The name of a statistic in words."""
-    words = name.replace(".", " ").replace("_", " ").split()
-    return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,14 @@ class MetricQuantity(Quantity):
         shown: the unit that people read it in (default: its own), how many of those are one of its own, and the
             format of a number in that unit.
         small_is_bad: whether the worst of many runs is the smallest value.
+        abbreviated: whether its name is an abbreviation, which sentences have in capitals.
     """
 
     label: str = ""
     formula: str = ""
     shown: tuple[str, float, str] = ("", 1.0, ".4g")
     small_is_bad: bool = False
+    abbreviated: bool = False
 
     @property
     def shown_unit(self) -> str:

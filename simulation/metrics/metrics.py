@@ -17,11 +17,14 @@ from dualwinch.simulation.metrics.metric import Metric, MetricQuantity, states_b
 from dualwinch.simulation.rows import Sample
 
 
-def _error(meaning: str, formula: str, label: str = "", *, steady: bool = False) -> MetricQuantity:
+def _error(
+    meaning: str, formula: str, label: str = "", *, steady: bool = False, abbreviated: bool = False
+) -> MetricQuantity:
     """A measure of the tracking error, read in mm or mm²."""
     unit, shown = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
     label, window = label or readable(meaning), "steady state" if steady else "whole run"
-    return MetricQuantity(unit, f"{meaning}, {window}", "", f"steady {label}" if steady else label, formula, shown)
+    label = f"steady {label}" if steady else label
+    return MetricQuantity(unit, f"{meaning}, {window}", "", label, formula, shown, abbreviated=abbreviated)
 
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
@@ -41,9 +44,9 @@ class Metrics(Mapping[str, float]):
     saturated torques is of the commands.
     """
 
-    mae: Annotated[float, _error("mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert")]
+    mae: Annotated[float, _error("mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert", abbreviated=True)]
     max_abs_error: Annotated[float, _error("largest |e|", r"\max_k \lvert e_k\rvert", "max |e|")]
-    mse: Annotated[float, _error("mean e^2", r"\frac{1}{N}\sum_k e_k^2")]
+    mse: Annotated[float, _error("mean e^2", r"\frac{1}{N}\sum_k e_k^2", abbreviated=True)]
     steady_mae: Annotated[float, _error("mean |e|", r"\frac{1}{N_s}\sum_{k\in S} \lvert e_k\rvert", steady=True)]
     steady_max_abs_error: Annotated[
         float, _error("largest |e|", r"\max_{k\in S} \lvert e_k\rvert", "max |e|", steady=True)
@@ -181,6 +184,13 @@ def metric_quantities(own: Sequence[Metric] = ()) -> dict[str, MetricQuantity]:
 def _quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
     known = {name: leaf.quantity for name, leaf in describe(metrics).items()}
     return {name: quantity for name, quantity in known.items() if isinstance(quantity, MetricQuantity)}
+
+
+def in_words(name: str) -> str:
+    """The name of a figure of merit, or of a statistic of it, in words: ``mean.steady_mse`` is mean steady MSE."""
+    known = metric_quantities()
+    words = name.replace(".", " ").replace("_", " ").split()
+    return " ".join(word.upper() if word in known and known[word].abbreviated else word for word in words)
 
 
 def metrics_with(own: Sequence[Metric]) -> type[Metrics]:

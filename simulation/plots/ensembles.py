@@ -16,7 +16,7 @@ from dualwinch.model.quantities.quantity import Quantity, unknown
 from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
-from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.metrics.metrics import in_words, metric_quantities
 from dualwinch.simulation.plots.page import STEADY, GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.runs import KILO, draw_limits, length_unit
 from dualwinch.simulation.plots.style import (
@@ -141,7 +141,7 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
                 shares = np.arange(1, len(values) + 1) / len(values)
                 axes.step(values, shares, where="post", **styles[name], label=plain(name))
             logarithmic(axes, (1, 2, 5))
-            axes.set(ylim=(0, 1), title=metric.upper() if metric == "mse" else metric, xlabel=quantity.axis)
+            axes.set(ylim=(0, 1), title=in_words(metric), xlabel=quantity.axis)
         panels[0].set_ylabel("share of scenarios")
         for axes in panels[len(PANELS) :]:
             _ratios(axes, result, styles)

@@ -12,6 +12,7 @@ from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.tuning.constraints import NO_PEAK, Constraint, constraints_from, measured
 
@@ -132,7 +133,7 @@ class BrokenLimit:
     @property
     def label(self) -> str:
         """What broke, alone."""
-        return self.what.upper() if self.what in {"mse", "mae"} else self.what.replace("_", " ")
+        return in_words(self.what)
 
 
 NEAR = 1e-6
