@@ -13,7 +13,7 @@ Many runs:
     Stepper                          a policy of your own, sample by sample
 
 Design:
-    tune, stress, race               better gains, what breaks them first, law against law
+    tune, stress, race               better gains, robustness margins, law against law
     linearise, modes, certify        linear models, margins, the paper's theorem
     identify                         a machine's parameters from its logs
     plant, controller_function       CasADi functions; export_c, export_st, generate_c, export_fmu: code

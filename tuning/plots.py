@@ -23,7 +23,7 @@ from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMIL
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first, pareto_front
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, pareto_front
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.storage.record import finished_trial
@@ -51,7 +51,7 @@ MANY = 3000
 
 
 def history(problem: TuningProblem, trials: Sequence[Evaluation], *, ax: GivenAxes = None) -> Figure:
-    """The first objective of every trial, and the best that keeps to the constraints so far."""
+    """The first objective of every trial, and the best so far that satisfies the constraints."""
     objective = problem.objectives[0]
     values = np.array([trial.objectives[0] for trial in trials])
     feasible = np.array([trial.feasible for trial in trials])
@@ -111,7 +111,7 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
 
 def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
     """Where the best candidates lie in every dimension, with the start and the bounds."""
-    order = [index for index in best_first(trials) if not trials[index].pruned][:SHOWN]
+    order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN]
     dimensions = problem.space.dimensions
     words = f"The {len(order)} best trials in every searched gain, best darkest"
     with new_page(None, 4.2, "Where the best lie", words) as page:
@@ -181,7 +181,7 @@ def _single(trial: Evaluation) -> Evaluation:
 
 
 def _lower_edge(points: np.ndarray) -> list[int]:
-    """Indices of the points that no other beats in both, by the first coordinate."""
+    """Indices of the points that no other dominates, by the first coordinate."""
     order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
     for index in order:
         if points[index, 1] < lowest:
@@ -205,7 +205,7 @@ START: dict[str, Any] = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidt
 
 def _by_feasibility(feasible: np.ndarray) -> tuple[tuple[np.ndarray, str, str], ...]:
     """Which trials are infeasible and which feasible, each with colour and name."""
-    return (~feasible, LIGHT, "does not"), (feasible, SKY, "keeps to the constraints")
+    return (~feasible, LIGHT, "does not"), (feasible, SKY, "satisfies the constraints")
 
 
 def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> None:

@@ -1,4 +1,4 @@
-"""A tuning problem: what varies, in which scenarios, what is minimised and what must be kept to.
+"""A tuning problem: search space, scenarios, objectives and constraints.
 
 It is data and runs nothing; `tuning.scoring.training_set` makes it ready for evaluation.
 """
@@ -47,7 +47,7 @@ class TuningProblem:
         ensemble: what scenarios are drawn from; ``None``: the experiment is the only one.
         space: what varies.
         objectives: what is minimised.
-        constraints: what must be kept to; some bounds may be factors on what the paper's controller reaches.
+        constraints: on candidates; some bounds may be factors on what the paper's controller reaches.
         scenarios: number of training scenarios that every candidate is run in.
         seed: of all random streams (`stream`).
         selection: hyper-parameters of training set, ranking and choice.

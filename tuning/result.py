@@ -21,7 +21,7 @@ from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.selection_config import SelectionConfig
@@ -379,7 +379,7 @@ def widen(tuned: TuningResult) -> str:
 
 
 def _hardest(tuned: TuningResult) -> str:
-    """The constraint that most of the complete trials break, where hardly any keeps to all."""
+    """The constraint that most of the complete trials break, where hardly any satisfies all."""
     whole = [trial for trial in tuned.trials if not trial.pruned]
     if sum(trial.feasible for trial in whole) > len(whole) // 10:
         return ""
@@ -394,7 +394,7 @@ def _hardest(tuned: TuningResult) -> str:
 def _at_bounds(tuned: TuningResult) -> list[str]:
     """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
     searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
-    points = [searched[index].point for index in best_first(searched)[:LEADING]]
+    points = [searched[index].point for index in feasibility_first(searched)[:LEADING]]
 
     def at_a_bound(dimension: ContinuousDimension, share: float) -> bool:
         return share >= 1 - EDGE or (share <= EDGE and dimension.lower != 0)

@@ -56,10 +56,10 @@ class SelectionConfig:
     Shares are of a bound where nothing else is said.
 
     Attributes:
-        hard_training: further hard scenarios of the training set, for the best candidates of a batch.
+        hard_training: hard scenarios of the training set, beyond those that all candidates are run in.
         demand_among: draws and vertices among which hard ones are looked for.
         largest_lag: distance in m by which the vehicle falls behind at most in hard draws, for lack of force.
-        share_vertices: of the further hard scenarios.
+        share_vertices: of these.
         margin_machines, margin_machines_validated: drawn machines on which stability margins are computed in training
             (those on which the start's are least), and in validation and test.
         margin_machines_screened: drawn machines among which the former are chosen, those on which the start's are least
@@ -86,7 +86,7 @@ class SelectionConfig:
         repair_steps: shares of the wanted change of the reserve in the line search; the first feasible one is taken.
         violation: ε, the largest probability that a draw violates a bound.
         confidence: 1 − β, of the chance constraint and of the intervals of the test set.
-        confirmed: K, the most candidates that the chance constraint looks at.
+        chance_candidates: K, the most candidates that the chance constraint looks at.
         sizes, least_sizes: of validation, chance constraint and test, and the smallest where time is short.
         size_steps: number of shares of `sizes` that are considered.
         time_share, time_more: a study with a time T for its search ends within (1 + share) T + more, in s; compiling
@@ -124,7 +124,7 @@ class SelectionConfig:
     repair_steps: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
     violation: float = 0.005
     confidence: float = 0.95
-    confirmed: int = 3
+    chance_candidates: int = 3
     sizes: SampleSizes = field(default_factory=SampleSizes)
     least_sizes: SampleSizes = SampleSizes(4, 0, 16, 4, 100, 32)
     size_steps: int = 20

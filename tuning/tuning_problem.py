@@ -147,7 +147,7 @@ def _chance_constrained(config: SelectionConfig, violation: float | None, confid
         return config
     asked = {"violation": violation, "confidence": confidence}
     config = replace(config, **{name: value for name, value in asked.items() if value is not None})
-    draws = draws_needed(config.violation, config.confidence, config.confirmed)
+    draws = draws_needed(config.violation, config.confidence, config.chance_candidates)
     return replace(config, sizes=replace(config.sizes, chance=draws))
 
 

@@ -169,7 +169,7 @@ The cost: a filter that must learn its drums knows the position slightly less we
 exact. In the gentler `sea`, where they are exact, these gains have a mean square error of {ours.tuned:.5f} mm²
 where the reference is feasible (the paper's: {ours.paper:.3f}); gains tuned there as long (`tune --ensemble sea
 --rollouts 15000 --seed 1`) reach {theirs.tuned:.5f} mm² (`compare ... --ensemble sea`). But gains tuned in `sea`
-fail on a rig as soon as its drums are off by a hundredth of workshop tolerances ([what breaks first](stress.md))."""
+fail on a rig as soon as its drums are off by a hundredth of workshop tolerances ([robustness margins](stress.md))."""
 
 
 def margins() -> str:
@@ -187,7 +187,7 @@ at 1 mm/s {millimetre.gain:.0f} times and {1e3 * millimetre.delay:.0f} ms; at 10
 {1e3 * large.delay:.1f} ms ([margins depend on amplitude](stability.md#margins-depend-on-amplitude)).
 
 A bound on margins is one at zero amplitude, on the machines among which the best is chosen, and adds a minute. The
-second line finds gains that keep to it on all of them; their mean square error on the {SCENARIOS} machines above is
+second line finds gains that satisfy it on all of them; their mean square error on the {SCENARIOS} machines above is
 {bounded.tuned:.4f} mm²."""
 
 

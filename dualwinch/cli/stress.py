@@ -1,4 +1,4 @@
-"""The command ``stress``: what breaks gains first, as a table, as JSON, as a figure and in the report of a study.
+"""The command ``stress``: robustness margins of gains, as a table, as JSON, as a figure and in the report of a study.
 
 The module does not bear the command's name: that is the function ``dualwinch.stress``, which does the work.
 """

@@ -490,7 +490,7 @@ def print_stress(tuned: TuningResult, out: Path, line: ProgressLine) -> None:
     """Stress the best gains, print, write, and add the result to the report."""
     from dualwinch.tuning.robustness.stress import stress_tuned
 
-    with ProgressLine("what breaks first") as progress:
+    with ProgressLine("robustness margins") as progress:
         found = stress_tuned(tuned.problem, tuned.best, name="best.toml", progress=progress)
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")

@@ -169,8 +169,8 @@ class MarginSurvey:
     ) -> list[list[dict[str, WorstMargin]]]:
         """`worst` machine by machine, those that have some of the loops: kind → its least, for each of the n."""
         chosen = np.arange(len(self.loops)) if loops is None else loops
-        machines, family = np.unique(self.loops[chosen, 0], return_inverse=True)
-        found = self._least(values, kinds, chosen, family)
+        machines, group = np.unique(self.loops[chosen, 0], return_inverse=True)
+        found = self._least(values, kinds, chosen, group)
         if RESONANCE in kinds:
             for of_row, resonances in zip(found, self._resonances(values), strict=True):
                 for of_machine, machine in zip(of_row, machines, strict=True):
@@ -188,23 +188,23 @@ class MarginSurvey:
         return self._least(values, kinds, chosen, np.arange(len(chosen)), roughly=True)
 
     def _least(
-        self, values: ArrayLike, kinds: Collection[str], loops: Indices, family: Indices, *, roughly: bool = False
+        self, values: ArrayLike, kinds: Collection[str], loops: Indices, group: Indices, *, roughly: bool = False
     ) -> list[list[dict[str, WorstMargin]]]:
-        """Kind → the least of each family of some loops, for each of the n.
+        """Kind → the least of each group of some loops, for each of the n.
 
         Args:
             values: (n, names).
             kinds: which margins; `RESONANCE` is left out.
             loops: indices of loops.
-            family: to which each of them belongs, from 0.
-            roughly: whether those far above the least of all families are read off a grid.
+            group: to which each of them belongs, from 0.
+            roughly: whether those far above the least of all groups are read off a grid.
         """
         given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
-        found = [[dict[str, WorstMargin]() for _ in range(int(family.max()) + 1)] for _ in given]
+        found = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in given]
         if not of_loops:
             return found
         asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), family.tolist(), strict=True):
+        for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), group.tolist(), strict=True):
             asked.setdefault((machine, point), []).append((amplitude, number))
         self._look_near(asked)
         places = [(row, *place) for row in range(len(given)) for place in asked]
@@ -273,19 +273,19 @@ class MarginSurvey:
         *,
         roughly: bool,
     ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
-        """The least margins of families of loops at some places.
+        """The least margins of groups of loops at some places.
 
         The steady motion hardly depends on the amplitude: at others than the first it is looked for from that one.
 
         Args:
             values: (n, names).
             places: row of values, machine and point.
-            asked: machine and point → amplitude and family of every loop there.
+            asked: machine and point → amplitude and group of every loop there.
             kinds: which margins.
             roughly: as of `_least`.
 
         Returns:
-            Row, family and its least margins.
+            Row, group and its least margins.
         """
         rows, machines, _ = np.array(places).T
         parameters = self._with(values[rows], machines)
@@ -293,7 +293,7 @@ class MarginSurvey:
         near = np.array([self._near[machine, point] for _, machine, point in places])
         loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]
         place, amplitude, number = np.array(loops).T
-        family, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
+        group, member = np.unique(np.column_stack([rows[place], number]), axis=0, return_inverse=True)
         member = member.ravel()
         first, opened, order, steady = None, [], [], np.zeros(len(loops), bool)
         for index, size in enumerate(self._amplitudes):
@@ -313,9 +313,9 @@ class MarginSurvey:
         closed = complementary(A, B, C, D, self._dt)
         stable[which] = closed.stable
         among = rows[place[which]] if roughly else None
-        least = least_margins(closed, member[which], kinds, len(family), self._cuts, among=among)
+        least = least_margins(closed, member[which], kinds, len(group), self._cuts, among=among)
         found_of = []
-        for index, (row, of) in enumerate(family.tolist()):
+        for index, (row, of) in enumerate(group.tolist()):
             mine = np.flatnonzero(member == index)
             failed = mine[~stable[mine]]
             words = {}

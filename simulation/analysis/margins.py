@@ -384,7 +384,7 @@ def _balancing_sizes(A: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """The least margin of a family of loops.
+    """The least margin of a group of loops.
 
     Attributes:
         value: as in `Margins`; infinite where nothing makes any of the loops unstable.
@@ -427,53 +427,53 @@ class _Places:
 
 def least_margins(
     loops: ComplementarySensitivity,
-    family: Indices,
+    group: Indices,
     kinds: Sequence[str],
-    families: int,
+    groups: int,
     cuts: Collection[str] = LOCI,
     *,
     grid: FrequencyGrid = COARSE,
     among: Indices | None = None,
 ) -> list[dict[str, LeastMargin]]:
-    """The least of some margins of every family of loops; those of one that is unstable mean nothing.
+    """The least of some margins of every group of loops; those of one that is unstable mean nothing.
 
     Args:
         loops: s of them.
-        family: (s,) to which each belongs, from 0.
+        group: (s,) to which each belongs, from 0.
         kinds: some of `KINDS`, or ``fall``, the factor by which the gain may fall.
-        families: number of families.
+        groups: number of groups.
         cuts: where the loops are cut, some of `LOCI`.
         grid: where margins are looked for first.
-        among: (s,) larger families: margins far above the least of these are as read off the grid. Default: `family`.
+        among: (s,) larger groups: margins far above the least of these are as read off the grid. Default: `group`.
 
     Returns:
-        Kind → the least, for every family.
+        Kind → the least, for every group.
     """
     if not len(loops.D):
-        return [dict.fromkeys(kinds, LeastMargin()) for _ in range(families)]
+        return [dict.fromkeys(kinds, LeastMargin()) for _ in range(groups)]
     omega = _frequencies(loops, grid)
     response = loops.loci(omega, exact=grid.exact)
-    found: list[dict[str, LeastMargin]] = [{} for _ in range(families)]
+    found: list[dict[str, LeastMargin]] = [{} for _ in range(groups)]
     wanted = np.array([cut in cuts for cut in LOCI])
     for kind in kinds:
         places = _read_off(kind, omega, response)
         places = places[wanted[places.locus]]
-        for of_family in found:
-            of_family[kind] = LeastMargin()
+        for of_group in found:
+            of_group[kind] = LeastMargin()
         if among is not None:
-            _note_least(found, kind, places, family)
-        places = _near_least(places, family if among is None else among, NEAR)
+            _note_least(found, kind, places, group)
+        places = _near_least(places, group if among is None else among, NEAR)
         if not grid.exact:
-            places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), family, NEARER)
+            places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), group, NEARER)
         exact = _refined(kind, loops.exact, places, TOLERANCE)
-        _note_least(found, kind, exact, family)
+        _note_least(found, kind, exact, group)
     return found
 
 
-def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, family: Indices) -> None:
-    """Note the least of the places of each family that there is."""
-    order = np.lexsort((places.value, family[places.loop]))
-    numbers, first = np.unique(family[places.loop][order], return_index=True)
+def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, group: Indices) -> None:
+    """Note the least of the places of each group that there is."""
+    order = np.lexsort((places.value, group[places.loop]))
+    numbers, first = np.unique(group[places.loop][order], return_index=True)
     for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
         at = int(places.loop[index]), LOCI[int(places.locus[index])], float(places.frequency[index])
         found[number][kind] = LeastMargin(float(places.value[index]), *at)
@@ -551,11 +551,11 @@ def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
         return np.degrees(lag) if kind == "phase" else lag / omega
 
 
-def _near_least(places: _Places, family: Indices, factor: float) -> _Places:
-    """The places whose margin is not much larger than the least of their family."""
-    least = np.full(int(family.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(least, family[places.loop], places.value)
-    return places[places.value <= factor * least[family[places.loop]]]
+def _near_least(places: _Places, group: Indices, factor: float) -> _Places:
+    """The places whose margin is not much larger than the least of their group."""
+    least = np.full(int(group.max(initial=-1)) + 1, np.inf)
+    np.minimum.at(least, group[places.loop], places.value)
+    return places[places.value <= factor * least[group[places.loop]]]
 
 
 Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]]

@@ -87,13 +87,13 @@ def test_after_a_minimum_others_are_looked_for_in_all_of_the_space(gentle: Tunin
         ask_and_tell()
     assert trials.index(method.minima[0]) < 30
     assert is_a_minimum(prepared, method.minima[0])
-    scouts = ask_and_tell()
-    assert len(scouts) == 16
-    assert (np.ptp([gentle.space.encoded(scout.point) for scout in scouts], axis=0) > 0.8).all()
+    starts = ask_and_tell()
+    assert len(starts) == 16
+    assert (np.ptp([gentle.space.encoded(start.point) for start in starts], axis=0) > 0.8).all()
     while len(method.minima) < 2:
         ask_and_tell()
         assert len(trials) < 500
-    feasible = [scout.objectives[0] for scout in scouts if scout.feasible]
+    feasible = [start.objectives[0] for start in starts if start.feasible]
     assert method.minima[1].objectives[0] < min(feasible)  # from the best of them it went down
 
 

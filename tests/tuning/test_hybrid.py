@@ -9,7 +9,7 @@ from dualwinch.tuning.optimisers import gradient as steps
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.hybrid import HybridSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, best_first
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.space import Point
 from tests.tuning.conftest import MakeProblem
@@ -28,7 +28,7 @@ def test_steps_go_on_from_the_search_and_the_search_around_where_they_led(make_p
         if not turns or turns[-1][0] != len(points):
             spread = np.std([space.encoded(point) for point in points], axis=0).mean()
             turns.append((len(points), float(spread)))
-            bests = [trials[index] for index in best_first(trials)[:1]]
+            bests = [trials[index] for index in feasibility_first(trials)[:1]]
         found = evaluator.evaluate([Candidate(point, "") for point in points])
         method.tell(found)
         trials += found

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.tuning.optimisers import METHODS, optimiser
 from dualwinch.tuning.optimisers.cma import CmaSearch
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, best_first
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from tests.tuning.conftest import MakeProblem
@@ -52,7 +52,7 @@ def test_the_bottom_is_found_where_the_constraint_allows(
 ) -> None:
     """The allowed minimum is (0.6 − 0.7)² = 0.01, on the constraint."""
     done = run(prepare(make_problem()), method, batches)
-    best = done[best_first(done)[0]]
+    best = done[feasibility_first(done)[0]]
     assert best.feasible
     assert 0.01 <= best.objectives[0] < reached
 
@@ -100,7 +100,7 @@ def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: Mak
     resumed = CmaSearch(prepared, 5)
     resumed.tell(done)
     points = np.array([problem.space.encoded(point) for point in resumed.ask(64)])
-    best = problem.space.encoded(done[best_first(done)[0]].point)
+    best = problem.space.encoded(done[feasibility_first(done)[0]].point)
     assert np.abs(points.mean(axis=0) - best).max() < 0.15
 
 

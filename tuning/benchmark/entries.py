@@ -158,7 +158,7 @@ class BenchmarkTerms:
     Attributes:
         ensemble: its name.
         configuration: the ensemble with the paper's controller, as TOML.
-        constraints: what all keep to.
+        constraints: of all searches.
         method: name of the optimiser.
         rollouts: budget of each search.
         scenarios: number of scenarios a candidate is tuned on.

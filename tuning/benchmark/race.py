@@ -77,17 +77,17 @@ from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 
-Breaking = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
-"""Tells what breaks the gains of an experiment first, the first first; by some workers."""
+RobustnessCheck = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
+"""Finds the least robustness margins of an experiment's gains, the least first; by some workers."""
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
 """Key of a part → option that chooses it."""
 
 STRESS_SCENARIOS = 8
-"""Scenarios of every size in which it is looked for what breaks gains first."""
+"""Scenarios of every size in the search for robustness margins."""
 
 SHOWN = 3
-"""Imperfections that are named, the first that breaks gains first."""
+"""Imperfections that are named, that of the least robustness margin first."""
 
 
 def race(
@@ -129,7 +129,7 @@ def race(
         settings: such as ``plant.vehicle.mass=12000``, for all.
         constraints: as of `dualwinch.tuning_problem`, for all.
         method: name of the optimiser; default: that of `dualwinch.tune`.
-        stress: whether it is found out what breaks the best of each first (see `dualwinch.stress`).
+        stress: whether robustness margins of the best of each are computed, too (see `dualwinch.stress`).
         out: folder that finished entries are kept in; default: nowhere.
         workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done of what there is to do, and with what is being done.
@@ -182,7 +182,7 @@ def race(
         list(entrants.values()),
         terms,
         folder=None if out is None else Path(out),
-        breaking=_breaking(first) if stress else None,
+        robustness=_robustness_check(first) if stress else None,
         workers=workers,
         progress=progress,
     )
@@ -209,18 +209,18 @@ def _problem(
         raise ConfigurationError(f"{entry.key}: {error}") from error
 
 
-def _breaking(problem: TuningProblem) -> Breaking:
-    """Tells what breaks the gains of an experiment first.
+def _robustness_check(problem: TuningProblem) -> RobustnessCheck:
+    """Finds the least robustness margins in the base that a problem is tuned in.
 
     Raises:
         ConfigurationError: there is no imperfection that the gains are not tuned for.
     """
     check_stress(problem)
-    return partial(breaking_first, problem)
+    return partial(least_robust, problem)
 
 
-def breaking_first(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
-    """What breaks the gains of an experiment first, on top of what a problem is tuned in."""
+def least_robust(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
+    """The least robustness margins of an experiment's gains, where the base is what a problem is tuned in."""
     name = "given"
     found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
@@ -377,7 +377,7 @@ def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 TEST_PHASE = "scoring in the test set"
-STRESS_PHASE = "finding what breaks it first"
+STRESS_PHASE = "finding robustness margins"
 PAPER_PHASE = "scoring the paper's gains"
 LEAST_PHASE = "finding the least possible error"
 """Phases beside those of tuning."""
@@ -387,7 +387,7 @@ def scored(
     entrant: EntryProblem,
     terms: BenchmarkTerms,
     *,
-    breaking: Breaking | None = None,
+    robustness: RobustnessCheck | None = None,
     workers: Workers = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> EntryResult:
@@ -416,9 +416,9 @@ def scored(
     points = iter(scorer.over(candidates, test.scenarios, constraints=test.constraints))
     rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
     broken = None
-    if breaking:
+    if robustness:
         watch.phase(STRESS_PHASE)
-        broken = breaking(tuned.best, workers)
+        broken = robustness(tuned.best, workers)
     return EntryResult(
         entry=entrant.entry,
         runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
@@ -509,11 +509,11 @@ def run_race(
     terms: BenchmarkTerms,
     *,
     folder: Path | None = None,
-    breaking: Breaking | None = None,
+    robustness: RobustnessCheck | None = None,
     workers: Workers = None,
     progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
-    """Tune and score every entry that the folder does not hold yet; find out what breaks it where that is asked for.
+    """Tune and score every entry that the folder does not hold yet; compute robustness margins if asked.
 
     An interrupt (Ctrl-C) keeps what is finished; the same call goes on with the rest.
 
@@ -521,7 +521,7 @@ def run_race(
         entrants: who takes part, at least one.
         terms: what is the same for all.
         folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
-        breaking: finds out what breaks the best gains first.
+        robustness: finds the robustness margins of the best gains.
         workers: of this machine, or an executor; default: one thread a core.
         progress: called now and then with the share that is done of what there is to do, and with what is being done.
 
@@ -538,7 +538,9 @@ def run_race(
         kept.find(each.entry.stem, each.definition)
     called = names([each.entry for each in entrants])
     jobs = [RaceJob(PAPER, PAPER, entrants[0].problem, terms)]
-    jobs += [RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, breaking) for each in entrants]
+    jobs += [
+        RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, robustness) for each in entrants
+    ]
     try:
         _run_jobs(jobs, kept, workers, progress)
     except KeyboardInterrupt:
@@ -564,7 +566,7 @@ class RaceJob:
         problem: that is tuned, or any of the race.
         terms: of the race.
         entrant: that is tuned; None: the paper's gains.
-        breaking: finds out what breaks the best gains first.
+        robustness: finds the robustness margins of the best gains.
     """
 
     stem: str
@@ -572,7 +574,7 @@ class RaceJob:
     problem: TuningProblem
     terms: BenchmarkTerms
     entrant: EntryProblem | None = None
-    breaking: Breaking | None = None
+    robustness: RobustnessCheck | None = None
 
     @property
     def definition(self) -> Mapping[str, Any]:
@@ -581,7 +583,7 @@ class RaceJob:
 
     def lacks(self, record: Mapping[str, Any] | None) -> bool:
         """Whether something is still to be found out."""
-        return record is None or (self.breaking is not None and record["stress"] is None)
+        return record is None or (self.robustness is not None and record["stress"] is None)
 
     def watch(self, number: int, count: int, progress: PhaseProgress) -> TuningProgress:
         """Progress of this entry among the entries that have to be run."""
@@ -599,11 +601,11 @@ class RaceJob:
         """The result, JSON-ready; `record`: what is known of it."""
         if self.entrant is None:
             return paper(self.problem, self.terms, workers=workers, watch=watch).to_record()
-        if record and self.breaking:
+        if record and self.robustness:
             watch.phase(STRESS_PHASE)
             gains = with_leaves(self.problem.experiment, record["gains"])
-            return {**record, "stress": list(self.breaking(gains, workers))}
-        return scored(self.entrant, self.terms, breaking=self.breaking, workers=workers, watch=watch).to_record()
+            return {**record, "stress": list(self.robustness(gains, workers))}
+        return scored(self.entrant, self.terms, robustness=self.robustness, workers=workers, watch=watch).to_record()
 
 
 PAUSE = 1.0

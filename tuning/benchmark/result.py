@@ -196,7 +196,7 @@ class BenchmarkResult:
             "Error: how many times the mean square error is below that of the paper's gains, the geometric mean over "
             "the scenarios. " + RULE + " Load: root mean square of the motor torques."
         ]
-        words += [f"All keep to, where tuned: {'; '.join(self.terms.constraints) or 'nothing'}."]
+        words += [f"Constraints of all searches: {'; '.join(self.terms.constraints) or 'nothing'}."]
         words += [self._least_words(), self._luck_words()]
         words += [
             f"{self.names[scored.entry.key]}: no trial was better than the gains that the search started from."
@@ -253,7 +253,7 @@ class BenchmarkResult:
         ]
 
     def stress_rows(self) -> list[list[str]]:
-        """What breaks each entry first, where that was looked for: name, imperfection, size and what is broken."""
+        """Least robustness margins of each entry, where computed: name, imperfection, size and what is broken."""
         return [
             [self.names[scored.entry.key], first["label"], first["size"], first["broken"]]
             for scored in self.ranking

@@ -48,7 +48,7 @@ class ScoredRuns(RunOutcomes):
     """The runs of some gains in the test scenarios; arrays of outcomes are (scenarios,).
 
     Attributes:
-        violations: constraint → how far it is exceeded there, as a share of its bound; <= 0: kept to.
+        violations: constraint → how far it is exceeded there, as a share of its bound; <= 0: satisfied.
         operations: arithmetic operations that the controller takes a sample.
     """
 
@@ -57,7 +57,7 @@ class ScoredRuns(RunOutcomes):
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """The constraints that are not kept to, the worst first."""
+        """The constraints that are violated, the worst first."""
         broken = [name for name, by in self.violations.items() if by > 0]
         return tuple(sorted(broken, key=self.violations.__getitem__, reverse=True))
 
@@ -67,7 +67,7 @@ class ScoredRuns(RunOutcomes):
 
     @property
     def kept(self) -> str:
-        """Whether all is kept to; else how many scenarios were lost, or what is exceeded the furthest."""
+        """``kept`` where all constraints are satisfied; else how many scenarios were lost, or the worst violation."""
         lost = int((~self.completed).sum())
         if lost:
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
@@ -133,7 +133,7 @@ class FrontPoint:
     Attributes:
         cost: mean of the figure of merit that is traded for error, in its unit.
         error: mean square error in m², the mean of the scenarios.
-        kept: whether every scenario is completed and every constraint kept to.
+        kept: whether every scenario is completed and every constraint satisfied.
         gains: tuned key → value.
     """
 
@@ -173,7 +173,7 @@ class EntryResult:
         gains: tuned key → value.
         fronts: figure of merit → what it costs in error, by cost.
         search: how the gains were found.
-        stress: what breaks the gains first, the first first, each a label, a size and what is broken there; ``None``:
+        stress: least robustness margins, each a label, a size and what is broken there; ``None``:
             nobody has asked.
     """
 
@@ -215,7 +215,7 @@ POINTS = 8
 
 
 def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
-    """Indices of the points that no other one beats in one figure without losing in the other; by cost.
+    """Indices of the points that no other one dominates (Pareto); by cost.
 
     Args:
         costs: (points,)
@@ -230,7 +230,7 @@ def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
 
 
 def front(trials: Sequence[Evaluation], cost: str, most: int = POINTS) -> list[Evaluation]:
-    """The front of the trials that keep to every constraint, from the least cost to the least error.
+    """The front of the trials that satisfy every constraint, from the least cost to the least error.
 
     Args:
         trials: of a search.

@@ -1,6 +1,6 @@
 """CMA-ES in the unit cube, led by ranks (Hansen, arXiv:1604.00772).
 
-The strategy sees nothing but who is more promising than whom (`tuning.scoring.ranking`).
+The strategy sees nothing but which candidate has the lower penalised objective (`tuning.scoring.ranking`).
 
 There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
 the next one starts elsewhere, at the best of some random candidates.
@@ -37,7 +37,7 @@ ALONE = StagnationRule(25, 0.02)
 
 
 class CmaSearch:
-    """CMA-ES that starts at the experiment's own gains, and then again and again elsewhere.
+    """Multistart CMA-ES: from the experiment's own gains, then again and again from elsewhere.
 
     Args:
         prepared: the problem with its training scenarios.
@@ -49,7 +49,7 @@ class CmaSearch:
         narrowings: how often at most.
         smallest: smallest generation: one candidate for each vector lane.
         edge: nearest to a bound that the first mean lies, in shares of the range.
-        scouts: random candidates, the best of which is where the next strategy starts.
+        starts: random candidates, from the best of which the next strategy starts.
 
     Attributes:
         finished: how many times it got no further.
@@ -70,14 +70,14 @@ class CmaSearch:
         narrowings: int = 2,
         smallest: int = 16,
         edge: float = 0.02,
-        scouts: int = 64,
+        starts: int = 64,
     ) -> None:
-        self._first, self._sigma, self._smallest, self._edge, self._most_scouts = (
+        self._first, self._sigma, self._smallest, self._edge, self._most_starts = (
             patience,
             sigma,
             smallest,
             edge,
-            scouts,
+            starts,
         )
         self._narrowing, self._narrowings, self._start = narrowing, narrowings, prepared.problem.start
         self._space = prepared.problem.space
@@ -85,7 +85,7 @@ class CmaSearch:
         self._waiting: list[Evaluation] = []
         self.finished = 0
         self.leader: Evaluation | None = None
-        self._scouts: list[Evaluation] | None = None
+        self._starts: list[Evaluation] | None = None
         self._begin(self._start)
 
     def near(self, point: Point, covariance: Floats, patience: StagnationRule) -> None:
@@ -107,7 +107,7 @@ class CmaSearch:
             population_size=max(self._smallest, 4 + int(3 * np.log(dimensions))),
         )
         self._leaders: list[Evaluation] = []
-        self._scouts = None
+        self._starts = None
 
     @property
     def population(self) -> int:
@@ -116,7 +116,7 @@ class CmaSearch:
 
     def ask(self, count: int) -> list[Point]:
         """Candidates drawn from the current distribution, or from all of the space."""
-        if self._scouts is None:
+        if self._starts is None:
             return [self._space.decoded(self._strategy.ask()) for _ in range(count)]
         return [self._space.decoded(self._random.random(len(self._space.dimensions))) for _ in range(count)]
 
@@ -128,16 +128,16 @@ class CmaSearch:
             if self._too_wide(generation):
                 self._sigma, self._narrowings = self._narrowing * self._sigma, self._narrowings - 1
                 self._begin(self._start)
-            elif self._scouts is None:
+            elif self._starts is None:
                 self._learn(generation)
             else:
-                self._scouts += generation
-                if len(self._scouts) >= self._most_scouts:
-                    self._begin(self._scouts[penalised_first(self._scouts)[0]].point)
+                self._starts += generation
+                if len(self._starts) >= self._most_starts:
+                    self._begin(self._starts[penalised_first(self._starts)[0]].point)
 
     def _too_wide(self, generation: Sequence[Evaluation]) -> bool:
         """Whether the first strategy has yet to learn, and its first generation, beside the start, is infeasible."""
-        first = not (self.finished or self._leaders) and self._scouts is None and self._narrowings > 0
+        first = not (self.finished or self._leaders) and self._starts is None and self._narrowings > 0
         return first and not any(each.feasible for each in generation if each.point != self._start)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
@@ -147,7 +147,7 @@ class CmaSearch:
         self._leaders.append(generation[order[0]])
         if self._strategy.should_stop() or self._stands_still():
             self.leader = self._leaders[penalised_first(self._leaders)[0]]
-            self._scouts, self.finished = [], self.finished + 1
+            self._starts, self.finished = [], self.finished + 1
 
     def _stands_still(self) -> bool:
         """Whether the last generations got hardly any further than those before."""

@@ -37,12 +37,12 @@ ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in
 
 
 class GradientSearch:
-    """Steps from the start until they get no further, then from the best of some scouts, and so on.
+    """Multistart: steps from the start until they get no further, then from the best of some points, and so on.
 
     Args:
         prepared: the problem with its training scenarios.
         seed: the same seed gives the same candidates.
-        scouts: points spread over the space, at the best of which the next search begins.
+        starts: points of a Sobol sequence, from the best of which the next search starts.
         abreast: steps tried at once where there are many scenarios: in a single one each costs as much as the gradient
             is worth.
         first, largest: half widths of the first and the largest box, in shares of each range.
@@ -70,7 +70,7 @@ class GradientSearch:
         prepared: TrainingSet,
         seed: int,
         *,
-        scouts: int = 16,
+        starts: int = 16,
         abreast: int = 8,
         first: float = 0.15,
         largest: float = 0.5,
@@ -92,9 +92,9 @@ class GradientSearch:
 
         problem = prepared.problem
         many = problem.ensemble is not None
-        self._most_scouts, self._first, self._largest, self._usual_penalty = scouts, first, largest, penalty
+        self._most_starts, self._first, self._largest, self._usual_penalty = starts, first, largest, penalty
         self._kept, self._bent, self._bent_at_most, self._rise, self._width = kept, bent, bent_at_most, rise, width
-        self._scouts = qmc.Sobol(len(problem.space.dimensions), rng=seed)
+        self._sequence = qmc.Sobol(len(problem.space.dimensions), rng=seed)
         self._prepared, self._space = prepared, problem.space
         self._smooth = [
             index
@@ -106,7 +106,7 @@ class GradientSearch:
         self.gradients, self.rollouts, self.minima = 0, 0, list[Evaluation]()
         self._smallest, self._enough, self._abreast = smallest[many], enough[many], abreast if many else 1
         self._centre: Evaluation | None = None
-        self._scouting: list[Evaluation] | None = None
+        self._starts: list[Evaluation] | None = None
         self._curvature: Floats | None = None
         self.gain = np.inf
         self._begin(None)
@@ -145,18 +145,18 @@ class GradientSearch:
         return covariance
 
     def restart(self, centre: Evaluation) -> None:
-        """Try large steps from a point; from the best of some scouts where it failed, for such a point has no slope."""
+        """Try large steps from a point; from another start where it failed, for such a point has no slope."""
         self._begin(centre)
         self.gain = np.inf
-        self._scouting = None if np.isfinite(self._merit(centre)) else []
+        self._starts = None if np.isfinite(self._merit(centre)) else []
 
     def ask(self, count: int) -> list[Point]:
-        """The start, or scouts, or steps from the best point."""
-        if self._scouting is not None:
-            number = min(count, self._most_scouts - len(self._scouting))
+        """The start, or points among which the next is chosen, or steps from the best point."""
+        if self._starts is not None:
+            number = min(count, self._most_starts - len(self._starts))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about counts that are no powers of two
-                return [self._space.decoded(shares) for shares in self._scouts.random(number)]
+                return [self._space.decoded(shares) for shares in self._sequence.random(number)]
         if self._centre is None:
             return [self._prepared.problem.start]
         if self._model is None:
@@ -183,10 +183,10 @@ class GradientSearch:
         """Go to the best, by any optimiser, and try larger steps next; else smaller ones or another kind."""
         if not evaluations:
             return
-        if self._scouting is not None:
-            self._scouting += evaluations
-            if len(self._scouting) >= self._most_scouts:
-                self.restart(min(self._scouting, key=self._merit))
+        if self._starts is not None:
+            self._starts += evaluations
+            if len(self._starts) >= self._most_starts:
+                self.restart(min(self._starts, key=self._merit))
             return
         leader = min(evaluations, key=self._merit)
         if self._centre is None:
@@ -206,7 +206,7 @@ class GradientSearch:
             self._begin(self._centre, penalty=10 * self._usual_penalty)
         elif self.converged:
             self.minima.append(self._centre)
-            self._scouting = []
+            self._starts = []
 
     def _merit(self, evaluation: Evaluation) -> float:
         return merit(evaluation, self._prepared.constraints, self._penalty)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.storage.record import distributions, finish, finished_trial
@@ -90,7 +90,7 @@ class SamplerSearch:
 
 def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
     """The best and the latest, half of each, in their order."""
-    kept = set(best_first(known)[: count // 2])
+    kept = set(feasibility_first(known)[: count // 2])
     kept |= set([index for index in range(len(known)) if index not in kept][-(count - len(kept)) :])
     return [known[index] for index in sorted(kept)]
 

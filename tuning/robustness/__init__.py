@@ -1,1 +1,1 @@
-"""What breaks first: imperfections of a machine made larger until gains no longer keep to what they must."""
+"""Robustness margins: the size up to which gains satisfy their constraints as an imperfection of a machine grows."""

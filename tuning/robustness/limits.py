@@ -1,4 +1,4 @@
-"""What gains must keep to in a stress test, what they break, and numbers as people read them."""
+"""Constraints of a stress test, their violations, and numbers as people read them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -91,7 +91,7 @@ A study's own constraints come before them: they take the place of those on the 
 """
 
 WORSE = 2.0
-"""How many times as bad as in the base gains may become that do not keep to a constraint even there.
+"""How many times as bad as in the base gains may become that violate a constraint even there.
 
 Unless that bounds nothing or the ropes bear too much already (`failures`).
 """
@@ -146,7 +146,7 @@ class RobustnessLimit:
 
     Attributes:
         constraint: with its bound as a number.
-        asked: the same, as it was asked for; another one where the gains do not keep to it in the base, or are
+        asked: the same, as it was asked for; another one where the gains violate it in the base, or are
             just on it.
     """
 
@@ -190,7 +190,7 @@ class RobustnessLimit:
 
 
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
-    """What gains have to keep to.
+    """The constraints on gains.
 
     Args:
         texts: as asked for; ``None``: what a study has noted, and those `DEFAULTS` that it says nothing of.
@@ -276,7 +276,7 @@ def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
 
 
 def broken(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[BrokenLimit, ...]:
-    """What gains do not keep to: runs that did not end well first, then what is exceeded by the largest share."""
+    """Violations: runs that were not completed first, then what is exceeded by the largest share."""
     lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
     found = [BrokenLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
     exceeded = []

@@ -46,7 +46,7 @@ class Breakdown:
 
     @property
     def order(self) -> float:
-        """Number to sort by: what breaks first comes first."""
+        """Number to sort by: the least robustness margin first."""
         return math.inf if self.size is None else self.size
 
 
@@ -163,10 +163,10 @@ class RobustnessResult:
                 continue
             eased = "; ".join(limit.constraint.label for limit in limits if limit.eased)
             if eased:
-                words.append(f"{name}: does not keep to all of that even in the base; held to {eased}")
+                words.append(f"{name}: violates some of these even in the base; judged by {eased}")
         words += [
             f"{row.imperfection.label} ends at {multiple(size(row.reach.top))}: {row.reach.obstacle}"
-            if row.reach.rungs
+            if row.reach.steps
             else f"{row.imperfection.label} cannot be scaled: {row.reach.obstacle}"
             for row in self.ranking
             if row.reach.obstacle
@@ -212,7 +212,7 @@ class RobustnessResult:
                     "label": row.imperfection.label,
                     "keys": list(row.imperfection.keys),
                     "in_ensemble": _amount(self.amount(row, 1.0)),
-                    "largest_size": size(row.reach.top) if row.reach.rungs else None,
+                    "largest_size": size(row.reach.top) if row.reach.steps else None,
                     "ends_by": row.reach.obstacle or None,
                     "breaks": {
                         name: {
@@ -258,7 +258,7 @@ HEADING, A_ROW = 1.35, 0.34
 def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
     looks = dict(zip(found.controllers, COLOURS if len(found.controllers) > 1 else COLOURS[1:], strict=False))
     scaling = found.scaling
-    title = "What breaks first"
+    title = "Robustness margins"
     words = (
         f"Imperfections of “{plain(scaling.ensemble.name)}” on top of “{plain(scaling.base.name)}”, "
         f"{scaling.count} scenarios, seed {scaling.seed}; the worst scenario counts"
@@ -309,7 +309,7 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
     name = plain(found.scaling.ensemble.name)
     axes.set_xscale("log")
     axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * ROOM)
-    axes.xaxis.set_major_locator(FixedLocator([size(rung) for rung in range(LOWEST, HIGHEST + 1, STEPS)]))
+    axes.xaxis.set_major_locator(FixedLocator([size(step) for step in range(LOWEST, HIGHEST + 1, STEPS)]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel(f"size of the imperfection over its size in “{name}”")

@@ -1,4 +1,4 @@
-"""What breaks first: gains under imperfections that are made larger, beside the paper's."""
+"""Robustness margins of gains, and of the paper's beside them: the size at which each imperfection breaks them."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -71,7 +71,7 @@ def stress(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> RobustnessResult:
-    """Find out which imperfection breaks an experiment's gains first, and at which size; likewise the paper's.
+    """Robustness margins of an experiment's gains and of the paper's: the size at which each imperfection breaks them.
 
     An imperfection is what the ensemble draws or sets and the base does not. Each is made larger, alone and all
     together, from a thousandth of its size in the ensemble to a hundred times it, in the same scenarios at every size,
@@ -278,7 +278,7 @@ def breakdowns(
         controllers: name → controller, that with the paper's gains (`PAPER`) among them.
         base: what the imperfections come on top of; its own controller is not used.
         ensemble: gives the imperfections, at size 1.
-        constraints: what must be kept to; factors are on what the paper's gains reach in the base.
+        constraints: on the gains; factors are on what the paper's gains reach in the base.
         scenarios: how many.
         seed: of the draws.
         workers: of this machine, or an executor; default: one thread a core.
@@ -297,13 +297,13 @@ def breakdowns(
         _check(scaling, name, controller)
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
     reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
-    sizes = sum(len(reach.rungs) + HALVINGS for reach in reaches.values())
+    sizes = sum(len(reach.steps) + HALVINGS for reach in reaches.values())
     bench = ScaledRunner(scaling, len(controllers) * (1 + sizes), workers, progress)
 
-    def sizes_of(imperfection: Imperfection, rung: int) -> dict[str, float]:
-        return sizes_at(rung, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
+    def sizes_of(imperfection: Imperfection, step: int) -> dict[str, float]:
+        return sizes_at(step, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
 
-    tried = [sizes_of(imperfection, rung) for imperfection, reach in reaches.items() for rung in reach.rungs]
+    tried = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
     bench.compile(controllers.values(), [{}, *tried])
     plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
@@ -340,11 +340,11 @@ def _breaks(
     """Search under all imperfections at once: each round is one batch."""
     searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
     found: dict[tuple[Imperfection, int], tuple[BrokenLimit, ...]] = {}
-    while wanted := [(imperfection, rung) for imperfection, search in searches.items() for rung in search.wanted()]:
-        sizes = [sizes_of(imperfection, rung) for imperfection, rung in wanted]
-        for (imperfection, rung), runs in zip(wanted, bench.run(controller, sizes), strict=True):
-            found[imperfection, rung] = broken(limits, runs)
-            searches[imperfection].tried[rung] = bool(found[imperfection, rung])
+    while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
+        sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
+        for (imperfection, step), runs in zip(wanted, bench.run(controller, sizes), strict=True):
+            found[imperfection, step] = broken(limits, runs)
+            searches[imperfection].tried[step] = bool(found[imperfection, step])
     return {
         imperfection: Breakdown(
             size=None if search.broken is None else size(search.broken),

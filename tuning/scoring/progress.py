@@ -7,12 +7,12 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 
 DRAWING = "drawing scenarios"
 REFERENCES = "compiling, a minute or two the first time; scoring the paper's gains and the start"
 SEARCHING = "searching"
-CHOOSING = "choosing among the finalists"
+CHOOSING = "choosing among the validated candidates"
 SCORING = "scoring the best, the start and the paper's gains"
 PHASES = (DRAWING, REFERENCES, SEARCHING, CHOOSING, SCORING)
 """What `tuning.tune.tune` does, in this order."""
@@ -24,7 +24,7 @@ class SearchStatus:
 
     Attributes:
         trials: finished trials, of all workers.
-        feasible: how many of them keep to every constraint.
+        feasible: how many of them satisfy every constraint.
         best: the best so far, by `tuning.scoring.ranking`; ``None`` before the first.
         rollouts: rollouts of this process.
         rollout_seconds: wall time they took.
@@ -48,7 +48,7 @@ class SearchStatus:
         self.feasible += sum(evaluation.feasible for evaluation in evaluations)
         self.spent += sum(evaluation.scenarios for evaluation in evaluations)
         for evaluation in evaluations:
-            if self.best is None or best_first([self.best, evaluation])[0]:
+            if self.best is None or feasibility_first([self.best, evaluation])[0]:
                 self.best = evaluation
 
     @property

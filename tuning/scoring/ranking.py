@@ -1,7 +1,7 @@
 """Which candidate is better: feasibility first, or by an exact penalty.
 
-What is presented is ranked by feasibility first (`best_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000). A
-search that followed that order would run into the next feasible valley, however bad: gains that are a thousand times
+What is presented is ranked by feasibility first (`feasibility_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000).
+A search that followed that order would run into the next feasible valley, however bad: gains that are a thousand times
 better and violate a bound by 1 % would count for less than any feasible ones. So it follows an exact penalty
 (`penalised_first`; Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
 """
@@ -83,8 +83,8 @@ class Evaluation:
         return not self.pruned and self.violation <= 0
 
 
-def best_first(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Indices of the evaluations, the best first.
+def feasibility_first(evaluations: Sequence[Evaluation]) -> list[int]:
+    """Indices of the evaluations, the best first, by feasibility first (Deb's rules).
 
     The feasible come first, by objective (several: by the number of their front), then the infeasible by violation;
     pruned ones come last.
@@ -102,10 +102,10 @@ def penalised_first(evaluations: Sequence[Evaluation], penalty: float = Selectio
     """Indices of the evaluations, the most promising first: what a search should follow.
 
     By the objective's logarithm plus a penalty on the violation; pruned ones come last. Of several objectives, or of
-    one that need not be positive, the best come first (`best_first`).
+    one that need not be positive, the best come first (`feasibility_first`).
     """
     if not _penalisable(evaluations):
-        return best_first(evaluations)
+        return feasibility_first(evaluations)
 
     def key(index: int) -> tuple[bool, float]:
         evaluation = evaluations[index]
@@ -156,7 +156,7 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
 
 
 def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Indices of the feasible evaluations that no other feasible one beats in every objective, by the first one."""
+    """Indices of the feasible evaluations that no other feasible one dominates, by the first objective."""
     feasible = [index for index, evaluation in enumerate(evaluations) if evaluation.feasible]
     values = np.array([evaluations[index].costs for index in feasible])
     kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
@@ -168,15 +168,15 @@ def _dominated(row: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _front_numbers(evaluations: Sequence[Evaluation]) -> list[int]:
-    """For several objectives: 0 for what none beats, 1 for what only those beat, and so on; else 0 throughout."""
+    """For several objectives the number of the front by non-dominated sorting, from 0; else 0 throughout."""
     numbers = [0] * len(evaluations)
     if not evaluations or len(evaluations[0].objectives) == 1:
         return numbers
     values = np.array([evaluation.costs for evaluation in evaluations])
     left, number = np.arange(len(values)), 0
     while len(left):
-        beaten = np.array([_dominated(values[index], values[left]) for index in left])
-        for index in left[~beaten]:
+        dominated = np.array([_dominated(values[index], values[left]) for index in left])
+        for index in left[~dominated]:
             numbers[index] = number
-        left, number = left[beaten], number + 1
+        left, number = left[dominated], number + 1
     return numbers

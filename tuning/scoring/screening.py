@@ -8,7 +8,13 @@ import numpy as np
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, pareto_front, rarest_violations_first
+from dualwinch.tuning.scoring.ranking import (
+    Evaluation,
+    feasibility_first,
+    improves_on,
+    pareto_front,
+    rarest_violations_first,
+)
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.validation import ValidationSet, repaired
 from dualwinch.tuning.selection_config import SampleSizes
@@ -179,7 +185,7 @@ def before_the_start(found: Sequence[Validated], start: Validated | None, penalt
 
 def by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
     """Complete trials that satisfy the bounds themselves, without the back-off, by objective; all where none does."""
-    finished = [trials[index] for index in best_first(trials) if not trials[index].pruned]
+    finished = [trials[index] for index in feasibility_first(trials) if not trials[index].pruned]
     near = [trial for trial in finished if trial.violation <= back_off]
     if not near or len(near[0].objectives) > 1:
         return finished

@@ -36,7 +36,7 @@ from dualwinch.tuning.problem import CHANCE, TEST, TuningProblem
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import CHOOSING, NO_PROGRESS, SCORING, TuningProgress
-from dualwinch.tuning.scoring.ranking import Evaluation, best_first, improves_on, rarest_violations_first
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, improves_on, rarest_violations_first
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.screening import Screening, Validated
 from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, TestSet
@@ -73,7 +73,7 @@ def select(
     start = _start(evaluator, trials)
     chosen, validation, chance, better = start, None, None, ""
     if problem.ensemble is None:
-        leader = trials[best_first(trials)[0]]
+        leader = trials[feasibility_first(trials)[0]]
         chosen = leader if improves_on(leader, start) else start
     else:
         validation_set = ValidationSet(evaluator, validation_scenarios(problem, sizes))
@@ -81,7 +81,7 @@ def select(
         validated = screening.following()
         left = evaluator.affordable(asked.after_validation)
         sizes = replace(sizes, chance=left.chance, test=left.test)
-        best, chance, better = _confirmed(evaluator, screening, validated, sizes)
+        best, chance, better = _chance_constrained(evaluator, screening, validated, sizes)
         if best:
             chosen, validation = best.trial, best.result
     watch.phase(SCORING)
@@ -124,7 +124,7 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
 
 
-def _confirmed(
+def _chance_constrained(
     evaluator: Evaluator, screening: Screening, first: Sequence[Validated], sizes: SampleSizes
 ) -> tuple[Validated | None, ChanceConstraint | None, str]:
     """The first candidate without a violation in fresh draws of its own, else that with the fewest (step 4).
@@ -145,7 +145,7 @@ def _confirmed(
         raise ValueError("only an ensemble has a chance constraint")
     ensemble = replace(ensemble, experiment=problem.experiment)
     waiting, found = list(first), list[tuple[int, Validated]]()
-    while len(found) < config.confirmed:
+    while len(found) < config.chance_candidates:
         waiting = waiting or screening.following() or [each for each in (screening.start,) if each]
         if not waiting:
             break
@@ -165,7 +165,7 @@ def _confirmed(
     violations, best = next((each for each in found if not each[0]), found[order[0]])
     others = [found[index] for index in order if found[index][1] is not screening.start]
     better = _rarely(*others[0], sizes.chance, problem) if best is screening.start and others else ""
-    chance = ChanceConstraint(config.violation, config.confidence, config.confirmed, sizes.chance, violations)
+    chance = ChanceConstraint(config.violation, config.confidence, config.chance_candidates, sizes.chance, violations)
     return best, chance, better
 
 

@@ -105,7 +105,7 @@ def training_choices(
         config: hyper-parameters.
 
     Returns:
-        The scenarios, and further hard ones.
+        The common scenarios, and the hard ones of the pool.
     """
     more, number, few = config.hard_training, count // 2, count // 4
     further = round(config.share_vertices * more)
@@ -240,7 +240,7 @@ class TrainingSet:
     Attributes:
         problem: what is tuned.
         scenarios: in which every candidate is run: typical and hard ones of the ensemble, or the experiment.
-        hard: further hard ones, for the best candidates; none without an ensemble.
+        hard: those of the pool, for the best candidates; none without an ensemble.
         constraints: the problem's, every bound a number.
         paper: the baseline controller in `scenarios`, one row.
         start: the start in `scenarios`, one row.

@@ -127,7 +127,7 @@ class ValidationSet:
         satisfied = [(row, each.result) for row, each in enumerate(found) if each.excess <= 0 and each.result]
         satisfied.sort(key=lambda pair: pair[1].costs[0])
         for row, result in satisfied:
-            if len(result.costs) == 1 and count >= self._scorer.training.problem.selection.confirmed:
+            if len(result.costs) == 1 and count >= self._scorer.training.problem.selection.chance_candidates:
                 known[row] = replace(known[row], result=None)
                 continue
             (margins,) = self._scorer.margins([result.candidate], self.machines)

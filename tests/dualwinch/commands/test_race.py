@@ -149,7 +149,7 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
     (entry,) = json.loads((tmp_path / "race" / "race.json").read_text())["entries"]
     assert [row["label"] for row in entry["stress"]] == ["winch drum radius"]
     assert entry | {"stress": None} == before, "nothing is tuned again"
-    assert "<h2>What breaks first" in (tmp_path / "race" / "report.html").read_text()
+    assert "<h2>Robustness margins" in (tmp_path / "race" / "report.html").read_text()
 
 
 def test_an_interrupt_writes_what_is_finished(

@@ -103,7 +103,7 @@ def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, t
     for seed in ("1", "2"):
         main([*words, "--seed", seed])
     page = report.read_text()
-    assert page.count("<h2>What breaks first") == 1
+    assert page.count("<h2>Robustness margins") == 1
     assert "seed 2</small>" in page
     assert page.count("data:image/png;base64,") == 1
     assert page.startswith("<h1>Tuned</h1>")
@@ -125,7 +125,7 @@ def test_tune_finds_out_what_breaks_its_best_first(
     assert "Must hold: every run completed; worst.min_tension >= 80 N; " in said.out
     assert f"wrote stress.json, stress.svg, report.html in {out}" in said.err
     assert "Not tested yet" not in (out / "report.html").read_text()
-    assert "<h2>What breaks first" in (out / "report.html").read_text()
+    assert "<h2>Robustness margins" in (out / "report.html").read_text()
     main(["tune", "--case", "2", "--set", "simulation.duration=0.2", "--trials", "3", "--out", str(tmp_path / "again")])
     assert "Not tested yet" in (tmp_path / "again" / "report.html").read_text()
 

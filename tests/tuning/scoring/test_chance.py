@@ -22,7 +22,7 @@ def test_none_of_as_many_draws_as_are_needed_is_enough(violation: float, confide
 
 def test_the_default_number_of_draws_is_that_of_the_default_probabilities() -> None:
     config = SelectionConfig()
-    assert SampleSizes().chance == draws_needed(config.violation, config.confidence, config.confirmed) == 819
+    assert SampleSizes().chance == draws_needed(config.violation, config.confidence, config.chance_candidates) == 819
 
 
 @given(st.integers(1, 500), st.data())

@@ -5,7 +5,7 @@ from dataclasses import replace
 from dualwinch.tuning.scoring.ranking import (
     Candidate,
     Evaluation,
-    best_first,
+    feasibility_first,
     improves_on,
     pareto_front,
     rarest_violations_first,
@@ -19,13 +19,13 @@ def reached(*objectives: float, beyond: float = 0.0, pruned: bool = False) -> Ev
 
 def test_the_best_comes_first_constraints_before_objective() -> None:
     evaluations = [reached(1, beyond=0.5), reached(3), reached(0.1, pruned=True), reached(2), reached(9, beyond=0.1)]
-    assert best_first(evaluations) == [3, 1, 4, 0, 2]
+    assert feasibility_first(evaluations) == [3, 1, 4, 0, 2]
 
 
 def test_the_front_is_what_no_other_feasible_one_beats() -> None:
     evaluations = [reached(1, 4), reached(2, 2), reached(3, 3), reached(4, 1), reached(0, 0, beyond=1), reached(2, 2)]
     assert pareto_front(evaluations) == [0, 1, 5, 3]
-    assert best_first(evaluations)[-2:] == [2, 4]
+    assert feasibility_first(evaluations)[-2:] == [2, 4]
 
 
 def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objective() -> None:

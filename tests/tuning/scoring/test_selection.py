@@ -56,7 +56,11 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
     before = evaluator.rollouts
     verdict = select(evaluator, trials, SMALL)
     most = (
-        SMALL.screening_rollouts + 2 * SMALL.candidates * 12 + 2 * 12 + SelectionConfig.confirmed * (12 + 4 * 12) + 60
+        SMALL.screening_rollouts
+        + 2 * SMALL.candidates * 12
+        + 2 * 12
+        + SelectionConfig.chance_candidates * (12 + 4 * 12)
+        + 60
     )
     assert evaluator.rollouts - before <= most
 

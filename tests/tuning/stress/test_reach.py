@@ -51,8 +51,8 @@ def test_together_each_stays_where_its_range_ends() -> None:
 
 
 def test_what_cannot_be_scaled_at_all_has_no_rungs() -> None:
-    assert SizeRange(LOWEST, LOWEST - 1, "out of range").rungs == []
-    assert SizeRange(0, 0).rungs == [0]
+    assert SizeRange(LOWEST, LOWEST - 1, "out of range").steps == []
+    assert SizeRange(0, 0).steps == [0]
     scaling, _ = reaches()
     (mass,) = [imperfection for imperfection in scaling.single if imperfection.label == "vehicle mass"]
     assert sizes_at(0, {mass: SizeRange(LOWEST, LOWEST - 1, "out of range")}) == {"plant.vehicle.mass": 0.0}

@@ -62,7 +62,7 @@ def test_amounts_are_those_of_the_value_that_goes_furthest(found: RobustnessResu
 def test_who_breaks_a_limit_in_the_base_is_told(found: RobustnessResult) -> None:
     """No rope is without tension: a peak of 1 N is exceeded by all."""
     assert all(found.limits[name][0].eased for name in found.controllers)
-    assert "paper: does not keep to all of that even in the base; held to worst.peak_tension <= " in repr(found)
+    assert "paper: violates some of these even in the base; judged by worst.peak_tension <= " in repr(found)
 
 
 def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:

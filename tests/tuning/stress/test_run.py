@@ -28,7 +28,7 @@ GAINS = Path(__file__).with_name("tuned_in_the_sea.toml")
 
 
 def test_a_break_is_where_ensembles_of_just_that_size_break() -> None:
-    """Against ensembles written out for the size that breaks and the rung below, run as users run theirs."""
+    """Against ensembles written out for the size that breaks and the step below, run as users run theirs."""
     experiment = short()
     limit = 1.1 * run_ensemble(of(DRUMS, bare(experiment)), 4, 4, traces=False).statistic("worst.peak_tension")
     base = bare(experiment)

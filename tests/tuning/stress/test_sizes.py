@@ -10,12 +10,12 @@ def finished(search: Bisection, breaks) -> Bisection:
         if not wanted:
             return search
         assert not set(wanted) & set(search.tried)
-        search.tried |= {rung: breaks(rung) for rung in wanted}
+        search.tried |= {step: breaks(step) for step in wanted}
     raise AssertionError("the search never ends")
 
 
 def test_sizes() -> None:
-    assert [size(rung) for rung in (LOWEST, -STEPS, 0, HIGHEST)] == [1e-3, 0.1, 1.0, 100.0]
+    assert [size(step) for step in (LOWEST, -STEPS, 0, HIGHEST)] == [1e-3, 0.1, 1.0, 100.0]
     assert decades(LOWEST, HIGHEST) == [-24, -16, -8, 0, 8, 16]
     assert decades(LOWEST, 3) == [-24, -16, -8, 0, 3]
     assert decades(0, 0) == [0]
@@ -24,7 +24,7 @@ def test_sizes() -> None:
 
 @given(threshold=st.integers(LOWEST, HIGHEST + 1), top=st.integers(LOWEST, HIGHEST))
 def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
-    search = finished(Bisection(LOWEST, top), lambda rung: rung >= threshold)
+    search = finished(Bisection(LOWEST, top), lambda step: step >= threshold)
     if threshold > top:
         assert (search.broken, search.held) == (None, top)
     else:
@@ -37,11 +37,11 @@ def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
 @given(broken=st.sets(st.integers(LOWEST, HIGHEST)))
 def test_of_other_breaks_the_smallest_that_was_tried_is_told(broken: set[int]) -> None:
     search = finished(Bisection(LOWEST, HIGHEST), broken.__contains__)
-    tried = [rung for rung in search.tried if rung in broken]
+    tried = [step for step in search.tried if step in broken]
     assert search.broken == (min(tried) if tried else None)
     if tried:
-        larger = [rung for rung in search.tried if rung > min(tried)]
-        assert search.monotone == all(rung in broken for rung in larger)
+        larger = [step for step in search.tried if step > min(tried)]
+        assert search.monotone == all(step in broken for step in larger)
 
 
 def test_nothing_is_tried_where_nothing_is_allowed() -> None:
