@@ -147,6 +147,18 @@ def test_first_symmetric_frequency_is_irvines(tension: float) -> None:
     assert min(found, key=lambda hertz: abs(hertz - expected)) == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize(("mass", "segments"), [(2.36, 2), (2.36, 4), (0.0, 1)])
+def test_a_slack_rope_that_runs_off_its_drum_gives_half_a_segments_drag(mass: float, segments: int) -> None:
+    rope = Rope(mass_per_length=mass, segments=segments, skin_friction=0.01)
+    plant = replace(plant_of(rope, Winch()), rope_slack=True)
+    rest = resting_state(2000.0, plant, 10.0)
+    paid_out = replace(rest, theta_1=rest.theta_1 - 1.0, omega_1=-10.0)
+    speed = 10.0 * plant.winch_1.drum_radius / 2  # of the segment at the drum, whose other end is at rest
+    drag = 0.5 * plant.vehicle.water_density * 0.01 * math.pi * rope.diameter * 40.5 * speed**2
+    assert tensions(rest, plant)[0] == pytest.approx(1000.0)
+    assert tensions(paid_out, plant)[0] == pytest.approx(-drag / (2 * segments))
+
+
 def test_gearbox_and_rope_are_two_masses_on_two_springs() -> None:
     winch = Winch(inertia=120.0, rotor_inertia=0.02, gear_stiffness=1.4e6)
     found = frequencies(plant_of(Rope(damping=0.0), winch), 1000.0, 25.0)
