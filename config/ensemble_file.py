@@ -18,6 +18,9 @@ from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import current, from_folder, known_keys, override
 
+TUNED_IN, NO_ENSEMBLE = "ensemble", "none"
+"""Name behind which a file of tuned gains says at its head where they were tuned, and what it says of a single run."""
+
 
 def built_in_ensembles() -> dict[str, Path]:
     """Name → file of the ensembles that come with the product."""

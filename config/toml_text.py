@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import takewhile
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,15 @@ def read_source(path: str | PathLike[str]) -> Source:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def said_at_head(text: str, name: str) -> str:
+    """What comments at the head of a TOML text say of a name, as ``# ensemble: sea`` does; empty where none does."""
+    for line in takewhile(lambda line: line.startswith("#"), text.splitlines()):
+        said, _, words = line.lstrip("# ").partition(":")
+        if said == name:
+            return words.strip()
+    return ""
 
 
 DEEPEST = 50

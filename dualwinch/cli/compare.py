@@ -16,6 +16,7 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     Figure,
     KeepingWorkerOptions,
+    say_other_ensemble,
     say_other_machine,
 )
 from dualwinch.cli.output import (
@@ -73,8 +74,10 @@ def compare(
     given.use_parts()
     wanted, drawn = controllers(files), given.ensemble(ensemble)
     for name in files:
-        if name != PAPER and Path(name) != given.config:
-            say_other_machine(Path(name), ensemble, drawn)
+        if name != PAPER:
+            say_other_ensemble(Path(name), drawn.name)
+            if Path(name) != given.config:
+                say_other_machine(Path(name), ensemble, drawn)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:

@@ -316,6 +316,35 @@ def _first(words: list[str], count: int) -> str:
     return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
 
 
+def say_other_ensemble(file: Path | None, *names: str) -> None:
+    """Print, on standard error, that the gains of a file were tuned in another ensemble than they are judged in."""
+    if file is not None and (words := other_ensemble(file, *names)):
+        print_note(words)
+
+
+def other_ensemble(file: Path, *names: str) -> str:
+    """That the gains of a file were tuned in another ensemble than they are judged in, and how to judge them there.
+
+    Args:
+        file: an experiment, which says at its head what `dualwinch tune` or `race` has found its gains in.
+        names: of the ensembles that they are judged in.
+
+    Returns:
+        A sentence; empty where they were tuned there, or the file does not say where.
+    """
+    from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN, built_in_ensembles
+    from dualwinch.config.toml_text import read_source, said_at_head
+
+    tuned_in = said_at_head(read_source(file).text, TUNED_IN)
+    if tuned_in in {"", *names}:
+        return ""
+    judged = f"judged in {' with '.join(map(repr, names))}"
+    if tuned_in == NO_ENSEMBLE:
+        return f"{file}: tuned in one run, {judged}"
+    known = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"
+    return f"{file}: tuned in '{tuned_in}', {judged}; to judge it where it was tuned: --ensemble {known}"
+
+
 def print_note(words: str) -> None:
     """Print a note on standard error."""
     from dualwinch.cli.output import styled, terminal

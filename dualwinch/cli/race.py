@@ -227,7 +227,8 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
 
 def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
     """The best gains of an entry as TOML; empty where its parts are not known here, as those of an earlier call."""
-    from dualwinch.config.ensemble_file import loads_ensemble
+    from dualwinch.codegen.text import one_line
+    from dualwinch.config.ensemble_file import TUNED_IN, loads_ensemble
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.settings import override
@@ -239,4 +240,4 @@ def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
         return ""
     terms = found.terms
     words = f"{scored.entry.key}: the best of {terms.rollouts} rollouts in '{terms.ensemble}', seed {terms.seed}"
-    return f"# {words}, by `dualwinch race`.\n\n{to_toml(best)}"
+    return f"# {words}, by `dualwinch race`.\n# {TUNED_IN}: {one_line(terms.ensemble)}\n\n{to_toml(best)}"

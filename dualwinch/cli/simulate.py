@@ -17,6 +17,7 @@ from dualwinch.cli.options import (
     Figure,
     Json,
     KeepingWorkerOptions,
+    say_other_ensemble,
 )
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
@@ -125,13 +126,15 @@ def simulate(
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
+    drawn = given.ensemble(ensemble)
+    say_other_ensemble(given.config, drawn.name)
     if statistics_only:
         check_file(out, ".json")
         if plot:
             raise ConfigurationError("--plot and --statistics-only: give one of them")
-        stream_ensemble(given.ensemble(ensemble), scenarios, seed, out, where, json=json)
+        stream_ensemble(drawn, scenarios, seed, out, where, json=json)
     else:
-        simulate_ensemble(given.ensemble(ensemble), scenarios, seed, out, plot, where, json=json)
+        simulate_ensemble(drawn, scenarios, seed, out, plot, where, json=json)
 
 
 def simulate_one(

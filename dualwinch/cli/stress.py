@@ -22,6 +22,7 @@ from dualwinch.cli.options import (
     KeepingWorkerOptions,
     default_of,
     own_default,
+    say_other_ensemble,
     say_other_machine,
     stated,
 )
@@ -106,7 +107,10 @@ def stress(
     experiment = replace(given, config=file).experiment()
     around = own_default(STRESS, "base") if base is None else base
     if file and around != NO_BASE:
-        say_other_machine(file, around, load_ensemble(around, experiment))
+        beneath = load_ensemble(around, experiment)
+        say_other_machine(file, around, beneath)
+        added = load_ensemble(own_default(STRESS, "ensemble") if ensemble is None else ensemble, experiment)
+        say_other_ensemble(file, beneath.name, added.name)
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,

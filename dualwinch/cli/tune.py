@@ -311,6 +311,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
 def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
     """Write ``best.toml``, ``study.json`` and ``report.html``."""
     from dualwinch.codegen.text import one_line
+    from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.config.folders import check_folder
     from dualwinch.reports.tuning import write_tuning_report
@@ -324,7 +325,7 @@ def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": problem.seed,
-        "ensemble": one_line(problem.ensemble.name) if problem.ensemble else "none",
+        TUNED_IN: one_line(problem.ensemble.name) if problem.ensemble else NO_ENSEMBLE,
         "study": one_line(options.study),
         "storage": shown(storage) if is_database(storage) else one_line(storage),
         "method": tuned.method,

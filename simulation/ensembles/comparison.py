@@ -36,7 +36,7 @@ RESAMPLES = 4000
 AT_ONCE = 2**18
 """Numbers resampled at a time, so that memory does not grow."""
 
-COMPARED = ("mse", "mae", "max_abs_error", "chatter", "peak_tension", "energy")
+COMPARED = ("mse", "mae", "max_abs_error", "chatter", "continuous_load", "peak_tension", "energy")
 """Figures of merit whose ratios are given: all positive, small is good."""
 
 

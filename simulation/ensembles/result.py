@@ -138,6 +138,7 @@ SUMMARY = {
     "median_mse": "median.mse",
     "p95_mse": "p95.mse",
     "mean_chatter": "mean.chatter",
+    "mean_continuous_load": "mean.continuous_load",
     "max_tension": "worst.peak_tension",
     "min_tension": "worst.min_tension",
     "slack_share": "mean.slack_share",

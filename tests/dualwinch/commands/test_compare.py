@@ -9,7 +9,7 @@ from rich.console import Console
 
 from dualwinch.cli import main
 from dualwinch.cli.compare import controllers, short_names, to_record
-from dualwinch.cli.options import ExperimentOptions, other_machine, sizes_of_ensemble
+from dualwinch.cli.options import ExperimentOptions, other_ensemble, other_machine, sizes_of_ensemble
 from dualwinch.cli.output import FigureColumn, FigureTable, json_text
 from dualwinch.cli.tune import next_line
 from dualwinch.config.ensemble_file import load_ensemble
@@ -33,6 +33,7 @@ FIRST_KEYS = (
     "median_mse",
     "p95_mse",
     "mean_chatter",
+    "mean_continuous_load",
     "max_tension",
     "min_tension",
     "slack_share",
@@ -179,6 +180,27 @@ def test_gains_for_another_machine_are_said_with_the_option_that_is_right(tmp_pa
     assert next_line(mine, "rig", options) == f"dualwinch compare paper {mine} --ensemble rig --config {mine}"
     assert next_line(mine, "sea", ExperimentOptions()) == f"dualwinch compare paper {mine} --ensemble sea"
     assert next_line(mine, None, options) == f"dualwinch simulate --config {mine}"
+
+
+def test_gains_tuned_in_another_ensemble_are_said_with_the_option_that_takes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    best = tmp_path / "best.toml"
+    best.write_text("# The best gains of a study.\n# seed: 1\n# ensemble: rig\n\n[controller]\n# ensemble: site\n")
+    assert other_ensemble(best, "sea") == (
+        f"{best}: tuned in 'rig', judged in 'sea'; to judge it where it was tuned: --ensemble rig"
+    )
+    assert not other_ensemble(best, "rig")
+    assert not other_ensemble(best, "sea", "rig")
+    for command in (["compare", str(best)], ["simulate", "--config", str(best), "--ensemble", "sea"]):
+        main([*command, *SHORT])
+        assert capsys.readouterr().err.count("judged in 'sea'; to judge it where it was tuned: --ensemble rig") == 1
+    best.write_text("# ensemble: my machine\n")
+    assert other_ensemble(best, "sea").endswith("--ensemble with the file of 'my machine'")
+    best.write_text("# ensemble: none\n")
+    assert other_ensemble(best, "sea") == f"{best}: tuned in one run, judged in 'sea'"
+    best.write_text("# gains of my own\n")
+    assert not other_ensemble(best, "sea")
 
 
 def test_sizes_of_an_ensemble_that_do_not_follow_the_machine_are_said(tmp_path: Path) -> None:

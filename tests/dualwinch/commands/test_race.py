@@ -9,6 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
+from dualwinch.cli.options import other_ensemble
 from dualwinch.cli.race import write_race
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
@@ -69,6 +70,7 @@ def test_a_race_is_printed_written_and_added_to(tmp_path: Path, capsys: pytest.C
         assert entry["search"]["rollouts"] >= 60
         stem = f"{entry['law']}+kalman+differential-tension"
         best = dw.load(out / "gains" / f"{stem}.toml")
+        assert "tuned in 'sea'" in other_ensemble(out / "gains" / f"{stem}.toml", "rig")
         values = leaves(best)
         assert {key: values[key] for key in entry["gains"]} == entry["gains"]
         assert values["controller.estimator"] == "kalman"

@@ -74,6 +74,12 @@ def test_the_papers_own_gains_stand_alone(drums: Path, capsys: pytest.CaptureFix
     assert "Must hold: every run completed\n" in said
 
 
+def test_gains_tuned_in_neither_ensemble_are_said(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gains.write_text(f"# ensemble: site\n{gains.read_text()}")
+    main(["stress", str(gains), "--ensemble", str(drums), "--base", "sea", *SHORT])
+    assert "tuned in 'site', judged in 'sea' with 'drums'; " in capsys.readouterr().err
+
+
 def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
     printed = capsys.readouterr().out

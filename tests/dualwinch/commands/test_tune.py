@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 from dualwinch.cli import main
-from dualwinch.cli.options import seconds_from
+from dualwinch.cli.options import other_ensemble, seconds_from
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.tune import StudyOptions, run_study
 from dualwinch.config.experiment_file import load
@@ -82,6 +82,8 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     header = (tmp_path / "out" / "best.toml").read_text()
     for word in ("code version: dualwinch", "seed: 5", "ensemble: sea", f"trial: {study['best']['trial']}", "date: "):
         assert word in header
+    assert not other_ensemble(tmp_path / "out" / "best.toml", "sea")
+    assert other_ensemble(tmp_path / "out" / "best.toml", "rig")
     trials = study["trials"]
     assert trials["number"] == list(range(TRIALS))
     assert trials["origin"][0] == "paper"
