@@ -280,19 +280,44 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     name, sign, factor, term = parts.groups()
     own = experiment.metrics
     statistic = margin_statistic(name, own) or statistic_from(name, own)
+    if "." not in name:
+        named = " or ".join(f"{kind}.{text.strip()}" for kind in ("worst", "mean"))
+        raise ConfigurationError(f"--constraint {text}: of which statistic? {named}")
     if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
         sliding_mode(experiment, f"--constraint {text}: must be")
     scale = 1.0 if factor is None else _number(factor, text)
     if term == "paper":
-        return Constraint(text, statistic, sign == ">=", scale, of_paper=True)
+        return _checked(Constraint(text, statistic, sign == ">=", scale, of_paper=True))
     if re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
         values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             known = ["paper", *(key for key, known in values.items() if isinstance(known, float))]
             raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, known)}")
-        return Constraint(text, statistic, sign == ">=", scale * float(value))
-    return Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic))
+        return _checked(Constraint(text, statistic, sign == ">=", scale * float(value)))
+    return _checked(Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic)))
+
+
+def _checked(constraint: Constraint) -> Constraint:
+    """A constraint that bounds the bad end of its statistic, and that something satisfies.
+
+    A metric of one's own may be bounded at both ends: `Metric.small_is_bad` only says which of many runs is the worst.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    text, statistic = constraint.text, constraint.statistic
+    if constraint.at_least is not statistic.small_is_bad and not (isinstance(statistic, Statistic) and statistic.own):
+        end, wanted = (
+            ("small", text.replace("<=", ">=")) if statistic.small_is_bad else ("large", text.replace(">=", "<="))
+        )
+        raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {wanted}")
+    least = statistic.quantity.least if isinstance(statistic, Statistic) else -math.inf
+    if not constraint.at_least and constraint.bound < least:
+        raise ConfigurationError(
+            f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{behind_number(statistic.unit)}"
+        )
+    return constraint
 
 
 def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:

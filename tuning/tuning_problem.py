@@ -99,8 +99,9 @@ def tuning_problem(
     base, drawn, chosen = experiment or experiment_from(case, config, None, []), None, list[str]()
     if ensemble is None:
         base = override(base, values)
-        if scenarios is not None:
-            raise ConfigurationError("--scenarios: needs --ensemble")
+        for name, given in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
+            if given is not None:
+                raise ConfigurationError(f"--{name}: needs --ensemble; without one there is a single run, and no draws")
     else:
         if not isinstance(ensemble, Ensemble):
             drawn = load_ensemble(ensemble, base)

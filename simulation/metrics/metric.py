@@ -30,6 +30,7 @@ class MetricQuantity(Quantity):
             format of a number in that unit.
         small_is_bad: whether the worst of many runs is the smallest value.
         abbreviated: whether its name is an abbreviation, which sentences have in capitals.
+        least: what it is never below.
     """
 
     label: str = ""
@@ -37,6 +38,7 @@ class MetricQuantity(Quantity):
     shown: tuple[str, float, str] = ("", 1.0, ".4g")
     small_is_bad: bool = False
     abbreviated: bool = False
+    least: float = -math.inf
 
     @property
     def shown_unit(self) -> str:

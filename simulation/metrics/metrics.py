@@ -24,12 +24,13 @@ def _error(
     unit, shown = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
     label, window = label or readable(meaning), "steady state" if steady else "whole run"
     label = f"steady {label}" if steady else label
-    return MetricQuantity(unit, f"{meaning}, {window}", "", label, formula, shown, abbreviated=abbreviated)
+    about = f"{meaning}, {window}"
+    return MetricQuantity(unit, about, "", label, formula, shown, abbreviated=abbreviated, least=0.0)
 
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
     """A share of the samples, read in percent."""
-    return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"))
+    return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"), least=0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,6 +80,7 @@ class Metrics(Mapping[str, float]):
             "largest tension of both ropes, at the samples",
             label="peak tension",
             formula=r"\max_k \max(F_{1,k}, F_{2,k})",
+            least=0.0,
         ),
     ]
     min_tension: Annotated[
@@ -99,6 +101,7 @@ class Metrics(Mapping[str, float]):
             "mean absolute change of tension from sample to sample, of both ropes",
             label="chatter",
             formula=r"\frac{1}{2(N-1)}\sum_{k\ge 1}\sum_i \lvert F_{i,k}-F_{i,k-1}\rvert",
+            least=0.0,
         ),
     ]
     energy: Annotated[
@@ -109,6 +112,7 @@ class Metrics(Mapping[str, float]):
             label="energy",
             formula=r"T_s\sum_k \sum_i \lvert G_i\,\tau_{i,k}\,\omega_{i,k}\rvert",
             shown=("kJ", 1e-3, ".4g"),
+            least=0.0,
         ),
     ]
     torque_rate: Annotated[
@@ -118,6 +122,7 @@ class Metrics(Mapping[str, float]):
             "mean absolute change of motor torque a second, of both winches",
             label="torque rate",
             formula=r"\frac{1}{2(N-1)\,T_s}\sum_{k\ge 1}\sum_i \lvert \tau_{i,k}-\tau_{i,k-1}\rvert",
+            least=0.0,
         ),
     ]
     continuous_load: Annotated[
@@ -127,6 +132,7 @@ class Metrics(Mapping[str, float]):
             "root mean square of the motor torques, of both winches",
             label="continuous load",
             formula=r"\sqrt{\frac{1}{2N}\sum_k \sum_i \tau_{i,k}^2}",
+            least=0.0,
         ),
     ]
 

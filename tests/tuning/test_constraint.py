@@ -1,5 +1,7 @@
 """Statistics, objectives and constraints by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from dualwinch.tuning.constraints import (
     measured,
     objectives_from,
 )
+from tests.own_metrics import PullSpread
 
 
 def bound(text: str) -> Constraint:
@@ -67,7 +70,7 @@ def test_shares_are_given_in_per_cent() -> None:
         ("worst.peak_tension <= 0.95*controller.coordination.tension_max", 5700, False),
         ("mean.chatter<=0.25*paper", 2, False),
         ("worst.min_tension>=1e2", 100, True),
-        ("slack_share<=0", 0, False),
+        ("worst.slack_share<=0", 0, False),
     ],
 )
 def test_bounds(text: str, limit: float, at_least: bool) -> None:
@@ -89,7 +92,7 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
     assert bound("worst.peak_tension<=6000").violation(6600) == pytest.approx(0.1)
     assert bound("worst.peak_tension<=6000").violation(6000) == 0
     assert bound("worst.min_tension>=100").violation(50) == pytest.approx(0.5)
-    assert bound("slack_share<=0").violation(0.02) == pytest.approx(0.02)
+    assert bound("worst.slack_share<=0").violation(0.02) == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(
@@ -102,12 +105,27 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
         ("mean.mse<=controller.kind", "names no number"),
         ("mean.mse<=nan", "'nan' must be a finite number"),
         ("mean.mse<=x*paper", "'x' must be a finite number"),
+        ("peak_tension<=5500", "of which statistic? worst.peak_tension<=5500 or mean.peak_tension<=5500"),
+        ("worst.peak_tension >= 5.5kN", "large values are the bad ones: worst.peak_tension <= 5.5kN"),
+        ("mean.chatter>=0.5*paper", "large values are the bad ones: mean.chatter<=0.5*paper"),
+        ("worst.min_tension<=100", "small values are the bad ones: worst.min_tension>=100"),
+        ("worst.delay_margin<=5ms", "small values are the bad ones: worst.delay_margin>=5ms"),
+        ("mean.chatter<=-1", "nothing satisfies it, no run has less than 0 N"),
+        ("mean.chatter<=-1*paper", "nothing satisfies it, no run has less than 0 N"),
+        ("mean.slack_share<=-1%", "nothing satisfies it, no run has less than 0"),
     ],
 )
 def test_wrong_constraints_are_one_line(text: str, message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         bound(text)
     assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_metrics_of_ones_own_may_be_bounded_at_both_ends() -> None:
+    own = replace(case(4), metrics=(PullSpread(),))
+    texts = ["mean.pull_spread<=900", "mean.pull_spread>=-1"]
+    assert [each.text for each in constraints_from(texts, own)] == texts
 
 
 MARGIN, CHATTER = "worst.delay_margin>=5ms", "mean.chatter<=3"
@@ -139,4 +157,4 @@ def test_wrong_objectives_and_repetitions_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="named twice"):
         objectives_from(["mse", "mean.mse"])
     with pytest.raises(ConfigurationError, match="bounded twice"):
-        constraints_from(["mse<=1", "mean.mse<=2"], case(4))
+        constraints_from(["mean.mse<=1", "mean.mse<=2"], case(4))
