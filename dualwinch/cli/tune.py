@@ -237,15 +237,22 @@ def recall_parts(options: StudyOptions) -> None:
     """Have the parts registered that the study to go on with was begun with.
 
     Raises:
-        ConfigurationError: a part is not there, or another one than it was.
+        ConfigurationError: there is no such study; a part is not there, or another one than it was.
         DualwinchError: the storage cannot be used.
     """
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.tuning.storage.connection import is_database, shown
     from dualwinch.tuning.storage.opening import kept_definition
-    from dualwinch.tuning.storage.parts import recall
+    from dualwinch.tuning.storage.parts import StudyName, recall
 
-    if options.resume:
-        definition = kept_definition(options.kept_in, options.study)
-        recall(options.study, (definition or {}).get("parts", []))
+    if not options.resume:
+        return
+    definition = kept_definition(options.kept_in, options.study)
+    in_database = is_database(options.kept_in)
+    if definition is None:
+        kept = shown(options.kept_in) if in_database else options.kept_in
+        raise ConfigurationError(f"--resume: no study '{options.study}' in {kept}; begin it without --resume")
+    recall(StudyName(options.study, None if in_database else Path(options.kept_in)), definition.get("parts", []))
 
 
 def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine) -> TuningResult:

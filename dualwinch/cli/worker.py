@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 from contextlib import closing
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
@@ -49,7 +50,7 @@ def worker(
         from dualwinch.tuning.scoring.training_set import prepare
         from dualwinch.tuning.storage.connection import is_database, shown
         from dualwinch.tuning.storage.opening import join_store
-        from dualwinch.tuning.storage.parts import recall
+        from dualwinch.tuning.storage.parts import StudyName, recall
         from dualwinch.tuning.study import search
         from dualwinch.tuning.tuning_problem import problem_from
 
@@ -62,7 +63,7 @@ def worker(
             raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
         with closing(join_store(storage, study)) as store:
             definition = store.definition
-            recall(study, definition.get("parts", []))
+            recall(StudyName(study, None if is_database(storage) else Path(storage)), definition.get("parts", []))
             problem = problem_from(definition)
             status = TuningProgress(line, problem.objectives)
             kept = shown(storage) if is_database(storage) else storage

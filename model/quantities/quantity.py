@@ -343,6 +343,11 @@ MOST_LISTED = 24
 """Names that an error lists; of more it lists the nearest."""
 
 
+def another(what: str) -> str:
+    """What is not the same, in words: another seed, other constraints."""
+    return f"{'other' if what.endswith('s') else 'another'} {what}"
+
+
 def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
     """What an error says of a name that there is not: the nearest, and which ones there are.
 

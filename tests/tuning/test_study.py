@@ -76,8 +76,11 @@ def test_another_problem_is_refused_and_the_difference_is_said(make_problem: Mak
     studied(make_problem(scenarios=1), file, 4)
     for words, message in (
         ({"space": ["controller.nftsm.beta=0.01:1:log"]}, "has another space: .*controller.nftsm.beta is 0.01 to 1"),
-        ({"seed": 4}, "was begun with another seed: 4 here, 3 there"),
-        ({"objectives": ["mean.mae"]}, r"another objectives: \['mean.mae'\] here"),
+        (
+            {"seed": 4},
+            f"^{file}: study 's' was begun with another seed: 4 here, 3 there; give another --out or --study$",
+        ),
+        ({"objectives": ["mean.mae"]}, r"with other objectives: \['mean.mae'\] here"),
     ):
         with pytest.raises(ConfigurationError, match=message):
             studied(make_problem(**({"scenarios": 1} | words)), file, 8, resume=True)

@@ -24,6 +24,7 @@ from dualwinch.controllers.controller import Controller, controller_function
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.quantity import another
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.analysis.authority import least_errors
 from dualwinch.simulation.batch.scenarios import experiment_of
@@ -301,9 +302,9 @@ class ResultFolder:
             return None
         names = _differences(_plain(definition), record["definition"]) if definition is not None else ()
         if names:
+            others = " and ".join(map(another, names))
             raise ConfigurationError(
-                f"{self._path}: {stem}.json was run with another {' and '.join(names)}; remove it, or give another "
-                "folder"
+                f"{self._path}: {stem}.json was run with {others}; remove it, or give another folder"
             )
         return record["result"]
 
@@ -357,7 +358,7 @@ class ResultFolder:
         for name in _differences(self._terms, terms[0]):
             shown = "" if name == TOML else f", {terms[0].get(name)} and not {self._terms[name]}"
             raise ConfigurationError(
-                f"{file.parent.parent}: holds a race with another {name}{shown}; give another folder"
+                f"{file.parent.parent}: holds a race with {another(name)}{shown}; give another folder"
             )
         return record
 

@@ -35,6 +35,7 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.connection import GRACE, connected, patient
+from dualwinch.tuning.storage.parts import StudyName
 from dualwinch.tuning.storage.record import (
     BUDGET,
     DEFINITION,
@@ -94,7 +95,7 @@ class DatabaseStudy(StudyStorage):
         storage = connected(url)
         try:
             there = begun(study, storage, problem, definition, budget)
-            check_resume(study, len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
+            check_resume(StudyName(study), len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
         except BaseException:
             storage.engine.dispose()
             raise

@@ -27,6 +27,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.space import Space, space_from
+from dualwinch.tuning.storage.parts import StudyName
 from dualwinch.tuning.storage.record import (
     BUDGET,
     DEFINITION,
@@ -90,9 +91,9 @@ class JournalStudy(StudyStorage):
             _mend(path)
             self._file = BufferedJournalFile(path)
             self._storage = optuna.storages.JournalStorage(self._file)
-            self._study = begun(study, self._storage, problem, definition, budget)
+            self._study = begun(study, self._storage, problem, definition, budget, path)
             self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
-            check_resume(study, self._count, resume=resume)
+            check_resume(StudyName(study, path), self._count, resume=resume)
         except BaseException:
             self._lock.close()
             raise
@@ -150,8 +151,8 @@ class SharedJournalStudy(StudyStorage):
             _mend(path)
         lock = _locked(path, shared=True)
         try:
-            there = begun(study, _storage(path), problem, definition, budget)
-            check_resume(study, len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
+            there = begun(study, _storage(path), problem, definition, budget, path)
+            check_resume(StudyName(study, path), len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
         except BaseException:
             lock.close()
             raise

@@ -1,13 +1,34 @@
 """Parts of your own that a study rests on: noted with it, and found again wherever it is gone on with."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypedDict
 
 from dualwinch.config.plugins import load_plugin
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Part, built_in, digest, named, registries, source_of
+
+
+@dataclass(frozen=True)
+class StudyName:
+    """What messages call a study.
+
+    Attributes:
+        study: its name.
+        file: that keeps it; ``None``: a database does.
+    """
+
+    study: str
+    file: Path | None = None
+
+    def __str__(self) -> str:
+        return f"--study {self.study}:" if self.file is None else f"{self.file}: study '{self.study}'"
+
+    @property
+    def another(self) -> str:
+        """What to do where it cannot be gone on with."""
+        return "give another --study" if self.file is None else "give another --out or --study"
 
 
 class PartRecord(TypedDict):
@@ -65,11 +86,11 @@ def in_words(parts: Sequence[PartRecord]) -> str:
     )
 
 
-def check_parts(study: str, ours: Sequence[PartRecord], theirs: Sequence[PartRecord]) -> None:
+def check_parts(study: StudyName, ours: Sequence[PartRecord], theirs: Sequence[PartRecord]) -> None:
     """Refuse to go on with a study with another part of the same kind.
 
     Args:
-        study: the study's name.
+        study: which one.
         ours: the parts there are.
         theirs: those it was begun with.
 
@@ -81,8 +102,8 @@ def check_parts(study: str, ours: Sequence[PartRecord], theirs: Sequence[PartRec
         was = before.get((part["what"], part["kind"]))
         if was and was["sha256"] != part["sha256"]:
             raise ConfigurationError(
-                f"--study {study}: was begun with another {part['what']} '{part['kind']}': the source {part['source']} "
-                f"has sha256 {part['sha256'][:12]}, had {was['sha256'][:12]}; restore it, or choose another name"
+                f"{study} was begun with another {part['what']} '{part['kind']}': the source {part['source']} "
+                f"has sha256 {part['sha256'][:12]}, had {was['sha256'][:12]}; restore it, or {study.another}"
             )
 
 
@@ -100,11 +121,11 @@ def _parts(holder: Any) -> Iterator[Part]:
         yield from _parts(value)
 
 
-def recall(study: str, parts: Sequence[PartRecord]) -> None:
+def recall(study: StudyName, parts: Sequence[PartRecord]) -> None:
     """Have the parts that a study was begun with registered, imported from where they were if nobody else gave them.
 
     Args:
-        study: the study's name.
+        study: which one.
         parts: what was noted of them.
 
     Raises:
@@ -125,7 +146,7 @@ def _registered(part: PartRecord) -> type[Part] | None:
     return found.get(part["kind"]) if found else None
 
 
-def _import(study: str, part: PartRecord) -> None:
+def _import(study: StudyName, part: PartRecord) -> None:
     if part["script"]:
         raise _missing(study, part, "that is a script, which is not run again for it")
     try:
@@ -134,8 +155,8 @@ def _import(study: str, part: PartRecord) -> None:
         raise _missing(study, part, str(error)) from error
 
 
-def _missing(study: str, part: PartRecord, reason: str) -> ConfigurationError:
+def _missing(study: StudyName, part: PartRecord, reason: str) -> ConfigurationError:
     return ConfigurationError(
-        f"--study {study}: needs the {part['what']} '{part['kind']}' of {part['source']}: {reason}; "
+        f"{study} needs the {part['what']} '{part['kind']}' of {part['source']}: {reason}; "
         "give the file that defines it, --plugin FILE"
     )

@@ -3,15 +3,16 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import unknown
+from dualwinch.model.quantities.quantity import another, unknown
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import ContinuousDimension, Space, space_from
-from dualwinch.tuning.storage.parts import check_parts
+from dualwinch.tuning.storage.parts import StudyName, check_parts
 from dualwinch.tuning.storage.store import SearchBudget
 
 if TYPE_CHECKING:
@@ -115,10 +116,12 @@ def begun(
     problem: TuningProblem,
     definition: Mapping[str, Any],
     budget: SearchBudget,
+    file: Path | None = None,
 ) -> "optuna.Study":
     """A study that is there, and the one that is asked for; else one that is new.
 
-    The definition is written last: a study without one, whose process was killed before that, is begun anew.
+    The definition is written last: a study without one, whose process was killed before that, is begun anew. Messages
+    name the file that keeps it, where there is one.
 
     Raises:
         ConfigurationError: it has another definition.
@@ -135,7 +138,7 @@ def begun(
     else:
         known = theirs.get(DEFINITION)
         space = space_from((known or {}).get("space", []))
-        check_definition(study, definition, known, (problem.space, space))
+        check_definition(StudyName(study, file), definition, known, (problem.space, space))
     return there
 
 
@@ -154,12 +157,12 @@ def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dic
 
 
 def check_definition(
-    study: str, ours: Mapping[str, Any], theirs: Mapping[str, Any] | None, spaces: tuple[Space, Space]
+    study: StudyName, ours: Mapping[str, Any], theirs: Mapping[str, Any] | None, spaces: tuple[Space, Space]
 ) -> None:
     """Refuse to mix two problems in one study.
 
     Args:
-        study: the study's name.
+        study: which one.
         ours: the definition asked for.
         theirs: the definition in the storage; ``None``: it is not a study of this program.
         spaces: both spaces.
@@ -168,22 +171,22 @@ def check_definition(
         ConfigurationError: they differ; the message says in what.
     """
     if theirs is None:
-        raise ConfigurationError(f"--study {study}: exists, and is none of this program; choose another name")
+        raise ConfigurationError(f"{study} exists, and is none of this program; {study.another}")
     check_parts(study, ours.get("parts", []), theirs.get("parts", []))
     difference = spaces[0].difference(spaces[1])
     if difference:
-        raise ConfigurationError(f"--study {study}: has another space: {difference}; choose another name")
+        raise ConfigurationError(f"{study} has another space: {difference}; {study.another}")
     for key, value in ours.items():
         if key not in {"space", "parts"} and value != theirs.get(key):
             shown = f": {value!r} here, {theirs.get(key)!r} there" if len(repr(value)) < 100 else ""
-            raise ConfigurationError(f"--study {study}: was begun with another {key}{shown}; choose another name")
+            raise ConfigurationError(f"{study} was begun with {another(key)}{shown}; {study.another}")
 
 
-def check_resume(study: str, count: int, *, resume: bool) -> None:
+def check_resume(study: StudyName, count: int, *, resume: bool) -> None:
     """Refuse to go on with a study by accident.
 
     Raises:
         ConfigurationError: there are trials and nobody asked to go on.
     """
     if count and not resume:
-        raise ConfigurationError(f"--study {study}: has {count} trials; go on with --resume, or choose another name")
+        raise ConfigurationError(f"{study} has {count} trials; go on with --resume, or {study.another}")

@@ -258,6 +258,7 @@ def test_times(text: str, seconds: float) -> None:
         (["--time", "soon"], "--time soon: must be a time such as 60s"),
         (["--time", "0s"], "--time 0s: must be > 0 s and <= 1e+07 s"),
         (["--time", "1e9s"], "--time 1e9s: must be > 0 s and <= 1e+07 s"),
+        (["--resume"], "study.journal; begin it without --resume"),
         (["--trials", "0"], "--trials 0: must be a whole number >= 1"),
         (["--workers", "2"], "--workers: needs --shared, or a database"),
         (["--scenarios", "3"], "--scenarios: needs --ensemble"),

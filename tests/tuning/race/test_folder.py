@@ -31,9 +31,9 @@ def test_in_memory_it_does_the_same() -> None:
     ("changed", "message"),
     [
         ({"seed": 2}, "holds a race with another seed, 1 and not 2; give another folder"),
-        ({"rollouts": 400}, "another rollouts, 300 and not 400"),
+        ({"rollouts": 400}, "with other rollouts, 300 and not 400"),
         ({"configuration": "a = 2\n"}, "another configuration; give another folder"),
-        ({"constraints": ()}, r"another constraints, \['x<=1'\] and not \[\]"),
+        ({"constraints": ()}, r"with other constraints, \['x<=1'\] and not \[\]"),
     ],
 )
 def test_other_terms_are_refused(changed: dict[str, object], message: str, tmp_path: Path) -> None:

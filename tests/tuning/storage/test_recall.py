@@ -18,12 +18,13 @@ from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
-from dualwinch.tuning.storage.parts import PartRecord, in_words, part_record, part_records, recall
+from dualwinch.tuning.storage.parts import PartRecord, StudyName, in_words, part_record, part_records, recall
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
 
 WORDS = ["tune", "--case", "4", "--set", "simulation.duration=0.05", "--set", "controller.kind=spring"]
+SEA = StudyName("sea")
 SEARCH = ["--space", "controller.spring.stiffness", "--constraint", "none", "--trials"]
 
 
@@ -63,11 +64,11 @@ def test_a_study_notes_the_parts_that_are_not_built_in(tmp_path: Path) -> None:
 
 def test_parts_are_found_again_where_they_were(tmp_path: Path) -> None:
     part = noted_spring(tmp_path)
-    recall("sea", [part])
+    recall(SEA, [part])
     assert part_record(POSITION_LAWS["spring"]) == part
-    recall("sea", [part])
+    recall(SEA, [part])
     assert "state-feedback" not in POSITION_LAWS
-    recall("sea", [part_record(StateFeedback)])
+    recall(SEA, [part_record(StateFeedback)])
     assert POSITION_LAWS["state-feedback"] is StateFeedback
 
 
@@ -75,13 +76,13 @@ def test_parts_may_have_moved(tmp_path: Path) -> None:
     part = noted_spring(tmp_path)
     moved = (tmp_path / "law.py").rename(tmp_path / "moved.py")
     with pytest.raises(ConfigurationError) as caught:
-        recall("sea", [part])
+        recall(SEA, [part])
     assert str(caught.value) == (
         f"--study sea: needs the position law 'spring' of {tmp_path}/law.py: plugin {tmp_path}/law.py: cannot be read "
         "(No such file or directory); give the file that defines it, --plugin FILE"
     )
     load_plugin(str(moved))
-    recall("sea", [part])
+    recall(SEA, [part])
 
 
 def test_parts_that_have_changed_are_refused(tmp_path: Path) -> None:
@@ -93,11 +94,11 @@ def test_parts_that_have_changed_are_refused(tmp_path: Path) -> None:
     ):
         (tmp_path / "law.py").write_text(text)
         with pytest.raises(ConfigurationError, match=reason):
-            recall("sea", [part])
+            recall(SEA, [part])
         POSITION_LAWS._parts.pop("spring", None)
     (tmp_path / "law.py").write_text(SPRING + "# another comment\n")
     with pytest.raises(ConfigurationError) as caught:
-        recall("sea", [part])
+        recall(SEA, [part])
     assert (
         f"has sha256 {hashlib.sha256((SPRING + '# another comment' + chr(10)).encode()).hexdigest()[:12]}, had "
         in str(caught.value)
@@ -114,13 +115,13 @@ def test_a_part_of_a_built_in_kind_is_not_taken_for_the_built_in_one() -> None:
     with pytest.raises(
         ConfigurationError, match=r"^--study sea: was begun with another position law 'nftsm': the source"
     ):
-        recall("sea", [part])
+        recall(SEA, [part])
 
 
 def test_a_part_of_a_script_is_asked_for(tmp_path: Path) -> None:
     part = noted_spring(tmp_path) | {"script": True}
     with pytest.raises(ConfigurationError, match=r"law\.py: that is a script, which is not run again for it; give"):
-        recall("sea", [part])  # pyright: ignore[reportArgumentType]
+        recall(SEA, [part])  # pyright: ignore[reportArgumentType]
 
 
 def test_a_file_that_changes_after_it_was_imported_is_noted_as_it_was(tmp_path: Path) -> None:
@@ -183,5 +184,6 @@ def test_a_study_says_which_parts_it_rests_on_and_goes_on_with_no_others(
     for words in (("--resume",), ("--resume", "--plugin", str(file)), ("--plugin", str(file))):
         assert tuned(tmp_path, "8", *words)
         error = capsys.readouterr().err.splitlines()[-1]
-        assert error.startswith("dualwinch: error: --study tuning: was begun with another position law 'spring': the ")
-        assert error.endswith(f", had {digest[:12]}; restore it, or choose another name")
+        begin = f"dualwinch: error: {tmp_path / 'out' / 'study.journal'}: study 'tuning' was begun with another "
+        assert error.startswith(f"{begin}position law 'spring': the ")
+        assert error.endswith(f", had {digest[:12]}; restore it, or give another --out or --study")
