@@ -22,10 +22,11 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
+from dualwinch.tuning.scoring.rollouts import run_pairs
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.selection_config import SelectionConfig
-from dualwinch.tuning.space import ContinuousDimension
+from dualwinch.tuning.space import ContinuousDimension, Point
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,28 @@ class TuningResult:
         in_motion = () if self.problem.margins or not amplitudes else amplitude_remarks(self.best, amplitudes)
         return (*loop_remarks(self.best), *in_motion)
 
+    @cached_property
+    def idle(self) -> frozenset[str]:
+        """Gains at a bound that change nothing: with each amid its range the training runs come to the same figures.
+
+        They are looked for around the best; where the start is kept, around the best that was searched for.
+        """
+        space, searched = self.problem.space, _searched(self)
+        point = searched[0] if searched and not self.verdict.improved else self.verdict.best.point
+        ended = [each for each in space.dimensions if isinstance(each, ContinuousDimension) and _bound(each, point)]
+        if not ended:
+            return frozenset()
+        moved = [point | {dimension.name: dimension.decoded(0.5)} for dimension in ended]
+        runs = run_pairs(space.keys, [space.parameters(each) for each in (point, *moved)], self.training.scenarios)
+        if not runs.completed[0].any():
+            return frozenset()
+        metrics = np.stack(list(runs.metrics.values()))
+        return frozenset(
+            dimension.name
+            for row, dimension in enumerate(ended, 1)
+            if np.allclose(metrics[:, row], metrics[:, 0], rtol=NOTHING, atol=0.0, equal_nan=True)
+        )
+
     @property
     def gains(self) -> dict[str, Any]:
         """Every tuned key of the best and its value."""
@@ -145,6 +168,9 @@ class TuningResult:
 
 EDGE = 0.02
 """Share of a range at either end in which a gain is said to lie at its bound."""
+
+NOTHING = 1e-3
+"""Change of a figure of merit, as a share of it, that is none."""
 
 LEADING = 3
 """Trials that tell whether a gain lies at its bound."""
@@ -360,16 +386,27 @@ def _duration(seconds: float) -> str:
 
 
 def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:
-    """Gains of the best that lie at a bound of the search, and that bound; at 0 nothing can be wider."""
-    found: list[tuple[str, float]] = []
-    for dimension in tuned.problem.space.dimensions if tuned.verdict.improved else ():
-        if isinstance(dimension, ContinuousDimension):
-            share = dimension.encoded(tuned.verdict.best.point[dimension.name])
-            if share >= 1 - EDGE:
-                found.append((dimension.name, dimension.upper))
-            elif share <= EDGE and dimension.lower != 0:
-                found.append((dimension.name, dimension.lower))
-    return found
+    """Gains of the best that lie at a bound of the search and do something there, and that bound."""
+    return [
+        (dimension.name, bound)
+        for dimension in tuned.problem.space.dimensions
+        if tuned.verdict.improved
+        and isinstance(dimension, ContinuousDimension)
+        and (bound := _bound(dimension, tuned.verdict.best.point))
+        and dimension.name not in tuned.idle
+    ]
+
+
+def _bound(dimension: ContinuousDimension, point: Point) -> float:
+    """The bound at which a gain lies; 0 where it lies at none, or at 0, where nothing can be wider."""
+    share = dimension.encoded(point[dimension.name])
+    return dimension.upper if share >= 1 - EDGE else dimension.lower if share <= EDGE else 0.0
+
+
+def _searched(tuned: TuningResult) -> list[Point]:
+    """The points that the search has found, the best first."""
+    searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
+    return [searched[index].point for index in feasibility_first(searched)]
 
 
 def widen(tuned: TuningResult) -> str:
@@ -392,17 +429,13 @@ def _hardest(tuned: TuningResult) -> str:
 
 
 def _at_bounds(tuned: TuningResult) -> list[str]:
-    """Gains that lie at a bound in all of the best trials that the search has found; at 0 nothing can be wider."""
-    searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
-    points = [searched[index].point for index in feasibility_first(searched)[:LEADING]]
-
-    def at_a_bound(dimension: ContinuousDimension, share: float) -> bool:
-        return share >= 1 - EDGE or (share <= EDGE and dimension.lower != 0)
-
+    """Gains that lie at a bound in all of the best trials that the search has found, and do something there."""
+    points = _searched(tuned)[:LEADING]
     return [
         short(dimension.name)
         for dimension in tuned.problem.space.dimensions
         if isinstance(dimension, ContinuousDimension)
         and len(points) == LEADING
-        and all(at_a_bound(dimension, dimension.encoded(point[dimension.name])) for point in points)
+        and all(_bound(dimension, point) for point in points)
+        and dimension.name not in tuned.idle
     ]

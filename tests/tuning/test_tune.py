@@ -21,11 +21,13 @@ from dualwinch.tuning.result import (
     TuningResult,
     advice,
     comparison,
+    gains_at_bounds,
     headings,
     headline,
     short_of,
     times,
     where,
+    widen,
     worth,
 )
 from dualwinch.tuning.scoring import clock
@@ -205,6 +207,21 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
     space = ["controller.nftsm.beta", "controller.kalman.ramp"]
     tuned = tune(make_problem(space=space, constraints=[]), method="stubborn", trials=6, test_scenarios=4)
     assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
+
+
+def test_gains_that_change_nothing_need_no_wider_bounds(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing saturates in these runs, so the anti-saturation system is idle whatever its gains."""
+    monkeypatch.setitem(METHODS, "stubborn", Stubborn)
+    beta, k_a, gamma = "controller.nftsm.beta", "controller.auxiliary.k_a", "controller.auxiliary.gamma"
+    kept = tune(make_problem(space=[beta, k_a, gamma], constraints=[]), method="stubborn", trials=6, held_out=4)
+    best, ends = kept.verdict.best, {beta: 0.005, k_a: 100.0, gamma: 1e-3}
+    candidate = replace(best.candidate, point=best.point | ends)
+    tuned = replace(kept, verdict=replace(kept.verdict, obstacle="", best=replace(best, candidate=candidate)))
+    assert tuned.idle == {k_a, gamma}
+    assert gains_at_bounds(tuned) == [(beta, 0.005)]
+    assert widen(tuned) == f"gains end at a bound of the search (--space); widen: {beta} (0.005)"
 
 
 def test_what_was_trimmed_where_the_best_was_chosen_is_said(tuned: TuningResult) -> None:
