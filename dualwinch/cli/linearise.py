@@ -73,8 +73,11 @@ def linearise(
         Parameter(help="What to linearise: plant alone, closed loop over a sample, or that loop cut open."),
     ] = "open",
     cut: Annotated[
-        Literal["u", "tau_1", "tau_2"] | None,
-        Parameter(help="broken: where the loop is cut, at the force command (default) or at a winch's torque."),
+        Literal["u", "tau_1", "tau_2", "torques"] | None,
+        Parameter(
+            help="broken: where the loop is cut, at the force command (default), at a winch's torque, or at both "
+            "torques, which then change alike."
+        ),
     ] = None,
     dt: Annotated[
         float | None, Parameter(help="Sample time in s: discrete time, inputs held (default: continuous).")
@@ -314,15 +317,17 @@ def print_broken(
     """Print margins of broken loops and, of a single one of a sliding-mode law, how they depend on the amplitude."""
     from dualwinch.model.linear.operating_point import contact
     from dualwinch.simulation.analysis.describing_function import amplitude_sweep
+    from dualwinch.simulation.analysis.linear_loop import CUTS
     from dualwinch.simulation.analysis.margins import margins
     from dualwinch.simulation.analysis.stability import SLIDING_MODE
     from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 
     console = terminal()
-    ratio = f" ({systems[0].outputs[0]}/{systems[0].inputs[0]})"
+    ratio = f" ({', '.join(map('/'.join, zip(systems[0].outputs, systems[0].inputs, strict=True)))})"
     console.print(styled("bold", f"margins of the loop cut at {cut}", ratio))
     if not any(system.B.any() for system in systems):
-        console.print(f"nothing comes back: {LOOP_OPENINGS[cut]} rests on its limit or answers to nothing here")
+        returned = " and ".join(LOOP_OPENINGS[signal] for signal in CUTS[cut])
+        console.print(f"nothing comes back: {returned} rests on its limit or answers to nothing here")
     rows = [[*([values[swept][k]] if swept else []), *_margin_row(margins(system))] for k, system in enumerate(systems)]
     first = _point_columns(swept) if swept else []
     tables = [FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)]

@@ -20,6 +20,7 @@ from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
+from dualwinch.simulation.analysis.margins import BOTH
 from dualwinch.simulation.analysis.operating_points import (
     LoopOperatingPoint,
     loop_operating_point,
@@ -48,6 +49,9 @@ INPUTS = {
     "noise.tension_2": ("tension_2_noise", "N"),
 }
 """Signal from outside → its name and unit as an input of the closed loop."""
+
+CUTS = {**{name: (name,) for name in LOOP_OPENINGS}, BOTH: ("tau_1", "tau_2")}
+"""Where the loop can be cut → the openings there."""
 
 OUTSIDE = ("current", "force", "tension_min", "tension_max")
 """Further arguments of `operating_point`."""
@@ -116,7 +120,7 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
 def linear_broken_loop(
     experiment: Experiment, x: float | None = None, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
 ) -> LinearSystem:
-    """The loop cut at one signal: from what leaves the cut to minus what comes back to it.
+    """The loop cut at one signal, or at both torques: from what leaves the cut to minus what comes back to it.
 
     The sign is that of negative feedback: closing the loop gives 1/(1 + L).
 
@@ -124,7 +128,7 @@ def linear_broken_loop(
         experiment: plant, gains, sample time and delay.
         x: position in m; default: amid the track.
         v: speed in m/s.
-        cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque.
+        cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque; or ``torques``, both.
         nominal: the plant the controller was designed for; default: the experiment's.
 
     Raises:
@@ -137,24 +141,25 @@ def whole_broken_loop(
     experiment: Experiment, x: float | None, v: float, cut: str, nominal: Plant | None = None
 ) -> LinearSystem:
     """`linear_broken_loop` with all states, also the ones that move nothing: the same for all values of the gains."""
-    if cut not in LOOP_OPENINGS:
-        raise ConfigurationError(unknown("cut", cut, LOOP_OPENINGS))
+    if cut not in CUTS:
+        raise ConfigurationError(unknown("cut", cut, CUTS))
     point = loop_operating_point(experiment, x, v, nominal)
     (A,), (B,), (C,), (D,) = point.opened
-    here = list(LOOP_OPENINGS).index(cut)
-    others = [index for index in range(len(LOOP_OPENINGS)) if index != here]
+    signals, openings = CUTS[cut], list(LOOP_OPENINGS)
+    here = [openings.index(signal) for signal in signals]
+    others = [index for index in range(len(openings)) if index not in here]
     # close the others: what leaves them is what comes back
     closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
-    through, direct = B[:, others] @ closing, D[[here]][:, others] @ closing
+    through, direct = B[:, others] @ closing, D[here][:, others] @ closing
     matrices = (
         A + through @ C[others],
-        B[:, [here]] + through @ D[others][:, [here]],
-        -(C[[here]] + direct @ C[others]),
-        -(D[[here]][:, [here]] + direct @ D[others][:, [here]]),
+        B[:, here] + through @ D[others][:, here],
+        -(C[here] + direct @ C[others]),
+        -(D[here][:, here] + direct @ D[others][:, here]),
     )
-    names = f"{cut}_in", f"{cut}_out"
-    units = dict.fromkeys(names, point.loop.quantities[LOOP_OPENINGS[cut]].unit)
-    return _named(point, matrices, point.kept, names[:1], names[1:], units)
+    inputs, outputs = ([f"{signal}_{end}" for signal in signals] for end in ("in", "out"))
+    unit = point.loop.quantities[LOOP_OPENINGS[signals[0]]].unit
+    return _named(point, matrices, point.kept, inputs, outputs, dict.fromkeys([*inputs, *outputs], unit))
 
 
 @built_once

@@ -106,7 +106,7 @@ COARSE = FrequencyGrid(160, np.array([-5.0, -2.5, -1.2, -0.5, 0.0, 0.5, 1.2, 2.5
 
 
 def margins(loop: LinearSystem) -> Margins:
-    """Margins of a loop L with negative feedback, ``1/(1 + L)``.
+    """Margins of a loop L with negative feedback, ``1/(1 + L)``; of one of two signals, for changes of both alike.
 
     The disk is the balanced one: ``L`` times any ``(1 + d/2)/(1 - d/2)`` with |d| smaller than its radius is stable.
 
@@ -114,17 +114,17 @@ def margins(loop: LinearSystem) -> Margins:
     margins are those of no change at all.
 
     Args:
-        loop: discrete, one input, one output, e.g. of `simulation.analysis.linear_loop.linear_broken_loop`, or a
-            ``StateSpace`` of python-control.
+        loop: discrete, of one input and one output, or two of each, e.g. of
+            `simulation.analysis.linear_loop.linear_broken_loop`, or a ``StateSpace`` of python-control.
 
     Raises:
-        ConfigurationError: a continuous system, one of several inputs or outputs, no state-space system, or one whose
+        ConfigurationError: a continuous system, one of more inputs or outputs, no state-space system, or one whose
             elements are not finite.
     """
-    wanted = "a discrete state-space system of one input and one output"
+    wanted = "a discrete state-space system of one input and one output, or two of each"
     if not hasattr(loop, "D"):
         raise ConfigurationError(f"loop: is a {type(loop).__name__}: must be {wanted}, e.g. control.ss(loop)")
-    if loop.D.shape != (1, 1):
+    if loop.D.shape not in {(1, 1), (2, 2)}:
         outputs, inputs = loop.D.shape
         raise ConfigurationError(f"loop: has {inputs} inputs and {outputs} outputs: must be {wanted}")
     if not all(np.isfinite(matrix).all() for matrix in (loop.A, loop.B, loop.C, loop.D)):
@@ -133,16 +133,17 @@ def margins(loop: LinearSystem) -> Margins:
         raise ConfigurationError(
             f"loop: dt = {loop.dt}: must be > 0 s, {wanted} (control.sample_system makes one of a continuous system)"
         )
-    if abs(1 + loop.D[0, 0]) <= np.finfo(float).eps:
+    through = np.eye(len(loop.D)) + loop.D
+    if abs(np.linalg.det(through)) <= np.finfo(float).eps:
         nowhere = math.nan
         return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
     (found,) = least_margins(closed, np.zeros(1, np.intp), (*KINDS, "fall"), 1, grid=FINE)
     gain, phase, delay, disk, fall = found.values()
-    poles = np.linalg.eigvals(loop.A - loop.B @ loop.C / (1 + loop.D[0, 0]))
+    poles = np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(through, loop.C))
     least_gain = 1 / fall.value
     if fall.frequency == 0:  # T is round-off there where the loop is slow, L is not
-        least_gain = min(max(0.0, -1 / _at_rest(loop)), 1.0)
+        least_gain = min(max(0.0, *(-1 / value for value in _at_rest(loop))), 1.0)
     return Margins(
         stable=bool(np.abs(poles).max(initial=0.0) < 1),
         gain=gain.value,
@@ -160,17 +161,24 @@ def margins(loop: LinearSystem) -> Margins:
     )
 
 
-def _at_rest(loop: LinearSystem) -> float:
-    """A loop at the frequency 0; infinite with an integrator."""
+def _at_rest(loop: LinearSystem) -> list[float]:
+    """The loci of a loop at the frequency 0 that are real; infinite with an integrator."""
     try:
-        return float((loop.C @ np.linalg.solve(np.eye(len(loop.A)) - loop.A, loop.B) + loop.D)[0, 0])
+        gains = loop.C @ np.linalg.solve(np.eye(len(loop.A)) - loop.A, loop.B) + loop.D
     except np.linalg.LinAlgError:
-        return math.inf
+        return [math.inf]
+    return [float(value.real) for value in np.linalg.eigvals(gains) if value.imag == 0]
+
+
+ROWS = {1: (0,), 2: (0, 0, 1, 1), 3: (0, 1, 1, 2, 2)}
+COLUMNS = {1: (0,), 2: (0, 1, 0, 1), 3: (0, 1, 2, 1, 2)}
+DIAGONAL = {1: (0,), 2: (0, 0), 3: (0, 1, 4, 1, 1)}
+"""Number of openings → those of `ComplementarySensitivity.rows`, `columns` and `diagonal`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ComplementarySensitivity:
-    """T of s loops of one sample time, of one opening or of the three of a closed loop.
+    """T of s loops of one sample time, of one opening, of both torques, or of the three openings of a closed loop.
 
     Attributes:
         A, B, C, D: closed loops, (s, n, n), (s, n, m), (s, m, n), (s, m, m): T = C (z - A)^-1 B + D. A state that does
@@ -187,17 +195,17 @@ class ComplementarySensitivity:
     @property
     def rows(self) -> tuple[int, ...]:
         """Openings at which the elements of T that are needed come out, and at which they go in (`columns`)."""
-        return (0, 1, 1, 2, 2) if self.D.shape[1] > 1 else (0,)
+        return ROWS[self.D.shape[1]]
 
     @property
     def columns(self) -> tuple[int, ...]:
         """See `rows`."""
-        return (0, 1, 2, 1, 2) if self.D.shape[1] > 1 else (0,)
+        return COLUMNS[self.D.shape[1]]
 
     @property
     def diagonal(self) -> Indices:
-        """Which of the elements each locus is; of the last two of five any."""
-        return np.array((0, 1, 4, 1, 1) if self.D.shape[1] > 1 else (0,))
+        """Which of the elements each locus is; of the last two of several any."""
+        return np.array(DIAGONAL[self.D.shape[1]])
 
     @cached_property
     def _modes(self) -> tuple[Complex, Complex]:
@@ -245,7 +253,7 @@ class ComplementarySensitivity:
         elements = self._exact_elements(omega) if exact else self._summed_elements(omega)
         if elements.shape[1] == 1:
             return elements
-        alone = elements[:, self.diagonal[:3]]
+        alone = elements[:, self.diagonal[:-2]]
         half, root = _halves(elements)
         first, second = half + root, half - root
         kept = np.abs(np.diff(first)) + np.abs(np.diff(second))
@@ -313,8 +321,8 @@ class ComplementarySensitivity:
             return alone
         half, root = _halves(values)
         both = half + np.where(np.abs(half + root - near) <= np.abs(half - root - near), root, -root)
-        _, first, upper, lower, second = values.T
-        _, d_first, d_upper, d_lower, d_second = slopes.T
+        first, upper, lower, second = values.T[-4:]
+        d_first, d_upper, d_lower, d_second = slopes.T[-4:]
         turned = d_first * (both - second) + d_second * (both - first) + d_upper * lower + upper * d_lower
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = turned / (2 * (both - half))
@@ -332,7 +340,7 @@ def _solved(pencil: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
     """Mean and half the distance of the eigenvalues of the torques' T, of its elements along the second axis."""
-    _, first, upper, lower, second = np.moveaxis(elements, 1, 0)
+    first, upper, lower, second = np.moveaxis(elements, 1, 0)[-4:]
     return (first + second) / 2, np.sqrt(((first - second) / 2) ** 2 + upper * lower)
 
 

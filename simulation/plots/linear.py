@@ -252,9 +252,30 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
 
 def _response(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Frequencies in Hz, and the frequency response of a system of one input and output."""
+    frequency, response = _responses(system)
+    return frequency, response[:, 0, 0]
+
+
+def _responses(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Frequencies in Hz (k,), and the frequency response of a system (k, outputs, inputs)."""
     last = FREQUENCIES[1] if system.dt is None else 0.5 / system.dt * (1 - 1e-9)
     frequency = np.geomspace(FREQUENCIES[0], last, 2000)
-    return frequency, system.response(TURN * frequency)[:, 0, 0]
+    return frequency, system.response(TURN * frequency)
+
+
+def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
+    """The loop gain (k,) of one signal, or the characteristic loci of two that change alike."""
+    if response.shape[1] == 1:
+        return [response[:, 0, 0]]
+    values = np.linalg.eigvals(response)
+    kept, crossed = (np.abs(values[1:] - before).sum(axis=1) for before in (values[:-1], values[:-1, ::-1]))
+    swapped = np.concatenate([[False], np.logical_xor.accumulate(crossed < kept)])
+    return list(np.where(swapped[:, None], values[:, ::-1], values).T)
+
+
+def _cut(system: LinearSystem) -> str:
+    """Where a loop is cut, in words."""
+    return " and ".join(name.removesuffix("_in") for name in system.inputs)
 
 
 def loop_bode(
@@ -263,20 +284,21 @@ def loop_bode(
     """Gain and phase of a cut loop; of a single one with its margins.
 
     Args:
-        systems: one, or a sweep, of one input and output each.
+        systems: one, or a sweep, of one input and output each, or of both torques.
         found: their margins.
         swept: name of what differs between them.
         ax: axes for gain and phase; default: a figure of its own.
     """
     drawn = _styled(systems, swept)
-    title = f"Loop cut at {systems[0].inputs[0].removesuffix('_in')}"
+    title = f"Loop cut at {_cut(systems[0])}"
     with new_page(ax, 5.0, title, _point_in_words(systems[0], swept)) as page:
         gain, phase = panels = page.panels(2, sharex=True)
         for system, style in drawn:
-            frequency, response = _response(system)
-            if response.any():
-                gain.loglog(frequency, np.abs(response), **style)
-                phase.semilogx(frequency, _lag(response), **style)
+            frequency, response = _responses(system)
+            for locus in _loci(response):
+                if locus.any():
+                    gain.loglog(frequency, np.abs(locus), **style)
+                    phase.semilogx(frequency, _lag(locus), **style)
         for axes, level, name in ((gain, 1, "gain"), (phase, -180, "phase (°)")):
             axes.axhline(level, color=GREY, linewidth=0.7)
             axes.set_ylabel(name)
@@ -342,7 +364,7 @@ def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None)
     """
     system, margins = points[0].system, [point.margins for point in points]
     amplitude = 1e3 * np.array([point.amplitude for point in points])
-    title = f"Margins of the loop cut at {system.inputs[0].removesuffix('_in')} depend on amplitude"
+    title = f"Margins of the loop cut at {_cut(system)} depend on amplitude"
     with new_page(ax, 5.0, title, _point_in_words(system, None)) as page:
         gain, delay = panels = page.panels(2, sharex=True)
         gain.loglog(amplitude, [each.gain for each in margins], color=VERMILION, label="gain margin")

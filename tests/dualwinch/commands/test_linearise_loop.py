@@ -29,6 +29,19 @@ def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys:
     assert plot.stat().st_size > 1000
 
 
+def test_both_torques_can_be_cut_as_margins_of_a_tuning_say_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["linearise", "--loop", "broken", "--cut", "torques", "--v", "0.5", "--plot", str(tmp_path / "bode.svg")]
+    main([*words, "--out", str(tmp_path / "loop.json")])
+    said = capsys.readouterr().out
+    assert "margins of the loop cut at torques (tau_1_out/tau_1_in, tau_2_out/tau_2_in)" in said
+    assert f"{1e3 * margins(linear_broken_loop(case(2), 25.0, 0.5, 'torques')).delay:.4g}" in said
+    assert "by amplitude of the speed error" in said
+    assert json.loads((tmp_path / "loop.json").read_text())["inputs"] == ["tau_1_in", "tau_2_in"]
+    main([*words[:-1], str(tmp_path / "a.svg"), "--figure", "amplitude"])
+
+
 def test_the_closed_loop_is_told_stable_and_swept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["linearise", "--loop", "closed", "--v", "0.5", "--plot", str(tmp_path / "poles.svg")])
     assert ": stable" in capsys.readouterr().out

@@ -6,11 +6,13 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
+from dualwinch.simulation.analysis import margin_survey
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.margins import Margins, margins
+from dualwinch.simulation.analysis.margins import BOTH, Margins, margins
 from dualwinch.simulation.paper import case
 from tests.simulation.inserted import run
 
@@ -138,8 +140,34 @@ def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
     assert above.taut
 
 
-def test_margins_need_a_sampled_loop_of_one_signal() -> None:
-    with pytest.raises(ConfigurationError, match="one input and one output"):
+@pytest.mark.parametrize("v", [0.0, 0.5])
+def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
+    v: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(margin_survey, "survey_points", lambda _: [(25.0, v)])
+    (worst,) = margin_survey.MarginSurvey([PAPER], cuts=[BOTH]).worst([[]])
+    found = margins(linear_broken_loop(PAPER, 25.0, v, BOTH))
+    assert {of.cut for of in worst.values()} == {BOTH}
+    assert {kind: getattr(found, kind) for kind in worst} == pytest.approx(
+        {kind: of.value for kind, of in worst.items()}, rel=1e-6
+    )
+    assert found.delay < margins(linear_broken_loop(PAPER, 25.0, v, "tau_1")).delay
+
+
+def test_two_loops_that_do_not_touch_have_the_margins_of_the_lesser() -> None:
+    one, other = sampled(0.5, -0.25, 0.0), sampled(0.9, 0.4, 0.0)
+    A, B, C, D = (block_diag(getattr(one, name), getattr(other, name)) for name in "ABCD")
+    states, inputs, outputs = ("x1", "x2"), ("in1", "in2"), ("out1", "out2")
+    both = margins(
+        LinearSystem(A, B, C, D, 1e-3, states, inputs, outputs, dict.fromkeys(states + inputs + outputs, "1"))
+    )
+    for kind in ("gain", "phase", "delay", "disk"):
+        assert getattr(both, kind) == pytest.approx(min(getattr(margins(each), kind) for each in (one, other)))
+    assert both.least_gain == max(margins(each).least_gain for each in (one, other))
+
+
+def test_margins_need_a_sampled_loop_of_one_signal_or_two() -> None:
+    with pytest.raises(ConfigurationError, match="one input and one output, or two of each"):
         margins(linear_closed_loop(PAPER))
     for pole, through in ((math.nan, 0.0), (0.5, math.inf)):
         with pytest.raises(ConfigurationError, match="elements that are no finite numbers"):
