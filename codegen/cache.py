@@ -20,6 +20,7 @@ import contextlib
 import ctypes
 import errno
 import hashlib
+import math
 import os
 import re
 import secrets
@@ -217,13 +218,20 @@ def cache_limits() -> CacheLimits:
 _used: set[Path] = set()
 """Libraries that this process has looked up."""
 
-_seconds = [0.0]
-"""Wall time in s in which this process has written sources and built libraries of them."""
+_builds: list[tuple[float, float]] = []
+"""Beginning and end in s of every source that this process has written and built a library of."""
 
 
 def build_seconds() -> float:
-    """Wall time in s in which this process has written sources and built libraries of them, so far."""
-    return _seconds[0]
+    """Wall time in s in which this process has written sources and built libraries of them, so far.
+
+    Where threads build side by side it counts once.
+    """
+    seconds, until = 0.0, -math.inf
+    for began, ended in sorted(_builds):
+        seconds += max(0.0, ended - max(began, until))
+        until = max(until, ended)
+    return seconds
 
 
 Source: TypeAlias = str | Callable[[], str]
@@ -270,7 +278,7 @@ def _made(
     found = _look_up(folder, key)
     if found is None:
         found = _build(folder, key, text, compiler, extra_flags)
-        _seconds[0] += time.monotonic() - began
+        _builds.append((began, time.monotonic()))
         _used.add(found)
         _sweep(folder, limits)
     if recipe:

@@ -226,6 +226,9 @@ def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str
 REPORT_SECONDS = 5.0
 """Time in s that the files take, report and figures among them, and the program to start."""
 
+LEAST_SECONDS = 0.05
+"""A shorter time in s is not said of what a study took."""
+
 PREPARING_SECONDS = 600.0
 """Time in s after which workers give a study up whose first process has not begun to search."""
 
@@ -486,11 +489,12 @@ def print_study(tuned: TuningResult) -> None:
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost
-    compiled = f" (compiling {cost.compiling:.1f} s of it)" if cost.compiling >= 0.5 else ""
-    margins = f"; {cost.margin_seconds:.1f} s of these for stability margins" if cost.margin_seconds else ""
+    parts = {"compiling": cost.compiling, "for stability margins": cost.margin_seconds}
+    among = ", ".join(f"{seconds:.1f} s {words}" for words, seconds in parts.items() if seconds >= LEAST_SECONDS)
     say(
-        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing{compiled}, {cost.searching:.1f} s searching "
-        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring{margins}"
+        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
+        f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
+        f"{f'; of all that {among}' if among else ''}"
     )
 
 

@@ -194,6 +194,21 @@ def test_threads_that_want_a_recipe_at_once_wait_for_the_first(builds: list[str]
     assert not [file for file in cache_folder().iterdir() if file.suffix == ".lock"]
 
 
+def test_what_threads_build_side_by_side_takes_its_time_once(
+    builds: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "_builds", [(0.0, 10.0), (20.0, 21.0), (5.0, 12.0), (6.0, 7.0)])
+    assert cache.build_seconds() == 13.0
+    monkeypatch.setattr(cache, "_builds", [])
+    began = time.monotonic()
+    with ThreadPoolExecutor(4) as pool:
+        list(
+            pool.map(lambda number: library(f"int f{number}(void) {{ return {number}; }}\n", find_compiler()), range(4))
+        )
+    assert len(builds) == 4
+    assert 0 < cache.build_seconds() <= time.monotonic() - began
+
+
 def test_a_recipe_leads_to_no_library_that_is_gone_or_damaged() -> None:
     first = library(lambda: answering(13), find_compiler(), (), "thirteen")
     first.write_bytes(b"half a library")
