@@ -109,8 +109,8 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     return {name: float(value) for name, value in found.items()} if sum(found.values()) > 0 else {}
 
 
-def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure:
-    """Where the best candidates lie in every dimension, with the start and the bounds."""
+def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
+    """Where the best candidates lie in every dimension, with the chosen gains, the start and the bounds."""
     order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN]
     dimensions = problem.space.dimensions
     words = f"The {len(order)} best trials in every searched gain, best darkest"
@@ -120,9 +120,11 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation]) -
         for rank, index in reversed(list(enumerate(order))):
             shade = 0.15 + 0.75 * (1 - rank / len(order)) ** 2
             axes.plot(columns, problem.space.encoded(trials[index].point), color=BLUE, alpha=shade, linewidth=0.8)
-        best = problem.space.encoded(trials[order[0]].point)
-        axes.plot(columns, best, color=BLUE, linewidth=2.2, label="best where tuned")
-        axes.plot(columns, problem.space.encoded(problem.start), **{**START, "linewidth": 1.2})
+        if verdict.improved:
+            chosen = problem.space.encoded(verdict.best.point)
+            axes.plot(columns, chosen, color=BLUE, linewidth=2.2, label=_named(verdict)["best"])
+        label = START["label"] if verdict.improved else _named(verdict)["best"]
+        axes.plot(columns, problem.space.encoded(problem.start), **{**START, "linewidth": 1.2, "label": label})
         for column, dimension in zip(columns, dimensions, strict=True):
             ends = (
                 (f"{dimension.lower:g}", f"{dimension.upper:g}")
@@ -167,7 +169,7 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
             axes.plot(*edge.T, color=BLUE, marker="o", markersize=3, label=label)
         for constraint in constraints:
             if constraint.statistic == upward and not constraint.unbounded:
-                words = f"bound {constraint.bound:.3g}{behind_number(upward.unit)}"
+                words = f"bound in the search, {constraint.bound:.3g}{behind_number(upward.unit)}"
                 axes.axhline(constraint.bound, color=GREY, linestyle=(0, (1, 1.5)), label=words)
         _scale(axes.set_xscale, points[kept, 0])
         _scale(axes.set_yscale, points[kept, 1])
@@ -216,8 +218,14 @@ def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> 
 ROWS = 2500
 """Rows of a run that are drawn, at most."""
 
-CONTENDERS = {"paper": ("paper's gains", VERMILION), "best": ("best", BLUE)}
-"""Name of a score in a verdict → its label and colour."""
+COLOURS = {"paper": VERMILION, "best": BLUE}
+"""Name of a score in a verdict that is drawn → its colour."""
+
+
+def _named(verdict: SelectionResult) -> dict[str, str]:
+    """Name of a score in a verdict → its label."""
+    return {"paper": "paper's gains", "best": "best" if verdict.improved else "start, kept"}
+
 
 DISTRIBUTED = ("mse", "chatter", "peak_tension", "min_tension")
 """Figures of merit whose distribution is shown."""
@@ -231,16 +239,17 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
     With an ensemble it is the test scenario with the best's median error.
     """
     runs, words = _runs(problem, verdict)
-    experiment = problem.experiment
+    experiment, named = problem.experiment, _named(verdict)
     with new_page(None, 6.6, "The paper's gains and the best", words) as page:
         panels = page.panels(4, sharex=True, height_ratios=(1, 1, 1.2, 1.2))
         for axes, name in zip(panels, ("paper", "best"), strict=False):
-            label, colour = CONTENDERS[name]
+            label, colour = named[name], COLOURS[name]
             axes.plot(runs[name]["t"], 1e3 * runs[name]["e"], color=colour, linewidth=0.8, label=label)
             axes.set(ylabel="e (mm)", title=f"tracking error, {label}")
         for rope, axes in enumerate(panels[2:], start=1):
-            for name, (label, colour) in CONTENDERS.items():
-                axes.plot(runs[name]["t"], 1e-3 * runs[name][f"F{rope}"], color=colour, linewidth=0.7, label=label)
+            for name, colour in COLOURS.items():
+                tension = 1e-3 * runs[name][f"F{rope}"]
+                axes.plot(runs[name]["t"], tension, color=colour, linewidth=0.7, label=named[name])
             draw_limits(axes, experiment, label="limits of the commands,")
             axes.set(ylabel=f"F{rope} (kN)", title=f"tension of rope {rope}")
         page.time_axes(panels, experiment, shaded=False)
@@ -256,16 +265,17 @@ def distributions(verdict: SelectionResult) -> Figure | None:
     with new_page(None, 4.6, "Test set", words) as page:
         for axes, metric in zip(page.panels(2, 2, "C"), DISTRIBUTED, strict=True):
             quantity = metric_quantities()[metric]
-            values = {name: quantity.scale * _completed(verdict, name, metric) for name in CONTENDERS}
+            values = {name: quantity.scale * _completed(verdict, name, metric) for name in COLOURS}
             everything = np.concatenate(list(values.values()))
             log = bool(len(everything)) and everything.min() > 0 and everything.max() > 20 * everything.min()
             span = (np.log10(everything) if log else everything) if len(everything) else np.zeros(1)
             edges = np.linspace(span.min(), span.max() + 1e-9, BINS + 1)
-            for name, (_, colour) in CONTENDERS.items():
+            for name, colour in COLOURS.items():
                 axes.hist(values[name], 10**edges if log else edges, color=colour, alpha=0.7, histtype="stepfilled")
             axes.set_xscale("log" if log else "linear")
             axes.set(xlabel=quantity.axis, ylabel="scenarios")
-        page.legend(*(Patch(facecolor=colour, alpha=0.7, label=label) for label, colour in CONTENDERS.values()))
+        named = _named(verdict)
+        page.legend(*(Patch(facecolor=colour, alpha=0.7, label=named[name]) for name, colour in COLOURS.items()))
     return page.figure
 
 

@@ -45,7 +45,7 @@ CAPTIONS = {
     "importance": "How much a gain's values among the best tenth of all complete trials, constraints aside, differ "
     "from those elsewhere (PED-ANOVA). An unimportant gain may stay at its default.",
     "parallel": "One line per candidate, one column per gain, from its lower to its upper bound. Where lines converge, "
-    "the gain is settled; where they fan out, it matters little; where they end at a bound, widen it.",
+    "the gain is settled; where they fan out, it matters little; where they end at a bound, a wider one may help.",
     "front": "The price of one figure of merit in terms of the other. Where a bound on the chatter touches the lower "
     "edge, it is what keeps the error from being smaller.",
     "before": "The same plant, sea and noise for both. Note the two scales of the error.",
@@ -84,6 +84,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),
         bounds=_bounds(tuned),
+        other_bounds=other_bounds(tuned),
         margins=margin_places(tuned),
         pictures=_pictures(tuned),
         gains=_gains(tuned),
@@ -117,7 +118,7 @@ def _scores(tuned: TuningResult) -> list[dict[str, Any]]:
             {
                 "name": in_words(name),
                 "values": [number_text(verdict.statistics(column)[name]) for column in columns],
-                "ratio": number_text(value / theirs) if theirs else "–",
+                "ratio": number_text(value / theirs) if theirs > 0 <= value else "–",
                 "unit": readable_unit(tuned.problem.units[name]),
             }
         )
@@ -134,6 +135,16 @@ def _bounds(tuned: TuningResult) -> list[dict[str, Any]]:
         }
         for constraint in tuned.verdict.constraints
     ]
+
+
+def other_bounds(tuned: TuningResult) -> str:
+    """The bounds that were other numbers in the search, as what the paper's gains reach differs from set to set."""
+    pairs = zip(tuned.training.constraints, tuned.verdict.constraints, strict=True)
+    others = [searched.label for searched, here in pairs if searched.label != here.label]
+    if not others:
+        return ""
+    words = "A factor on what the paper's gains reach is another number in other scenarios"
+    return f"{words}: in the search {'; '.join(others)}."
 
 
 def _gains(tuned: TuningResult) -> list[dict[str, Any]]:
@@ -167,7 +178,7 @@ def _pictures(tuned: TuningResult) -> dict[str, list[dict[str, str]]]:
         "history": ("History", history(problem, trials)),
         "front": ("Trade-off", front(problem, tuned.training.constraints, trials)),
         "importance": ("Which gains matter", importance(problem, trials)),
-        "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials)),
+        "parallel": ("Gains of the best candidates", parallel_coordinates(problem, trials, verdict)),
     }
     shown = {
         name: {"title": title, "caption": CAPTIONS[name], "source": data_uri(figure)}

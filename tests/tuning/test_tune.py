@@ -3,6 +3,7 @@
 from dataclasses import replace
 from html import escape
 
+import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
@@ -34,6 +35,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
 from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.space import Point
@@ -263,7 +265,7 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
     drawn = (
         tuned.plot(),
         importance(problem, trials),
-        parallel_coordinates(problem, trials),
+        parallel_coordinates(problem, trials, verdict),
         front(problem, tuned.training.constraints, trials),
         before_and_after(problem, verdict),
         distributions(verdict),
@@ -273,6 +275,21 @@ def test_every_figure_says_what_it_shows(tuned: TuningResult) -> None:
         assert figure.texts[0].get_text()
         assert all(axes.lines or axes.patches for axes in figure.axes)
     assert sum(importances(problem, trials).values()) == pytest.approx(1)
+
+
+def test_the_chosen_gains_are_drawn_and_no_others_are_called_the_best(tuned: TuningResult) -> None:
+    def drawn(verdict: SelectionResult) -> dict[str, list[float]]:
+        (axes,) = parallel_coordinates(tuned.problem, tuned.trials, verdict).axes
+        return {str(line.get_label()): list(np.asarray(line.get_ydata())) for line in axes.lines}
+
+    space, verdict = tuned.problem.space, tuned.verdict
+    moved = replace(verdict.best.candidate, point=verdict.best.point | {"controller.observer.l0": 7.0})
+    chosen = replace(verdict, best=replace(verdict.best, candidate=moved))
+    assert drawn(chosen)["best"] == list(space.encoded(moved.point))
+    assert drawn(chosen)["start"] == list(space.encoded(tuned.problem.start))
+    kept = drawn(replace(verdict, obstacle="no trial is better"))
+    assert kept["start, kept"] == list(space.encoded(tuned.problem.start))
+    assert not kept.keys() & {"best", "start"}
 
 
 @pytest.mark.parametrize(("worth", "ahead"), [(0.01, ["hybrid"]), (10.0, [])])
