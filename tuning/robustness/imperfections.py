@@ -330,6 +330,7 @@ class ImperfectionSize:
         unit: of both; `SHARE` for shares, such as those of the base's nominal value.
         drawn: whether it is drawn.
         text: what stands for a value that is no number.
+        nominal: what departures of another size either way are from, so that they are read as values; 0 of shares.
     """
 
     low: float | None
@@ -337,17 +338,17 @@ class ImperfectionSize:
     unit: str
     drawn: bool
     text: str = ""
+    nominal: float = 0.0
 
     def __str__(self) -> str:
-        """Such as ``±0.2 %``."""
+        """Such as ``±0.2 %``, or the values, ``100 to 1000 N s/m``, where both ends are not as far away."""
         if self.low is None or self.high is None:
             return self.text
-        (low, high), unit = with_unit([self.low, self.high], self.unit)
-        if not self.drawn or low == high:
-            return f"{high}{unit}"
-        if abs(self.low + self.high) <= 1e-9 * abs(self.high):
+        if self.drawn and self.low < self.high and abs(self.low + self.high) <= 1e-9 * abs(self.high):
+            (high,), unit = with_unit([self.high], self.unit)
             return f"±{high}{unit}"
-        return f"{low} to {high}{unit}"
+        (low, high), unit = with_unit([self.nominal + self.low, self.nominal + self.high], self.unit)
+        return f"{low} to {high}{unit}" if low != high else f"{high}{unit}"
 
 
 def amount_of(scaling: ScaledEnsemble, imperfection: Imperfection, size: float) -> ImperfectionSize | None:
@@ -372,8 +373,10 @@ def _of_key(scaling: ScaledEnsemble, key: str, size: float) -> ImperfectionSize:
         return ImperfectionSize(value, value, unit_of(leaf.quantity), drawn=False)
     ends = [between(leaf, *pair, size) - base for pair in _ends(scaling.base.distributions.get(key), drawn, base)]
     shares = drawn.relative and base != 0
-    low, high = (end(ends) / abs(base) if shares else end(ends) for end in (min, max))
-    return ImperfectionSize(low, high, SHARE if shares else unit_of(leaf.quantity), drawn=True)
+    low, high = min(ends), max(ends)
+    if shares:
+        return ImperfectionSize(low / abs(base), high / abs(base), SHARE, drawn=True)
+    return ImperfectionSize(low, high, unit_of(leaf.quantity), drawn=True, nominal=base)
 
 
 def _ends(ours: Drawn | None, theirs: Drawn, nominal: Any) -> list[tuple[Any, Any]]:

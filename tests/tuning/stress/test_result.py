@@ -78,6 +78,7 @@ def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
         "unit": "1",
         "drawn": True,
         "text": "±0.2 %",
+        "nominal": 0.0,
     }
     for row, kept in zip(found.ranking, record["imperfections"], strict=True):
         for name, broken in row.breaks.items():
@@ -109,6 +110,8 @@ def test_the_figure_has_a_row_for_each_imperfection(found: RobustnessResult) -> 
         (ImperfectionSize(-2.5, 2.5, "m", drawn=True), "±2.5 m"),
         (ImperfectionSize(-1.5e-5, 1.5e-5, SHARE, drawn=True), "±0.0015 %"),
         (ImperfectionSize(-0.1, 0.3, "N", drawn=True), "−0.1 to 0.3 N"),
+        (ImperfectionSize(-900.0, 0.0, "N s/m", drawn=True, nominal=1000.0), "100 to 1000 N s/m"),
+        (ImperfectionSize(-900.0, 900.0, "N s/m", drawn=True, nominal=1000.0), "±900 N s/m"),
         (ImperfectionSize(4096, 4096, "1", drawn=False), "4096"),
         (ImperfectionSize(5e-5, 5e-5, "s", drawn=False), "50 µs"),
         (ImperfectionSize(None, None, "", drawn=False, text="motor"), "motor"),

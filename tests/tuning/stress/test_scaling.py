@@ -10,7 +10,7 @@ from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.tuning.robustness.imperfections import ScaledEnsemble, between, imperfections, union
+from dualwinch.tuning.robustness.imperfections import ScaledEnsemble, amount_of, between, imperfections, union
 from tests.tuning.stress.ensembles import DRUMS, bare, of, rig, sea
 
 
@@ -51,6 +51,13 @@ def test_departures_from_the_base_grow_with_the_size(size: float, index: int) ->
 
 
 SCALING = scaling_of(bare(), of(DRUMS, bare()))
+
+
+@pytest.mark.parametrize(("size", "words"), [(1.0, "100 to 1000 N s/m"), (0.5, "550 to 1000 N s/m")])
+def test_draws_to_one_side_of_the_nominal_value_are_said_as_values(size: float, words: str) -> None:
+    damping = 'plant.rope_1.damping = { kind = "log-uniform", low = 100, high = 1000 }'
+    scaling = scaling_of(bare(), of(f"[distributions]\n{damping}\n", bare()))
+    assert str(amount_of(scaling, scaling.single[0], size)) == words
 
 
 def test_a_drawn_radius_is_unknown_to_the_controller_and_a_set_one_is_not() -> None:
