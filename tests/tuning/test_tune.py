@@ -217,7 +217,7 @@ def test_gains_that_change_nothing_need_no_wider_bounds(
     """Nothing saturates in these runs, so the anti-saturation system is idle whatever its gains."""
     monkeypatch.setitem(METHODS, "stubborn", Stubborn)
     beta, k_a, gamma = "controller.nftsm.beta", "controller.auxiliary.k_a", "controller.auxiliary.gamma"
-    kept = tune(make_problem(space=[beta, k_a, gamma], constraints=[]), method="stubborn", trials=6, held_out=4)
+    kept = tune(make_problem(space=[beta, k_a, gamma], constraints=[]), method="stubborn", trials=6, test_scenarios=4)
     best, ends = kept.verdict.best, {beta: 0.005, k_a: 100.0, gamma: 1e-3}
     candidate = replace(best.candidate, point=best.point | ends)
     tuned = replace(kept, verdict=replace(kept.verdict, obstacle="", best=replace(best, candidate=candidate)))
