@@ -118,7 +118,7 @@ def _search(
 ) -> float:
     progress = search(name, proposer, MemoryStorage(SearchBudget(trials)), Evaluator(prepared), watch)
     if progress.best is None or not progress.best.feasible:
-        raise RuntimeError(f"{name}: found no candidate that keeps to the constraints")
+        raise RuntimeError(f"{name}: found no candidate that satisfies the constraints")
     return progress.best.objectives[0]
 
 

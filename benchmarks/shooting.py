@@ -2,9 +2,9 @@
 
 Unknown are the same numbers, and with them the whole motion: the state at the beginning of every segment, and in every
 segment the current and the rail load that nobody recorded. Minimised are the squares of the same readings' distances
-from what the machine says, over the same noise, and how unlikely current and rail load are as the same Gauss–Markov
-processes; segments have to meet. It is the nearest to a filter's prediction errors that has no filter: the most
-likely numbers and motion together. Noise noise are given. Left out are the further force and torques whose size
+from what the machine says, over the same noise, and the negative log-likelihood of current and rail load as the same
+Gauss–Markov processes; segments have to meet. It is the nearest to a filter's prediction errors that has no filter:
+the most likely numbers and motion together. The noise is given. Left out are the further force and torques whose size
 `dualwinch.identify` finds out, its robust loss, and what is known of the first state.
 
 Slopes are exact, and second derivatives those of Gauss and Newton: of what is squared, only the slopes count. With
@@ -163,7 +163,7 @@ class _Segments:
         return np.concatenate([np.ones(self._p), np.ravel(nodes), nodes[-1], np.ravel(acting)])
 
     def _penalty(self, acting: ca.MX) -> ca.MX:
-        """How unlikely what acts is: half the squares of its steps over their deviations."""
+        """Negative log-likelihood of the disturbances: half the squares of their steps over the deviations."""
         step = SAMPLES * self._believed.simulation.sample_time
         kept = np.exp(-step / np.array([self._noise.process[name].time for name in ACTING]))
         moved = (acting[:, 1:] - kept * acting[:, :-1]) / np.sqrt(1 - kept**2)

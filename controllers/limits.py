@@ -1,4 +1,4 @@
-"""Preload and limits of the two rope tensions, which every law and coordination keeps to."""
+"""Preload and limits of the two rope tensions, of every law and coordination."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar

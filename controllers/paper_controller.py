@@ -20,8 +20,8 @@ def paper_controller(own: Controller | None = None) -> Controller:
 
     It sees the sensors as they are, and never keeps a reserve. For the machine of another controller it believes of the
     plant what that one does, and has that one's damping of the drums, on ropes of any length: the paper has none, and
-    without it heavy drums swing until they are lost. Where the winches have other limits than the paper's it keeps to
-    those, at the other's preload: the paper's gains say nothing of how strong a machine is.
+    without it heavy drums swing until they are lost. Where the winches have other limits than the paper's it has
+    those, and the other's preload: the paper's gains say nothing of how strong a machine is.
 
     Args:
         own: the controller of the machine; default: the paper's machine.

@@ -181,13 +181,13 @@ class NoiseEstimator:
                 return replace(noise, process={**noise.process, name: process})
 
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
-                return self._cost(experiment, moved(by), None) + self._unlikelihood(experiment, moved(by))
+                return self._cost(experiment, moved(by), None) + self._negative_log_prior(experiment, moved(by))
 
             best = _minimum(cost, -reach, reach, options.described_tolerance, options.described_evaluations)
             noise = moved(best)
         return noise
 
-    def _unlikelihood(self, experiment: Experiment, noise: NoiseCovariances) -> float:
+    def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
         """Negative logarithm of the prior density of the described disturbances, but for a constant."""
         process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
         of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))

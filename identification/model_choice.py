@@ -166,7 +166,7 @@ class ModelChoice:
        deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
     7. Vortices have the kind of phase that smoothed readings show (`vortices.likelier_phase`); where the amplitude of
-       the paper's kind is an unlikely one, the other kind is tried.
+       the paper's kind is far from the described one, the other kind is tried.
 
     Attributes:
         logs: of one machine.
@@ -245,7 +245,7 @@ class ModelChoice:
         return found if coarse else self._with_likelier_delay(found)
 
     def _with_likelier_phase(self, model: FittedModel) -> FittedModel:
-        """A model, or that with vortices of an integrated phase where the amplitude of its own is an unlikely one.
+        """A model, or that with vortices of an integrated phase where the amplitude of its own is far from described.
 
         Weak vortices hardly show in smoothed readings, and those of the wrong kind come to nothing, or to far too much.
         """

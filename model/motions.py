@@ -134,7 +134,7 @@ def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | No
 
 @dataclass(frozen=True)
 class MoveLimits:
-    """What a motion keeps to: speed in m/s, acceleration in m/s², jerk in m/s³ (``None``: acceleration may step)."""
+    """Limits of a motion: speed in m/s, acceleration in m/s², jerk in m/s³ (``None``: acceleration may step)."""
 
     speed: float
     acceleration: float

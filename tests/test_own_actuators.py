@@ -270,7 +270,7 @@ def test_results_are_saved_and_loaded_with_them(tmp_path: Path) -> None:
 
 @dataclass(frozen=True)
 class Shifty(Actuator):
-    """An actuator that does not keep to its state."""
+    """An actuator that returns another state than its own."""
 
     kind: ClassVar = "shifty"
 

@@ -302,7 +302,7 @@ class Growing:
 
 @dataclass(frozen=True)
 class Shifty(PositionLaw):
-    """A law that does not keep to its state."""
+    """A law that returns another state than its own."""
 
     kind: ClassVar = "shifty"
 

@@ -183,7 +183,7 @@ class Constraint:
         return self.bound == (-math.inf if self.at_least else math.inf)
 
     def violation(self, value: float, margin: float = 0.0) -> float:
-        """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is kept to.
+        """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is satisfied.
 
         Args:
             value: of the statistic. One that no run has (NaN) violates all of the bound, an infinite one all or none.

@@ -261,8 +261,8 @@ class SelfCalibratingKalman(Estimator):
         way, rolled = x - known.left_behind, (1 - share) * known.rolled + sample_time * reading
         weight = share * way / self.kalman.position_noise**2
         information = exp(-sample_time / self.drums.memory) * known.information + weight * way
-        surprise = rolled - (1 + known.error) * way
-        error = known.error + weight * surprise / (information + 1 / self.drums.wheel**2)
+        innovation = rolled - (1 + known.error) * way
+        error = known.error + weight * innovation / (information + 1 / self.drums.wheel**2)
         return WheelKnowledge(error, information, rolled, known.left_behind + share * way), reading / (1 + error)
 
     def _calibrated(

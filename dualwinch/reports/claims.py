@@ -169,7 +169,7 @@ def _limits(runs: Runs) -> Iterator[Claim]:
 
 
 def _exceeded(run: Result) -> str:
-    """What a run does beyond its limits, in words; nothing where it keeps to them."""
+    """What a run does beyond its limits, in words; nothing where it stays within them."""
     m, limit = run.metrics, float(run.experiment.controller.limits.tension_max)
     words = []
     if m.saturated_share > 0:

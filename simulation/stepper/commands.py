@@ -124,7 +124,7 @@ class GivenTorques(Coordination):
         setpoint: Setpoint,  # noqa: ARG002
         context: Context,
     ) -> tuple[MotorTorques, CoordinationOutput]:
-        """One sample; a torque counts as saturated at the limits that the other coordinations keep to, and beyond."""
+        """One sample; a torque counts as saturated at the limits of the other coordinations, and beyond."""
         commands, limits = pulls(state, context.nominal), context.limits
         lower, upper = limits.tension_min * (1 + ROUNDING), limits.tension_max * (1 - ROUNDING)
         at_limit = either(*(either(pull <= lower, pull >= upper) for pull in commands))

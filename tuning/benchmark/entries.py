@@ -1,4 +1,4 @@
-"""Who takes part in a race: a law, an estimator and a coordination, as they are or with something held."""
+"""The entries of a race: a law, an estimator and a coordination, as they are or with something held."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -192,10 +192,10 @@ class BenchmarkTerms:
 
 @dataclass(frozen=True)
 class EntryProblem:
-    """Who takes part, ready to be tuned.
+    """An entry, ready to be tuned.
 
     Attributes:
-        entry: who.
+        entry: its parts.
         problem: what is searched for.
         definition: the problem as data that is kept with the result.
     """

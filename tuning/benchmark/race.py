@@ -519,7 +519,7 @@ def run_race(
     An interrupt (Ctrl-C) keeps what is finished; the same call goes on with the rest.
 
     Args:
-        entrants: who takes part, at least one.
+        entrants: at least one.
         terms: what is the same for all.
         folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
         robustness: finds the robustness margins of the best gains.

@@ -80,7 +80,7 @@ class BenchmarkResult:
     Attributes:
         terms: what was the same for all.
         paper: the paper's gains, and the least error there is.
-        entries: who is finished, a search each.
+        entries: those that are finished, a search each.
         left: number of entries that an interrupt has left out.
     """
 
@@ -114,7 +114,7 @@ class BenchmarkResult:
 
     @cached_property
     def ranking(self) -> tuple[EntryResult, ...]:
-        """The median search of every entry, the least error first; at the end who did not run all to its end.
+        """The median search of every entry, the least error first; entries with runs that were not completed last.
 
         Of an even number of searches the worse one of the two in the middle.
         """
@@ -387,7 +387,9 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
         f"scored in {terms.test_scenarios} test scenarios"
     )
-    with new_page(ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: who tracks best?", words) as page:
+    with new_page(
+        ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: which law tracks best?", words
+    ) as page:
         (axes,) = page.panels()
         first = found.ranking[0].entry.key if found.entries else ""
         tied = {first, *found.alike(first)} if first else set()

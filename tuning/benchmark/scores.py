@@ -168,7 +168,7 @@ class EntryResult:
     """An entry with the best gains that were found for it.
 
     Attributes:
-        entry: who.
+        entry: its parts.
         runs: of those gains in the test set.
         gains: tuned key → value.
         fronts: figure of merit → what it costs in error, by cost.

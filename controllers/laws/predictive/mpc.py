@@ -2,7 +2,7 @@
 
 The vehicle is a mass; its nominal resistance along the reference is known, a disturbance is estimated and stays. Errors
 of position and speed cost, and so do changes of the force, which ropes and winches have to follow. What lies beyond the
-horizon costs what the best feedback without limits would pay for it. Force and rate of force keep to their limits: at
+horizon costs what the best feedback without limits would pay for it. Force and its rate stay within their limits: at
 each end of a stage the force is one that can be reached by then.
 
 After Rawlings, Mayne and Diehl, *Model Predictive Control: Theory, Computation, and Design* (2nd ed., 2017): the cost

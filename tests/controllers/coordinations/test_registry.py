@@ -1,4 +1,4 @@
-"""What every coordination keeps to."""
+"""The contract of every coordination."""
 
 from dataclasses import replace
 

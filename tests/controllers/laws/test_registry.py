@@ -1,4 +1,4 @@
-"""What every position law keeps to."""
+"""The contract of every position law."""
 
 import pytest
 from hypothesis import given

@@ -46,7 +46,7 @@ def test_fronts_leave_out_what_breaks_a_constraint_or_is_beaten() -> None:
     assert (chatter.get_xlabel(), load.get_xlabel()) == ("mean chatter (N)", "mean continuous load (N m)")
     lines = [line for line in chatter.lines if line.get_linestyle() != "None" and line.get_marker() == "."]
     adrc = next(line for line in lines if np.ravel(line.get_ydata())[0] == pytest.approx(1e3 * 4e-7**0.5))
-    assert np.ravel(adrc.get_xdata()).tolist() == [1.0, 2.0], "a point that keeps to all, and the best"
+    assert np.ravel(adrc.get_xdata()).tolist() == [1.0, 2.0], "a point that satisfies all constraints, and the best"
     broken = next(line for line in lines if np.ravel(line.get_ydata())[0] == pytest.approx(1e3 * 2e-6**0.5))
     assert np.ravel(broken.get_xdata()).tolist() == [1.0], "its best breaks a constraint"
 

@@ -1,4 +1,4 @@
-"""Hardness: what the best fail in comes first and is for everyone, the typical scenarios stay, old failures fade."""
+"""Active scenarios: those that the best violate come first, the typical ones stay, old violations fade."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def test_it_begins_with_the_scenarios_as_they_were_prepared(prepared: TrainingSe
     assert pool.common == prepared.scenarios
 
 
-def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(prepared: TrainingSet) -> None:
+def test_a_scenario_that_the_best_fail_in_becomes_the_first_hard_one_of_all_candidates(prepared: TrainingSet) -> None:
     pool, failing = ActiveScenarios(prepared), prepared.hard[5]
     every = [*pool.common, *pool.active]
     pool.learn([peaks([HIGH if scenario is failing else CALM for scenario in every])])
@@ -44,7 +44,7 @@ def test_a_scenario_that_the_best_fail_in_is_everyones_at_the_first_hard_place(p
     assert set(map(id, [*pool.common, *pool.active])) == set(map(id, every))
 
 
-def test_who_meets_all_finds_what_has_become_harder(prepared: TrainingSet) -> None:
+def test_a_review_finds_scenarios_that_have_become_harder(prepared: TrainingSet) -> None:
     pool = ActiveScenarios(prepared)
     failing = pool.inactive[20]
     every = [*pool.common, *pool.active, *pool.inactive]
@@ -80,7 +80,7 @@ def test_the_best_of_a_call_count_by_their_mean(prepared: TrainingSet) -> None:
     assert pool.common[3] is every[12]
 
 
-def test_candidates_meet_what_the_best_before_them_failed_in(
+def test_candidates_are_run_where_the_best_before_them_failed(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seed = 10  # of draws among which the further ones are harder

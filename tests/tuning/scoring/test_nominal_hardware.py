@@ -1,4 +1,4 @@
-"""Machines without errors: nothing but what data sheets say is left out of a scenario."""
+"""Nominal hardware: nothing but what data sheets say is left out of a scenario."""
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.quantities.tree import leaves
