@@ -1,12 +1,17 @@
 """What stability margins as default constraints take of a search, and how its rate compares with the batch kernel's.
 
 ``uv run --group benchmarks python -m benchmarks.margins`` searches in each ensemble with its default constraints and
-prints a table; ``--write FILE`` puts it between the file's two marks. Times are those of the processor, so that they
-hardly depend on what else the machine does. The kernel's rate is that of the search's own rollouts. Gradients are
-counted as what they cost: as the rollouts that take as long.
+prints a table; ``--write FILE`` puts it between the file's two marks. Each search runs once as compiled for this
+processor and once as compiled for one that has AVX2 and no more (``haswell``), in a process of its own. Times are those
+of the processor, so that they hardly depend on what else the machine does. The kernel's rate is that of the search's
+own rollouts. Gradients are counted as what they cost: as the rollouts that take as long.
 """
 
 import argparse
+import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -50,7 +55,7 @@ def timed(place: Any, name: str) -> Iterator[Callable[[], float]]:
 
 
 def row(name: str, rollouts: int) -> list[str]:
-    """The row of an ensemble: its rates, and what margins take of the search and of a candidate."""
+    """An ensemble: its rates, and what margins take of the search and of a candidate."""
     problem = tuning_problem(ensemble=name, seed=SEED)
     training, method = prepare(problem), default_method(1)
     compile_ahead(method, training)
@@ -70,7 +75,6 @@ def row(name: str, rollouts: int) -> list[str]:
         margins = of_margins() / whole
     words = [f"{kernel:.0f}", f"{kernel * share:.0f}", f"{100 * share:.0f} %", f"{100 * margins:.0f} %"]
     return [
-        f"`{name}`",
         str(evaluator.rollouts),
         *words,
         *(f"{1e3 * each:.1f} ms" for each in of_a_candidate(evaluator)),
@@ -93,10 +97,28 @@ def of_a_candidate(evaluator: Evaluator) -> tuple[float, float]:
     return spent[0], spent[1]
 
 
-def table(names: Sequence[str], rollouts: int) -> str:
-    """A row for each ensemble."""
+def rows_of(march: str, names: Sequence[str], rollouts: int) -> list[list[str]]:
+    """Rows of a build for a processor, from a process of its own."""
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.margins",
+        "--child",
+        "--ensembles",
+        *names,
+        "--rollouts",
+        str(rollouts),
+    ]
+    environment = os.environ | {"DUALWINCH_CC": f"gcc -march={march}"}
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def table(marches: Sequence[str], names: Sequence[str], rollouts: int) -> str:
+    """A row for each ensemble and processor."""
     headings = [
         "ensemble",
+        "compiled for",
         "rollouts",
         "kernel (1/s)",
         "search (1/s)",
@@ -105,8 +127,14 @@ def table(names: Sequence[str], rollouts: int) -> str:
         "active loops",
         "all loops",
     ]
+    builds = [rows_of(march, names, rollouts) for march in marches]
+    rows = [
+        [f"`{name}`", march, *found[index]]
+        for index, name in enumerate(names)
+        for march, found in zip(marches, builds, strict=True)
+    ]
     return (
-        f"{markdown(headings, [row(name, rollouts) for name in names])}\n\n"
+        f"{markdown(headings, rows)}\n\n"
         "*Rollouts a second of the processor, one core; share of the search's time for margins; margins of a candidate "
         "in the active loops and in all.*"
     )
@@ -117,9 +145,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--ensembles", nargs="+", default=["sea", "rig", "site"], metavar="NAME")
     parser.add_argument("--rollouts", type=int, default=6000, metavar="N")
+    parser.add_argument("--march", nargs="+", default=["native", "haswell"], metavar="NAME", help="as gcc names them")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
-    text = table(chosen.ensembles, chosen.rollouts)
+    if chosen.child:
+        print(json.dumps([row(name, chosen.rollouts) for name in chosen.ensembles]))
+        return
+    text = table(chosen.march, chosen.ensembles, chosen.rollouts)
     print(text)
     if chosen.write:
         put(chosen.write, "margins", text)
