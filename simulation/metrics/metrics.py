@@ -88,7 +88,7 @@ class Metrics(Mapping[str, float]):
         MetricQuantity(
             "N",
             "smallest tension of both ropes at the drums, at the samples; negative where drag holds back a slack rope "
-            "that runs off its drum",
+            "that moves away from its drum",
             label="least tension",
             formula=r"\min_k \min(F_{1,k}, F_{2,k})",
             small_is_bad=True,

@@ -148,7 +148,7 @@ def test_first_symmetric_frequency_is_irvines(tension: float) -> None:
 
 
 @pytest.mark.parametrize(("mass", "segments"), [(2.36, 2), (2.36, 4), (0.0, 1)])
-def test_a_slack_rope_that_runs_off_its_drum_gives_half_a_segments_drag(mass: float, segments: int) -> None:
+def test_a_slack_rope_that_moves_away_from_its_drum_gives_half_a_segments_drag(mass: float, segments: int) -> None:
     rope = Rope(mass_per_length=mass, segments=segments, skin_friction=0.01)
     plant = replace(plant_of(rope, Winch()), rope_slack=True)
     rest = resting_state(2000.0, plant, 10.0)

@@ -156,7 +156,7 @@ def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
 
 def test_two_loops_that_do_not_touch_have_the_margins_of_the_lesser() -> None:
     one, other = sampled(0.5, -0.25, 0.0), sampled(0.9, 0.4, 0.0)
-    A, B, C, D = (block_diag(getattr(one, name), getattr(other, name)) for name in "ABCD")
+    A, B, C, D = (np.asarray(block_diag(getattr(one, name), getattr(other, name))) for name in "ABCD")
     states, inputs, outputs = ("x1", "x2"), ("in1", "in2"), ("out1", "out2")
     both = margins(
         LinearSystem(A, B, C, D, 1e-3, states, inputs, outputs, dict.fromkeys(states + inputs + outputs, "1"))

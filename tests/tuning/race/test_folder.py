@@ -57,8 +57,8 @@ def test_what_another_process_has_claimed_is_left_to_it(tmp_path: Path, monkeypa
     ours, theirs = ResultFolder(tmp_path, TERMS), ResultFolder(tmp_path, TERMS)
     said = list[str]()
 
-    def tell(done: float, words: str) -> None:  # noqa: ARG001
-        said.append(words)
+    def tell(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+        said.append(phase)
         theirs.keep("adrc", {}, {"value": 1})
 
     nothing = cast("Any", None)
