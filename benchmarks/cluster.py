@@ -26,7 +26,7 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.task import WorkerTask
 from dualwinch.simulation.batch.workers import cores, portion_of, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.run import POINTS, ensemble_portion, run_ensemble
+from dualwinch.simulation.ensembles.run import TRACE_POINTS, ensemble_portion, run_ensemble
 from dualwinch.simulation.ensembles.streamed import ensemble_statistics, statistics_portion
 
 RUNS, SEED = 20_000, 1
@@ -139,7 +139,7 @@ def limit() -> tuple[str, float]:
 def traffic(ensemble: Ensemble) -> str:
     """Bytes that travel for a run, there and back, as a table."""
     size, rows = portion_of(RUNS), []
-    stride = -(-ensemble.experiment.samples // POINTS)
+    stride = -(-ensemble.experiment.samples // TRACE_POINTS)
     indices = range(4 * size, 5 * size)
     for name, work, more in (
         ("`run_ensemble`, metrics and draws", ensemble_portion, (0,)),

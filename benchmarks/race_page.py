@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmarks.document import markdown, put
 from dualwinch.simulation.ensembles.comparison import Interval
-from dualwinch.tuning.benchmark.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER
+from dualwinch.tuning.benchmark.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER_LAW
 from dualwinch.tuning.benchmark.scores import below_words, ratio_words, spaced
 
 Record = Mapping[str, Any]
@@ -60,7 +60,7 @@ CLAIMS = (
 def paper_entry(race: Record) -> Record | None:
     """The paper's law as it is, with the parts that most entries have."""
     usual = _usual(race)
-    wanted = {"law": PAPER, "variant": "", **usual}
+    wanted = {"law": PAPER_LAW, "variant": "", **usual}
     return next((entry for entry in race["entries"] if _is(entry, wanted)), None)
 
 
@@ -68,7 +68,7 @@ def claims_table(race: Record) -> str:
     """Claim, what stands in the part's place, how the error changes, and whether the rule says that they differ."""
     whole, rows = paper_entry(race), []
     for claim in CLAIMS:
-        wanted = {"law": PAPER, "variant": "", **_usual(race), **claim.other}
+        wanted = {"law": PAPER_LAW, "variant": "", **_usual(race), **claim.other}
         other = next((entry for entry in race["entries"] if _is(entry, wanted)), None)
         found = ["–", "not run"] if not (whole and other) else _compared(race, other, whole)
         rows.append([claim.words, claim.without, *found])

@@ -33,7 +33,7 @@ SUFFIXES = {".py", ".c", ".h", ".toml"}
 DAMAGED = (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError, AttributeError)
 """What reading a file raises that is not there, or is not what it was."""
 
-KEPT = 4
+KEPT_CONTENTS = 4
 """Contents kept; the ones made longest ago go first."""
 
 
@@ -112,5 +112,5 @@ def _write(file: Path, made: Content) -> None:
     with atomic(file) as unfinished:
         unfinished.write_bytes(gzip.compress(text.encode()))
     before = sorted(file.parent.glob("lab-*.json.gz"), key=lambda path: path.stat().st_mtime, reverse=True)
-    for path in before[KEPT:]:
+    for path in before[KEPT_CONTENTS:]:
         path.unlink(missing_ok=True)

@@ -17,7 +17,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import NONE, Numbers, unknown
 from dualwinch.model.units import factor
 
-KEPT = 32
+KEPT_FILES = 32
 """Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""
 
 SINCE_1970 = 3e8
@@ -45,7 +45,7 @@ def read_table(file: str, names: tuple[str | None, ...]) -> list[TableColumn]:
         raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from error
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_FILES)
 def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> list[TableColumn]:  # noqa: ARG001
     path = Path(file)
     columns = chosen(path, names, READERS[path.suffix.lower()](path))

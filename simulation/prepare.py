@@ -25,7 +25,7 @@ from dualwinch.simulation.integrators import INTEGRATORS
 from dualwinch.simulation.integrators.problem import bristle_swing_rate, swing_rate
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
-    KEPT,
+    KEPT_STRUCTURES,
     is_automatic,
     parameters_of,
     solver_of,
@@ -73,7 +73,7 @@ class PreparedExperiment:
         return np.array(list(self.start.values()))
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExperiment:
     """Check that the values of an experiment fit together, and make it ready to run.
 
@@ -170,7 +170,7 @@ def _check_reference(experiment: Experiment) -> None:
         )
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def _position_at(t: float, reference: Reference) -> float:
     """In m; kept, as the scenarios of an ensemble share their reference."""
     return float(setpoint(t, reference).x)

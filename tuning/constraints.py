@@ -33,7 +33,7 @@ MARGINS = {
     "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes; from 2 on any gain")),
     "resonance_margin": (RESONANCE, Quantity("1", "largest factor on the loop gain at the drums' resonance, by rule")),
 }
-"""Name of a margin → its kind (`simulation.analysis.margins.KINDS`, or `RESONANCE`), unit and meaning."""
+"""Name of a margin → its kind (`simulation.analysis.margins.MARGIN_KINDS`, or `RESONANCE`), unit and meaning."""
 
 
 @dataclass(frozen=True)

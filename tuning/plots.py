@@ -40,7 +40,7 @@ def short(name: str) -> str:
     return name.removeprefix("controller.")
 
 
-SHOWN = 40
+SHOWN_CANDIDATES = 40
 """Candidates in parallel coordinates."""
 
 CHATTER = "mean.chatter"
@@ -111,7 +111,7 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
 
 def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
     """Where the best candidates lie in every dimension, with the chosen gains, the start and the bounds."""
-    order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN]
+    order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN_CANDIDATES]
     dimensions = problem.space.dimensions
     words = f"The {len(order)} best trials in every searched gain, best darkest"
     with new_page(None, 4.2, "Where the best lie", words) as page:

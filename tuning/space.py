@@ -352,7 +352,7 @@ def _effective(structure: Experiment) -> frozenset[str]:
     return frozenset(loop.parameters[element] for element in read)
 
 
-LARGEST = 1e30
+LARGEST_BOUND = 1e30
 """Bounds are of at most this magnitude, and on a log scale at least its inverse: beyond, searches lose their way."""
 
 
@@ -372,8 +372,8 @@ def _check_entry(name: str, entry: Any) -> None:
     for bound in bounds:
         if isinstance(bound, bool) or not isinstance(bound, (int, float)) or not abs(bound) < math.inf:
             raise ConfigurationError(f"space: {name}: bounds must be finite numbers, not {shown(bound)}")
-        if abs(bound) > LARGEST:
-            raise ConfigurationError(f"space: {name}: bounds must be within ±{LARGEST:g}, not {shown(bound)}")
+        if abs(bound) > LARGEST_BOUND:
+            raise ConfigurationError(f"space: {name}: bounds must be within ±{LARGEST_BOUND:g}, not {shown(bound)}")
 
 
 def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> ContinuousDimension:
@@ -388,8 +388,8 @@ def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Cont
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be < upper = {upper:g}")
     if log and lower <= 0:
         raise ConfigurationError(f"space: {name}: lower = {lower:g} must be > 0 on a log scale")
-    if log and lower < 1 / LARGEST:
-        raise ConfigurationError(f"space: {name}: lower = {lower:g} must be >= {1 / LARGEST:g} on a log scale")
+    if log and lower < 1 / LARGEST_BOUND:
+        raise ConfigurationError(f"space: {name}: lower = {lower:g} must be >= {1 / LARGEST_BOUND:g} on a log scale")
     for bound in (lower, upper):
         if not leaf.admits(bound):
             allowed = leaf.allowed + behind_number(leaf.quantity.unit)

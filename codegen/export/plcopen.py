@@ -11,7 +11,7 @@ NAMESPACE = "http://www.plcopen.org/xml/tc6_0201"
 XHTML = "http://www.w3.org/1999/xhtml"
 
 SECTIONS = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR_IN_OUT": "inOutVars", "VAR": "localVars"}
-KINDS = {"FUNCTION": "function", "FUNCTION_BLOCK": "functionBlock", "PROGRAM": "program"}
+POU_TYPES = {"FUNCTION": "function", "FUNCTION_BLOCK": "functionBlock", "PROGRAM": "program"}
 
 
 def plcopen_xml(project: PlcProject, flavour: Flavour = "iec") -> str:
@@ -52,7 +52,7 @@ def plcopen_xml(project: PlcProject, flavour: Flavour = "iec") -> str:
 
 
 def _pou(pous: ET.Element, pou: Pou, text_tag: str) -> None:
-    element = ET.SubElement(pous, "pou", {"name": pou.name, "pouType": KINDS[pou.kind]})
+    element = ET.SubElement(pous, "pou", {"name": pou.name, "pouType": POU_TYPES[pou.kind]})
     interface = ET.SubElement(element, "interface")
     if pou.returns:
         _type(ET.SubElement(interface, "returnType"), pou.returns)

@@ -2,10 +2,10 @@
 
 from dualwinch.codegen.fmu.build import PLATFORMS, Platform, archive, build_fmu, find_platform, host_platform
 from dualwinch.codegen.fmu.description import About
-from dualwinch.codegen.fmu.model import KINDS, VERSIONS, FmuModel, Kind, Version, fmu_model
+from dualwinch.codegen.fmu.model import FMU_KINDS, VERSIONS, FmuModel, Kind, Version, fmu_model
 
 __all__ = [
-    "KINDS",
+    "FMU_KINDS",
     "PLATFORMS",
     "VERSIONS",
     "About",

@@ -98,7 +98,7 @@ def _dependence(expressions: ca.SX, symbols: ca.SX) -> Bools:
 Version: TypeAlias = Literal[2, 3]
 VERSIONS: tuple[Version, ...] = get_args(Version)
 Kind: TypeAlias = Literal["co-simulation", "model-exchange", "both"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+FMU_KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 @dataclass(frozen=True)
@@ -230,8 +230,8 @@ def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuMod
     if version not in VERSIONS:
         raise CodegenError(f"FMI version {version}: must be 2 or 3")
     kind = kind or ("both" if block.derivative is not None else "co-simulation")
-    if kind not in KINDS:
-        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(KINDS)}")
+    if kind not in FMU_KINDS:
+        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(FMU_KINDS)}")
     if kind != "co-simulation" and block.derivative is None:
         raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
     return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]

@@ -55,7 +55,7 @@ class CalibratingState:
     rope_2: RopeKnowledge = field(default_factory=RopeKnowledge)
 
 
-LARGEST = 0.5
+LARGEST_EXCESS = 0.5
 """Largest excess compliance, either way: no rope is softer or stiffer than this."""
 
 
@@ -83,7 +83,7 @@ def learn(
     information = exp(-sample_time / gains.memory) * known.information + weight * stretch
     innovation = seen - (1 + known.excess) * stretch
     excess = known.excess + weight * innovation / (information + 1 / gains.deviation**2)
-    return RopeKnowledge(clip(excess, -LARGEST, LARGEST), information)
+    return RopeKnowledge(clip(excess, -LARGEST_EXCESS, LARGEST_EXCESS), information)
 
 
 @dataclass(frozen=True)

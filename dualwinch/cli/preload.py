@@ -72,10 +72,10 @@ def preload(
     write_figure(plot, "preloads", found)
 
 
-SHOWN = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
+PRINTED = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
 """Figures of merit that are printed."""
 
-POINTS = 1000
+FILE_POINTS = 1000
 """Points over time a file keeps of every run."""
 
 
@@ -83,7 +83,7 @@ def preloads_table(found: Preloads) -> FigureTable:
     """A row for every preload: its smallest and largest value, and the figures of merit of the run with it."""
     merits = found.scheduled.metrics.quantities
     columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
-    columns += [FigureColumn.of_metric(name, merits[name]) for name in SHOWN]
+    columns += [FigureColumn.of_metric(name, merits[name]) for name in PRINTED]
     rows = []
     for name, run in found.runs.items():
         ended = "" if run.outcome == "completed" else f" ({run.outcome})"
@@ -152,7 +152,7 @@ def to_record(found: Preloads) -> dict[str, Any]:
 
     report: dict[str, Any] = {}
     for name, run in found.runs.items():
-        stride = max(1, -(-len(run["t"]) // POINTS))
+        stride = max(1, -(-len(run["t"]) // FILE_POINTS))
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),
             "preload": run.experiment.controller.limits.preload,

@@ -18,10 +18,10 @@ from dualwinch.simulation.plots.runs import COMPARABLE
 from dualwinch.simulation.plots.traces import largest, within
 from dualwinch.simulation.results.result import Result
 
-PAPER = "https://doi.org/10.3390/jmse13061120"
+PAPER_DOI = "https://doi.org/10.3390/jmse13061120"
 
 
-COLUMNS = (
+TABLE_COLUMNS = (
     *("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse"),
     *("saturated_share", "peak_tension", "min_tension", "chatter"),
 )
@@ -92,11 +92,11 @@ def write_report(
     write_page(
         path,
         "report.html.j2",
-        paper=PAPER,
+        paper=PAPER_DOI,
         summary=summary(runs),
         cards=cards,
         claims=claims(runs) if found is None else found,
-        columns=[merits[name] for name in COLUMNS],
+        columns=[merits[name] for name in TABLE_COLUMNS],
         cases=[
             {
                 "number": number,
@@ -138,7 +138,7 @@ def _listing(words: list[str]) -> str:
 
 def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
     merits = metric_quantities()
-    best = {name: _best(results, name, merits[name]) for name in COLUMNS}
+    best = {name: _best(results, name, merits[name]) for name in TABLE_COLUMNS}
     return [
         {
             "kind": kind,
@@ -148,7 +148,7 @@ def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
             else f"{result.outcome.replace('_', ' ')} at {result.end_time:.3g} s",
             "cells": [
                 {"text": text, "best": text == best[name]}
-                for name in COLUMNS
+                for name in TABLE_COLUMNS
                 for text in [number_text(merits[name].scale * result.metrics[name])]
             ],
         }

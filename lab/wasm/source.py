@@ -78,7 +78,7 @@ def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: Scalar | None) -
     return found | dict(zip(leaves(no_departures(times), "ahead."), ahead, strict=True))
 
 
-KINDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
+SIGNAL_FIELDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
 """What is said of a random signal, as in ``Signal`` of sources.h."""
 
 
@@ -107,12 +107,12 @@ def _believed_plant(settings: Settings) -> Plant:
 
 
 def drawn_function(settings: Settings) -> ca.Function:
-    """``drawn(parameters) -> random``: `KINDS` of each exogenous signal, one after the other; periods in samples."""
+    """``drawn(parameters) -> random``: `SIGNAL_FIELDS` of each exogenous signal in turn; periods in samples."""
     symbols, step = settings.symbols, settings.symbols[SAMPLE_TIME]
     sensors = with_leaves(settings.wide.sensors, symbols, "sensors.")
     sea = with_leaves(settings.wide.disturbance, symbols, "disturbance.")
     vehicle = with_leaves(settings.wide.plant.vehicle, symbols, "plant.vehicle.")
-    rows: dict[str, list[Scalar]] = {name: [0.0] * len(KINDS) for name in settings.loop.closed.exogenous}
+    rows: dict[str, list[Scalar]] = {name: [0.0] * len(SIGNAL_FIELDS) for name in settings.loop.closed.exogenous}
     for name, course in courses(sensors, sea, vehicle).items():
         time = ca.SX(course.time)
         decay = where(time > 0, exp(-step / maximum(time, 1e-300)), 0.0)
@@ -163,7 +163,7 @@ def module_source(settings: Settings) -> str:
         "SETTINGS": settings.vector.numel(),
         "SAMPLE_TIME": settings.keys.index(SAMPLE_TIME),
         "QUEUE": loop.queue,
-        "KINDS": len(KINDS),
+        "KINDS": len(SIGNAL_FIELDS),
         "GIVEN": len(given),
         "METRICS": figures.numel_out("metrics"),
         "CHECKS": idealised.numel_out("checks"),

@@ -43,7 +43,7 @@ class Inside(NamedTuple):
     rotor: complex | None
 
     def largest(self, *kinds: str) -> complex:
-        """The largest displacement of some kinds of modes (`KINDS`)."""
+        """The largest displacement of some kinds of modes (`MODE_KINDS`)."""
         moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
         return max((way for kind in kinds for way in moved[kind]), key=abs, default=0j)
 
@@ -67,7 +67,7 @@ class Shape(NamedTuple):
     @property
     def largest(self) -> complex:
         """The largest displacement."""
-        moved = (self.vehicle, self.drum_1, self.drum_2, *(inside.largest(*KINDS) for inside in self.inner))
+        moved = (self.vehicle, self.drum_1, self.drum_2, *(inside.largest(*MODE_KINDS) for inside in self.inner))
         return max(moved, key=abs)
 
     @property
@@ -167,7 +167,7 @@ def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
     )
 
 
-KINDS = {
+MODE_KINDS = {
     "waves": ("rope {}, longitudinal mode {}", "ropes {}, longitudinal mode {}"),
     "gear": ("gear {}", "both gears {}"),
     "sag": ("sag of rope {}", "sag of both ropes {}"),
@@ -177,7 +177,7 @@ KINDS = {
 
 def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
     """A mode's name by its kind and the energies that both sides have of it."""
-    one, two = KINDS[kind]
+    one, two = MODE_KINDS[kind]
     stronger = int(energies[1] > energies[0])
     nodes = moved.inner[stronger].nodes
     along = [moved.vehicle, *reversed(nodes), (moved.drum_1, moved.drum_2)[stronger]]

@@ -28,7 +28,7 @@ from dualwinch.model.quantities.tables import page, readable_unit, section, tabl
 Array = NDArray[np.float64]
 
 
-LARGEST = 16
+LARGEST_SHOWN = 16
 """Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
 
 ROUND_OFF = 4 * np.finfo(float).eps
@@ -175,7 +175,7 @@ class LinearSystem:
         time = "continuous time" if self.dt is None else f"sampled every {self.dt:g} s"
         point = ", ".join(f"{name} = {value:.4g}" for name, value in self.operating_point.items())
         rows = [[name, readable_unit(self.units[name]), kind] for kind, names in kinds.items() for name in names]
-        is_small = len(self.states) + max(len(self.inputs), len(self.outputs)) <= LARGEST
+        is_small = len(self.states) + max(len(self.inputs), len(self.outputs)) <= LARGEST_SHOWN
         parts = [section("A, B; C, D", self._matrix(), is_open=True)] if is_small else []
         parts.append(section("names and units", table(["name", "unit", ""], rows)))
         return page("Linear system", f"{time}, {words}" + (f", at {point}" if point else ""), *parts)

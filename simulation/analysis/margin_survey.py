@@ -14,7 +14,7 @@ from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.describing_function import describing_gain
-from dualwinch.simulation.analysis.margins import BOTH, KINDS, complementary, least_margins
+from dualwinch.simulation.analysis.margins import BOTH, MARGIN_KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
 from dualwinch.simulation.batch.workers import Item, Returned, cores, map_all
@@ -141,13 +141,13 @@ class MarginSurvey:
         self._near: dict[tuple[int, int], Floats] = {}
 
     def worst(
-        self, values: ArrayLike, kinds: Collection[str] = KINDS, loops: Indices | None = None
+        self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[dict[str, WorstMargin]]:
         """The least margins over all machines, for every set of numbers.
 
         Args:
             values: (n, names).
-            kinds: which margins, of `margins.KINDS` and `resonance.RESONANCE`; the latter alone needs no compiler.
+            kinds: which margins, of `margins.MARGIN_KINDS` and `resonance.RESONANCE`; the latter needs no compiler.
             loops: indices of those of `loops` that are looked at; default: all.
 
         Returns:
@@ -165,7 +165,7 @@ class MarginSurvey:
         return found
 
     def each(
-        self, values: ArrayLike, kinds: Collection[str] = KINDS, loops: Indices | None = None
+        self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
         """`worst` machine by machine, those that have some of the loops: kind → its least, for each of the n."""
         chosen = np.arange(len(self.loops)) if loops is None else loops

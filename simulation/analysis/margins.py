@@ -29,7 +29,7 @@ Complex = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-KINDS: tuple[str, ...] = ("gain", "phase", "delay", "disk")
+MARGIN_KINDS: tuple[str, ...] = ("gain", "phase", "delay", "disk")
 """Margins, as fields of `Margins` are called."""
 
 BOTH = "torques"
@@ -52,7 +52,7 @@ the share of the largest echo of these at which the next ones are left out."""
 AT_A_POLE = 1e300
 """What takes the place of the infinite at a pole, of which a residue of 0 makes 0."""
 
-NEAR, NEARER = 1.3, 1 + 1e-4
+NEAR_LEAST, NEARER_LEAST = 1.3, 1 + 1e-4
 """How much larger than the least a margin read off the grid may be, to be refined; and one refined, to be exact."""
 
 CLOSE = 1e-6
@@ -138,7 +138,7 @@ def margins(loop: LinearSystem) -> Margins:
         nowhere = math.nan
         return Margins(*(False, 1.0, nowhere, 1.0, nowhere, 0.0, nowhere, 0.0, nowhere, 0.0, 1.0, 0.0, nowhere))
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
-    (found,) = least_margins(closed, np.zeros(1, np.intp), (*KINDS, "fall"), 1, grid=FINE)
+    (found,) = least_margins(closed, np.zeros(1, np.intp), (*MARGIN_KINDS, "fall"), 1, grid=FINE)
     gain, phase, delay, disk, fall = found.values()
     poles = np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(through, loop.C))
     least_gain = 1 / fall.value
@@ -448,7 +448,7 @@ def least_margins(
     Args:
         loops: s of them.
         group: (s,) to which each belongs, from 0.
-        kinds: some of `KINDS`, or ``fall``, the factor by which the gain may fall.
+        kinds: some of `MARGIN_KINDS`, or ``fall``, the factor by which the gain may fall.
         groups: number of groups.
         cuts: where the loops are cut, some of `LOCI`.
         grid: where margins are looked for first.
@@ -470,9 +470,9 @@ def least_margins(
             of_group[kind] = LeastMargin()
         if among is not None:
             _note_least(found, kind, places, group)
-        places = _near_least(places, group if among is None else among, NEAR)
+        places = _near_least(places, group if among is None else among, NEAR_LEAST)
         if not grid.exact:
-            places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), group, NEARER)
+            places = _near_least(_refined(kind, loops.quick, places, QUICK_TOLERANCE), group, NEARER_LEAST)
         exact = _refined(kind, loops.exact, places, TOLERANCE)
         _note_least(found, kind, exact, group)
     return found

@@ -66,17 +66,17 @@ def described(experiment: Experiment) -> dict[str, Leaf]:
     return {**describe_parts(experiment), **described_parameters(structure_of(experiment))}
 
 
-MARKS = {
+BY_MARK = {
     Mark.READS_IN_STEPS: "it rounds what is read",
     Mark.TIMING: "it sets the instants of the samples",
     Mark.SHAPES_CODE: "it is written into the compiled code",
 }
 """What stands against a derivative by what is marked so."""
 
-KINDS = {int: "it is a whole number", bool: "it is a switch", str: "it is a choice or a text", tuple: "it is a list"}
+BY_TYPE = {int: "it is a whole number", bool: "it is a switch", str: "it is a choice or a text", tuple: "it is a list"}
 """The same, by the type of a value."""
 
-GROUPS = {
+BY_PREFIX = {
     "metrics.": "no run changes with it, only a figure of merit",
     "reference.": "the reference is laid out ahead of a run",
     "sensors.outage": "outages begin and end with samples",
@@ -87,9 +87,9 @@ GROUPS = {
 
 def _reason(leaf: Leaf) -> str:
     """What stands against a derivative by a number; empty: nothing that its description says."""
-    by_mark = (reason for mark, reason in MARKS.items() if mark in leaf.marks)
-    by_kind = (reason for kind, reason in KINDS.items() if leaf.kind is kind)
-    by_group = (reason for beginning, reason in GROUPS.items() if leaf.key.startswith(beginning))
+    by_mark = (reason for mark, reason in BY_MARK.items() if mark in leaf.marks)
+    by_kind = (reason for kind, reason in BY_TYPE.items() if leaf.kind is kind)
+    by_group = (reason for beginning, reason in BY_PREFIX.items() if leaf.key.startswith(beginning))
     return next(chain(by_mark, by_kind, by_group), "")
 
 
@@ -174,7 +174,7 @@ class TangentSeeds:
         return moved
 
 
-TINY = 1e-100
+COMPLEX_STEP = 1e-100
 """Step of the complex-step derivative: exact, as nothing is subtracted."""
 
 FRAME = "simulation.jitter", "sensors.position_bias"
@@ -420,8 +420,8 @@ def _differentiate(
     result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
     for number in chosen:
         if (name := seeds.names[number]) in FRAME:
-            moved = _wanted(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * TINY})
-            result.slopes[at][:rows, number] -= np.imag(moved)[samples] / TINY
+            moved = _wanted(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * COMPLEX_STEP})
+            result.slopes[at][:rows, number] -= np.imag(moved)[samples] / COMPLEX_STEP
     for number, name in enumerate(result.columns):
         result.columns[name][at][:rows] = kept.rows[:, number]
         result.column_slopes[name][at][:rows, among] = kept.row_tangents[:, number, :count]
@@ -451,11 +451,12 @@ def _gradients(
     Own metrics need not take complex numbers: theirs are by differences of what they make of the final state.
     """
     moved = np.empty(tangents.shape, complex)
-    moved.real, moved.imag = final[:, np.newaxis], TINY * tangents
+    moved.real, moved.imag = final[:, np.newaxis], COMPLEX_STEP * tangents
     with np.errstate(invalid="ignore"):  # a run that diverged
         metrics = metrics_of(dict(zip(names, moved, strict=True)), completed=completed)
     built_in = {
-        name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / TINY) for name, value in vars(metrics).items()
+        name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / COMPLEX_STEP)
+        for name, value in vars(metrics).items()
     }
     samples = final[names.index("sample")] * completed
     reached = dict(zip(names, final.tolist(), strict=True))

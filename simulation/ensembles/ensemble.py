@@ -18,7 +18,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Positive, Quantity, Rule, suggestion
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.exogenous.signals import DIGITS, LARGEST, named_words
+from dualwinch.simulation.exogenous.signals import DIGITS, LARGEST_WORD, named_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario, Value
 
@@ -232,8 +232,8 @@ class Ensemble:
         Raises:
             ConfigurationError: a number or a seed that is too large.
         """
-        if max(indices, default=0) > LARGEST:
-            raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {LARGEST}")
+        if max(indices, default=0) > LARGEST_WORD:
+            raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {LARGEST_WORD}")
         drawn = self._drawn
         names = [
             key if of is None or of.together is None else f"together: {of.together}" for key, (of, _) in drawn.items()

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KINDS = ("mean", "median", "p95", "worst")
+STATISTIC_KINDS = ("mean", "median", "p95", "worst")
 """Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
 
 
@@ -37,7 +37,7 @@ class Statistic:
     """One statistic of one figure of merit.
 
     Attributes:
-        kind: one of `KINDS`.
+        kind: one of `STATISTIC_KINDS`.
         metric: name of the figure of merit.
         own: the user's metric behind it, where it is none of the built-in ones.
     """
@@ -103,8 +103,8 @@ def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
     kind, dot, metric = text.strip().rpartition(".")
     if not dot:
         kind = "mean"
-    if kind not in KINDS:
-        raise ConfigurationError(f"'{text.strip()}': {unknown('statistic', kind, KINDS)}")
+    if kind not in STATISTIC_KINDS:
+        raise ConfigurationError(f"'{text.strip()}': {unknown('statistic', kind, STATISTIC_KINDS)}")
     parts = {part.table(): part for part in own}
     known = (*BUILT_IN, *parts)
     if metric not in known:
@@ -200,7 +200,9 @@ class EnsembleResult(RunOutcomes):
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
         """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
-        return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
+        return {
+            metric: {kind: self.statistic(f"{kind}.{metric}") for kind in STATISTIC_KINDS} for metric in self.metrics
+        }
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
         """Draw the scenarios' errors and tensions over time, as a fan (`simulation.plots.fan_chart`).

@@ -25,10 +25,10 @@ TRACED = ("e", "F1", "F2")
 SAMPLED = 2000
 """The first so many scenarios' traces are kept one by one (12 MB); of all others only their extremes."""
 
-POINTS = 500
+TRACE_POINTS = 500
 """Instants of a trace."""
 
-LARGEST = 1e30
+LARGEST_TRACED = 1e30
 """Magnitude a trace is limited to, within the range of single precision."""
 
 
@@ -58,7 +58,7 @@ def run_ensemble(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
     """
-    (result,) = run_side_by_side([ensemble], scenarios, seed, POINTS if traces else 0, workers, progress)
+    (result,) = run_side_by_side([ensemble], scenarios, seed, TRACE_POINTS if traces else 0, workers, progress)
     return result
 
 
@@ -215,7 +215,8 @@ def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
     if not (run.columns and completed.size):
         return None
     signals: dict[str, NDArray[np.float32]] = {
-        name: run.columns[name][0, completed].clip(-LARGEST, LARGEST).astype(np.float32) for name in TRACED
+        name: run.columns[name][0, completed].clip(-LARGEST_TRACED, LARGEST_TRACED).astype(np.float32)
+        for name in TRACED
     }
     return Traces(
         run.columns["t"][0, completed[0]],

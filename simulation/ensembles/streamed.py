@@ -22,7 +22,7 @@ from dualwinch.codegen.files import write_whole
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers, in_order, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.result import KINDS, facts_of, statistic_from
+from dualwinch.simulation.ensembles.result import STATISTIC_KINDS, facts_of, statistic_from
 from dualwinch.simulation.ensembles.run import (
     EnsemblePortion,
     check_counts,
@@ -115,7 +115,7 @@ class ValueStream:
         return min(max(math.copysign(value, number), self.lowest), self.highest)
 
     def statistic(self, kind: str, *, small_is_bad: bool) -> float:
-        """One of `ensembles.result.KINDS`; NaN without values."""
+        """One of `ensembles.result.STATISTIC_KINDS`; NaN without values."""
         if not self.count:
             return math.nan
         match kind:
@@ -178,7 +178,9 @@ class EnsembleStatistics:
     @property
     def statistics(self) -> dict[str, dict[str, float]]:
         """Figure of merit → ``mean``, ``median``, ``p95`` and ``worst`` → value."""
-        return {metric: {kind: self.statistic(f"{kind}.{metric}") for kind in KINDS} for metric in self.metrics}
+        return {
+            metric: {kind: self.statistic(f"{kind}.{metric}") for kind in STATISTIC_KINDS} for metric in self.metrics
+        }
 
     def merge(self, other: "EnsembleStatistics") -> None:
         """Add other scenarios."""

@@ -38,7 +38,7 @@ from dualwinch.simulation.sensors import Sensors, silence_of
 DIGITS = 53
 """Binary digits of a draw: all that a float has, and of a seed as many as every file format keeps."""
 
-LARGEST = 2**64 - 1
+LARGEST_WORD = 2**64 - 1
 """Largest seed, and largest number in a stream."""
 
 
@@ -51,7 +51,7 @@ def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequen
     """Random words of `DIGITS` binary digits, one for each name and number, (names, numbers).
 
     Args:
-        seed: a whole number from 0 to `LARGEST`, or one for each of the numbers.
+        seed: a whole number from 0 to `LARGEST_WORD`, or one for each of the numbers.
         numbers: likewise, such as those of scenarios.
         names: purposes of the words; streams of different names or seeds are independent of each other.
 
@@ -60,7 +60,7 @@ def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequen
     """
     seeds = [seed] if isinstance(seed, int | np.integer) else seed
     for each in seeds:
-        if not 0 <= each <= LARGEST:
+        if not 0 <= each <= LARGEST_WORD:
             raise ConfigurationError(f"seed = {each}: must be a whole number from 0 to 2^64 - 1")
     keys = np.array(seeds, np.uint64)
     half, low = np.uint64(32), np.uint64(2**32 - 1)
@@ -75,7 +75,7 @@ def named_seed(seed: int, name: str) -> int:
     """A seed for a purpose, such as the draws of a validation set: independent of those of other names and seeds.
 
     Args:
-        seed: a whole number from 0 to `LARGEST`.
+        seed: a whole number from 0 to `LARGEST_WORD`.
         name: the purpose.
     """
     return int(named_words(seed, [0], [f"seed: {name}"])[0, 0])

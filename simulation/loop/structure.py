@@ -99,11 +99,11 @@ def unknown_keys() -> frozenset[str]:
     return frozenset(key for key, leaf in describe_parts(Plant(), "nominal.").items() if Mark.UNKNOWN in leaf.marks)
 
 
-KEPT = 64
+KEPT_STRUCTURES = 64
 """Latest experiments whose numbers are kept: many calls in turn are about the same scenarios."""
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def structure_of(experiment: Experiment) -> Experiment:
     """The experiment that stands for all that share its compiled code: of the same parts, with the same numbers in all.
 
@@ -138,7 +138,7 @@ def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
     return SimpleNamespace(**parts, metrics=tuple(with_leaves(m, values, "metrics.") for m in experiment.metrics))
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def _alike(controller: Controller) -> Controller:
     """A controller of the same structure with numbers of no controller in particular; nothing computes with them."""
     found = replace(alike(controller), nominal=Nominal())
@@ -169,7 +169,7 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
     return dict(_parameters_of(experiment, nominal))
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
     gains = _gains(controller)
@@ -195,7 +195,7 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
     return {key: float(value) for key, value in values.items()}
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=KEPT_STRUCTURES)
 def _gains(controller: Controller) -> dict[str, float]:
     """Not to be changed; kept, as the scenarios of an ensemble share their controller."""
     return numbers(controller, "controller.")

@@ -89,7 +89,7 @@ def _decades(axes: Axes, values: np.ndarray) -> None:
         axes.set_ylim(max(highest * 10**-DECADES, 1e-300), 3 * highest)
 
 
-COLOURS = {"constant": GREY, "best constant": VERMILION, "scheduled": BLUE}
+PRELOAD_COLOURS = {"constant": GREY, "best constant": VERMILION, "scheduled": BLUE}
 """Run → colour."""
 
 
@@ -110,7 +110,7 @@ def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
             constant = f", {run.experiment.controller.limits.preload:.0f} N" if run is not found.scheduled else ""
             signals = (run["F1"] + run["F2"]) / KILO, np.minimum(run["F1"], run["F2"]) / KILO, run["e"] / unit
             for axes, values in zip(panels, signals, strict=True):
-                axes.plot(*thin(run["t"], values), color=COLOURS[name], linewidth=1.0, label=name + constant)
+                axes.plot(*thin(run["t"], values), color=PRELOAD_COLOURS[name], linewidth=1.0, label=name + constant)
         optimum = {"color": GREEN, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "least there could be"}
         total.plot(least.t, least.preload / KILO, **optimum)
         smaller.plot(least.t, np.minimum(least.F1, least.F2) / KILO, **optimum)

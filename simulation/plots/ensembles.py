@@ -111,7 +111,7 @@ def _fan(axes: Axes, traces: Traces, column: str, unit: float, colour: str) -> N
         band(below, above, darkness)
 
 
-COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
+CONTROLLER_COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 """A colour for each controller, the first being what the others are compared with; then again, with other dashes."""
 
 PANELS = ("mse", "chatter")
@@ -125,7 +125,7 @@ def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
         result: of controllers in the same scenarios.
         ax: axes for error, chatter and ratios; default: a figure of its own.
     """
-    styles = looks(result.contenders, COLOURS)
+    styles = looks(result.contenders, CONTROLLER_COLOURS)
     others = list(result.contenders)[1:]
     ratios_height = 0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0.0
     words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"

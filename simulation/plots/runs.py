@@ -511,7 +511,7 @@ def _disturbance_panel(axes: Axes, run: Curve) -> None:
 
 PAPER_COLOUR = "#BDBDBD"
 
-ROOM = 0.2
+BAR_ROOM = 0.2
 """A change this large has room for its number inside its bar."""
 
 
@@ -566,7 +566,7 @@ def _observer_changes(axes: Axes, change: Mapping[str, float], colour: str) -> N
         for offset, value, its_colour in ((-0.19, change[metric], colour), (0.19, paper, PAPER_COLOUR)):
             measured = offset < 0
             axes.barh(row + offset, 100 * value, height=0.34, color=its_colour)
-            room = value < -ROOM
+            room = value < -BAR_ROOM
             axes.annotate(
                 percent(value) if measured else percent(value, "+g"),
                 (100 * value if room else min(100 * value, 0.0), row + offset),

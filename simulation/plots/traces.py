@@ -11,14 +11,14 @@ from dualwinch.simulation.results.result import Result
 
 Floats = NDArray[np.float64]
 
-COLUMNS = 900
+PIXEL_COLUMNS = 900
 """Pixel columns of the widest panel on a screen; each keeps its smallest and its largest value."""
 
-LARGEST = 1e12
+LARGEST_DRAWN = 1e12
 """Values beyond this, of runs that diverged, are not drawn: no axis could show them."""
 
 
-def thin(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
+def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Floats, Floats]:
     """Keep the smallest and the largest value of every pixel column, and both ends.
 
     Args:
@@ -46,7 +46,7 @@ def thin(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, Flo
 
 def drawable(values: Floats) -> Floats:
     """A signal with NaN in place of what no axis could show."""
-    return np.where(np.abs(values) <= LARGEST, values, np.nan)
+    return np.where(np.abs(values) <= LARGEST_DRAWN, values, np.nan)
 
 
 def largest(values: Floats) -> float:
@@ -75,7 +75,7 @@ def peaks(t: Floats, values: Floats, width: float) -> tuple[Floats, Floats]:
     return t[0] + (interval[starts] + 0.5) * width, np.where(peak > 0, peak, np.nan)
 
 
-POINTS = 20
+POINTS_A_SAMPLE = 20
 """Points a sample."""
 
 CONSISTENT, SAME = 1e-4, 1.0
@@ -85,7 +85,7 @@ DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
 
 
 def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floats]]:
-    """Times and tensions of both ropes in a stretch of a run, `POINTS` a sample.
+    """Times and tensions of both ropes in a stretch of a run, `POINTS_A_SAMPLE` a sample.
 
     From each row on the drums are integrated once more (Runge–Kutta, fourth order) under the torques of the row; the
     vehicle, ten tonnes that no rope shakes within a millisecond, moves along the cubic Hermite spline through its rows.
@@ -109,13 +109,13 @@ def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floa
     step, forces = _drum_motion(result.experiment.plant)
     given = np.vstack([CubicHermiteSpline(t, x, v).c, torques[:, :-1]])
     at, found = np.vstack([drums[:, :-1], np.zeros(len(t) - 1)]), []
-    for _ in range(POINTS):
+    for _ in range(POINTS_A_SAMPLE):
         found.append(forces(at, given).full())
-        at = step(at, given, span / POINTS).full()
+        at = step(at, given, span / POINTS_A_SAMPLE).full()
     missed, apart = np.abs(at[:4] - drums[:, 1:]).max(), np.abs(found[0] - F[:, :-1]).max()
     if not (missed <= CONSISTENT and apart <= SAME):
         return as_kept
-    fine = (t[:-1, np.newaxis] + span * np.arange(POINTS) / POINTS).ravel()
+    fine = (t[:-1, np.newaxis] + span * np.arange(POINTS_A_SAMPLE) / POINTS_A_SAMPLE).ravel()
     finely = np.hstack([np.array(found).transpose(1, 2, 0).reshape(2, -1), F[:, -1:]])
     return np.append(fine, t[-1]), {"F1": finely[0], "F2": finely[1]}
 

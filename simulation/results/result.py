@@ -35,7 +35,7 @@ MOST = 10**8
 """Most instants of a grid that is given by its rate."""
 
 
-SHOWN = ("mse", "max_abs_error", "chatter")
+SHOWN_METRICS = ("mse", "max_abs_error", "chatter")
 """Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
 
 TIME = "t"
@@ -200,7 +200,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         known = self.metrics.quantities
         merits = [
             f"{name} {self.metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
-            for name in (*SHOWN, *(name for name in known if name not in BUILT_IN))
+            for name in (*SHOWN_METRICS, *(name for name in known if name not in BUILT_IN))
             if not math.isnan(self.metrics[name])
         ]
         return f"Result({self._law}: {'; '.join([self._words, *merits])})"

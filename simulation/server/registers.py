@@ -63,11 +63,11 @@ def registers(plant: ServedPlant) -> list[Register]:
     return outputs + inputs
 
 
-COLUMNS = ("name", "access", "unit", "meaning", "range", "modbus", "opc_ua", "datagram_offset")
+MAP_COLUMNS = ("name", "access", "unit", "meaning", "range", "modbus", "opc_ua", "datagram_offset")
 
 
 def register_rows(plant: ServedPlant) -> list[tuple[str, ...]]:
-    """A row of `COLUMNS` for each register."""
+    """A row of `MAP_COLUMNS` for each register."""
     return [
         (
             register.name,
@@ -87,13 +87,17 @@ def map_as_csv(plant: ServedPlant) -> str:
     """The map as a CSV file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([COLUMNS, *register_rows(plant)])
+    writer.writerows([MAP_COLUMNS, *register_rows(plant)])
     return text.getvalue()
 
 
 def map_as_page(plant: ServedPlant) -> str:
     """The map as a table in Markdown."""
-    lines = [COLUMNS, ["---"] * len(COLUMNS), *([markdown(cell) for cell in row] for row in register_rows(plant))]
+    lines = [
+        MAP_COLUMNS,
+        ["---"] * len(MAP_COLUMNS),
+        *([markdown(cell) for cell in row] for row in register_rows(plant)),
+    ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 

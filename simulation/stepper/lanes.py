@@ -34,7 +34,7 @@ from dualwinch.simulation.stepper.commands import COMMANDED_STATES, CommandName,
 
 Floats = NDArray[np.float64]
 
-ROOM = 2**27
+PAGE_ROOM = 2**27
 """Bytes that the pages take which are read side by side."""
 
 SHORTEST, LONGEST = 256, 2**16
@@ -78,7 +78,7 @@ class SignalPage:
 def page_length(experiment: Experiment, runs: int) -> int:
     """Samples of a page where so many runs like `experiment` have pages of their own."""
     signals = len(exogenous_names(experiment.controller))
-    return min(max(ROOM // (8 * signals * runs), SHORTEST), LONGEST)
+    return min(max(PAGE_ROOM // (8 * signals * runs), SHORTEST), LONGEST)
 
 
 def first_page(experiment: Experiment, length: int) -> SignalPage:
@@ -176,7 +176,7 @@ class Scenarios:
         """
         if self.ensemble is None:
             page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
-            if self.experiment.samples * page.table.itemsize * page.table.shape[1] < ROOM:
+            if self.experiment.samples * page.table.itemsize * page.table.shape[1] < PAGE_ROOM:
                 self._only_page = page
             return [self._only] * len(scenarios), [page] * len(scenarios)
         lanes: dict[int, Lane] = {}

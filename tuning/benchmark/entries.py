@@ -107,7 +107,7 @@ def _usual(kinds_there: Sequence[str]) -> str:
     return kind if 2 * kinds_there.count(kind) > len(kinds_there) else ""
 
 
-PAPER = Controller().law.kind
+PAPER_LAW = Controller().law.kind
 """The paper's law."""
 
 NO_OBSERVER = Nftsm.kind
@@ -140,9 +140,9 @@ VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 
 def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     """The paper's law as it is, and without each of its parts."""
-    whole = [BenchmarkEntry(PAPER, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
+    whole = [BenchmarkEntry(PAPER_LAW, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
     return whole + [
-        BenchmarkEntry(PAPER, estimator, coordination, variant, settings, held)
+        BenchmarkEntry(PAPER_LAW, estimator, coordination, variant, settings, held)
         for variant, (settings, held) in VARIANTS.items()
     ]
 

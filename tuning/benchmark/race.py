@@ -87,7 +87,7 @@ OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination
 STRESS_SCENARIOS = 8
 """Scenarios of every size in the search for robustness margins."""
 
-SHOWN = 3
+SHOWN_ENTRIES = 3
 """Imperfections that are named, that of the least robustness margin first."""
 
 
@@ -232,7 +232,7 @@ def least_robust(problem: TuningProblem, experiment: Experiment, workers: Worker
             "size": found.where(row, name),
             "broken": row.by_what(name),
         }
-        for row in found.ranking[:SHOWN]
+        for row in found.ranking[:SHOWN_ENTRIES]
     )
 
 
@@ -258,7 +258,7 @@ ENTRIES = "entries"
 TOML = "configuration"
 """Name of what is TOML."""
 
-PAPER = "paper"
+PAPER_STEM = "paper"
 """Name of the file with the paper's gains."""
 
 
@@ -538,20 +538,20 @@ def run_race(
     for each in entrants:
         kept.find(each.entry.stem, each.definition)
     called = names([each.entry for each in entrants])
-    jobs = [RaceJob(PAPER, PAPER, entrants[0].problem, terms)]
+    jobs = [RaceJob(PAPER_STEM, PAPER_STEM, entrants[0].problem, terms)]
     jobs += [
         RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, robustness) for each in entrants
     ]
     try:
         _run_jobs(jobs, kept, workers, progress)
     except KeyboardInterrupt:
-        if not set(kept.stems) - {PAPER}:
+        if not set(kept.stems) - {PAPER_STEM}:
             raise
     records = {stem: kept.find(stem) for stem in kept.stems}
     left = sum(job.lacks(records.get(job.stem)) for job in jobs)
     return BenchmarkResult(
         terms=terms,
-        paper=BaselineScore.from_record(records.pop(PAPER) or {}),
+        paper=BaselineScore.from_record(records.pop(PAPER_STEM) or {}),
         entries=tuple(EntryResult.from_record(record) for record in records.values() if record),
         left=left,
     )

@@ -39,7 +39,7 @@ from dualwinch.tuning.benchmark.comparison import (
     holm,
     ratio_of,
 )
-from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER, BenchmarkTerms, names
+from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER_LAW, BenchmarkTerms, names
 from dualwinch.tuning.benchmark.scores import (
     COSTS,
     ERROR,
@@ -234,7 +234,7 @@ class BenchmarkResult:
 
     def ablations(self) -> list[list[str]]:
         """The paper's law without each of its parts: what is missing, the ratio, and whether they differ."""
-        wholes = [scored for scored in self.ranking if scored.entry.law == PAPER and not scored.entry.variant]
+        wholes = [scored for scored in self.ranking if scored.entry.law == PAPER_LAW and not scored.entry.variant]
         return [row for whole in wholes for row in self._ablated(whole)]
 
     def _ablated(self, whole: EntryResult) -> list[list[str]]:
@@ -243,7 +243,7 @@ class BenchmarkResult:
             scored.entry.variant or WITHOUT_OBSERVER: scored.entry.key
             for scored in self.ranking
             if (scored.entry.estimator, scored.entry.coordination) == parts
-            and (scored.entry.law == NO_OBSERVER or (scored.entry.law == PAPER and scored.entry.variant))
+            and (scored.entry.law == NO_OBSERVER or (scored.entry.law == PAPER_LAW and scored.entry.variant))
         }
         if WITHOUT_OBSERVER in others and len(others) == 1 and not any(each.entry.variant for each in self.entries):
             return []
@@ -359,10 +359,10 @@ def _ratio(runs: ScoredRuns, others: ScoredRuns) -> ErrorRatio:
     return ratio_of(runs.metrics[ERROR][both], others.metrics[ERROR][both])
 
 
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
+ENTRY_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
 """Of the entries, the best first; then again, with other dashes."""
 
-ROOM = 1.6
+LEGEND_ROOM = 1.6
 """Factor by which the axis goes on on the right, for words."""
 
 CLUSTER = 6.0
@@ -377,7 +377,7 @@ WIDE = frozenset({"chatter"})
 SMALL = 0.1
 """Ratios below that are written as fractions."""
 
-NEAR = 0.05
+DRAWN_FROM = 0.05
 """A least error is drawn where it is no smaller than this share of the least error of all."""
 
 
@@ -402,7 +402,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
         low, high = axes.get_xlim()
-        axes.set_xlim(low, ROOM * high)
+        axes.set_xlim(low, LEGEND_ROOM * high)
         axes.set_xlabel("mean square error over that of the paper's gains, with 95 % interval; less is better")
         dot = partial(Line2D, [], [], marker="o", markersize=5, linestyle="none")
         handles = [
@@ -453,7 +453,7 @@ def _share(ratio: float) -> str:
 
 
 def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
-    styles = looks((scored.entry.key for scored in found.ranking), COLOURS)
+    styles = looks((scored.entry.key for scored in found.ranking), ENTRY_COLOURS)
     count = found.terms.test_scenarios
     words = f"Trials that satisfy every constraint, in {count} test scenarios; ●: the best, ×: the paper's"
     with new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
@@ -503,5 +503,5 @@ def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tup
     )
     for mean, (dashes, name) in zip(found.paper.least.means, lines, strict=True):
         value = _rms(mean)
-        if value > NEAR * nearest:
+        if value > DRAWN_FROM * nearest:
             yield value, dashes, name

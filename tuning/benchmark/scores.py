@@ -210,7 +210,7 @@ class EntryResult:
         )
 
 
-POINTS = 8
+FRONT_POINTS = 8
 """Points of a front that are scored again, at most."""
 
 
@@ -229,7 +229,7 @@ def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
     return kept
 
 
-def front(trials: Sequence[Evaluation], cost: str, most: int = POINTS) -> list[Evaluation]:
+def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> list[Evaluation]:
     """The front of the trials that satisfy every constraint, from the least cost to the least error.
 
     Args:

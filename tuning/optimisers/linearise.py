@@ -58,7 +58,7 @@ Floats = NDArray[np.float64]
 APART = 1e-5
 """Share of a gain's range between two points."""
 
-NEAR = 1.2
+NEAR_WORST = 1.2
 """How much larger than the worst a machine's margin may be to count: which is the worst changes within a step."""
 
 
@@ -95,7 +95,7 @@ def margin_slopes(
     if of_loops:
         kinds = [statistic.margin for statistic in of_loops]
         here = _values(surveyed.of_loops(moved[:1], kinds), of_loops)
-        near = np.flatnonzero((here <= NEAR * here.min(axis=1)[:, None]).any(axis=(0, 2)))
+        near = np.flatnonzero((here <= NEAR_WORST * here.min(axis=1)[:, None]).any(axis=(0, 2)))
         there = _values(surveyed.of_loops(moved[1:], kinds, near), of_loops)
         for number, statistic in enumerate(of_loops):
             values = np.vstack([here[:, near, number], there[:, :, number]])
@@ -124,7 +124,7 @@ def _slopes_of_machines(
     worst, found = values[0].min(), []
     for number in np.unique(machine):
         least = values[:, machine == number].min(axis=1)
-        if least[0] <= NEAR * worst:
+        if least[0] <= NEAR_WORST * worst:
             found.append((float(least[0]), (least[1:] - least[0]) / np.array(steps)))
     return found
 

@@ -136,7 +136,7 @@ class BrokenLimit:
         return in_words(self.what)
 
 
-NEAR = 1e-6
+ON_BOUND = 1e-6
 """Share of a bound within which gains are on it, as the paper's are on theirs: any imperfection takes them across."""
 
 
@@ -234,7 +234,7 @@ def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOut
     """
     found = []
     for constraint in constraints:
-        asked, near = constraint.given(value_of(constraint, paper)), NEAR if constraint.of_paper else 0.0
+        asked, near = constraint.given(value_of(constraint, paper)), ON_BOUND if constraint.of_paper else 0.0
         if asked.unbounded:
             continue
         reached = value_of(asked, own)

@@ -242,10 +242,10 @@ def _unit(unit: str) -> str:
     return "1" if unit == SHARE else unit
 
 
-COLOURS = (VERMILION, BLUE)
+GAINS_COLOURS = (VERMILION, BLUE)
 """Of the paper's gains, and of those beside them."""
 
-ROOM = 15.0
+LABEL_ROOM = 15.0
 """Factor by which the axis goes on behind the largest size, for words."""
 
 APART = 0.2
@@ -256,7 +256,9 @@ HEADING, A_ROW = 1.35, 0.34
 
 
 def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
-    looks = dict(zip(found.controllers, COLOURS if len(found.controllers) > 1 else COLOURS[1:], strict=False))
+    looks = dict(
+        zip(found.controllers, GAINS_COLOURS if len(found.controllers) > 1 else GAINS_COLOURS[1:], strict=False)
+    )
     scaling = found.scaling
     title = "Robustness margins"
     words = (
@@ -308,7 +310,7 @@ def _draw(
 def _scales(axes: Axes, found: RobustnessResult) -> None:
     name = plain(found.scaling.ensemble.name)
     axes.set_xscale("log")
-    axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * ROOM)
+    axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * LABEL_ROOM)
     axes.xaxis.set_major_locator(FixedLocator([size(step) for step in range(LOWEST, HIGHEST + 1, STEPS)]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())

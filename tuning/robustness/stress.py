@@ -50,7 +50,7 @@ NO_BASE = "none"
 SCENARIOS = 20
 """Scenarios of every size where nothing else is asked for."""
 
-KEPT = ("controller.", "metrics", "plant.")
+KEPT_KEYS = ("controller.", "metrics", "plant.")
 """What the keys begin with that an experiment keeps, although an ensemble sets them alike."""
 
 ENSEMBLE, KIND = "rig", "sea"
@@ -189,7 +189,7 @@ def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -
     taken = {key for key, value in theirs.items() if value != usual.get(key) and value == ours.get(key)}
     return override(
         experiment,
-        {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT)},
+        {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)},
     )
 
 

@@ -81,7 +81,7 @@ Drawn: TypeAlias = RandomSignal | UniformSignal | OutageSignal
 NORMAL, UNIFORM, OUTAGES = 1, 2, 3
 """Kinds of random parts in sources.h; 0 is nothing random."""
 
-KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}
+SIGNAL_KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}
 
 SIGNAL = np.dtype(
     [
@@ -176,7 +176,7 @@ def _records(random: Sequence[Drawn | None], count: int) -> Records:
     records = np.zeros((count, len(random)), SIGNAL)
     for column, signal in zip(records.T, random, strict=True):
         if signal is not None:
-            column["kind"] = np.where(getattr(signal, "sigma", 1.0), KINDS[type(signal)], 0)
+            column["kind"] = np.where(getattr(signal, "sigma", 1.0), SIGNAL_KINDS[type(signal)], 0)
             for name, value in vars(signal).items():
                 column[name] = value
     return records

@@ -14,7 +14,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.simulation.analysis import margin_survey
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
-from dualwinch.simulation.analysis.margins import BOTH, KINDS, margins
+from dualwinch.simulation.analysis.margins import BOTH, MARGIN_KINDS, margins
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.paper import case
@@ -34,15 +34,15 @@ LAWS: tuple[dict[str, Any], ...] = (
 
 def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
     """Kind → least margin over all points and cuts; 0 where a loop is unstable or has no cruise."""
-    least = dict.fromkeys(KINDS, math.inf)
+    least = dict.fromkeys(MARGIN_KINDS, math.inf)
     for x, v in survey_points(experiment):
         for cut in LOOP_OPENINGS:
             try:
                 found = margins(linear_broken_loop(experiment, x, v, cut, nominal))
             except ConfigurationError:
-                return dict.fromkeys(KINDS, 0.0)
+                return dict.fromkeys(MARGIN_KINDS, 0.0)
             if not found.stable:
-                return dict.fromkeys(KINDS, 0.0)
+                return dict.fromkeys(MARGIN_KINDS, 0.0)
             least = {kind: min(value, getattr(found, kind)) for kind, value in least.items()}
     return least
 

@@ -15,7 +15,7 @@ from dualwinch.simulation.batch.rollout import BLOCKS, rollout
 from dualwinch.simulation.ensembles import run as module
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult
-from dualwinch.simulation.ensembles.run import POINTS, run_ensemble
+from dualwinch.simulation.ensembles.run import TRACE_POINTS, run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.simulate import simulate
@@ -199,7 +199,7 @@ def test_traces_are_kept_of_so_many_scenarios_and_extremes_of_all(
     assert result.traces is not None
     assert ten.traces is not None
     assert result.traces.sampled["F1"].shape == (4, len(ten.traces.t))
-    assert len(ten.traces.t) <= POINTS
+    assert len(ten.traces.t) <= TRACE_POINTS
     assert np.array_equal(result.traces.highest["F1"], ten.traces.sampled["F1"].max(axis=0))
     assert np.array_equal(result.traces.lowest["e"], ten.traces.sampled["e"].min(axis=0))
     middle = ten.traces.quantiles("e", (0.5,))[0]

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from dualwinch.codegen.drivers.signals.draws import blocks
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.exogenous.signals import LARGEST, named_seed, named_words, stream_number
+from dualwinch.simulation.exogenous.signals import LARGEST_WORD, named_seed, named_words, stream_number
 
 NAMES = ("plant.vehicle.mass", "together: ropes", "simulation.seed")
 
@@ -17,7 +17,7 @@ def test_the_same_name_and_seed_give_the_same_bits() -> None:
 
 
 @given(
-    seed=st.integers(0, LARGEST),
+    seed=st.integers(0, LARGEST_WORD),
     numbers=st.lists(st.integers(0, 2**63), min_size=1, max_size=4),
 )
 def test_words_are_those_of_the_block_of_a_number(seed: int, numbers: list[int]) -> None:
@@ -31,7 +31,7 @@ def test_words_are_those_of_the_block_of_a_number(seed: int, numbers: list[int])
 
 
 def test_words_are_spread_evenly_and_independent_of_other_names_and_seeds() -> None:
-    words = np.concatenate([named_words(seed, range(4000), NAMES) for seed in (0, 1, LARGEST)]) / 2.0**53
+    words = np.concatenate([named_words(seed, range(4000), NAMES) for seed in (0, 1, LARGEST_WORD)]) / 2.0**53
     assert np.abs(words.mean(axis=1) - 0.5).max() < 4 / np.sqrt(12 * 4000)
     assert np.abs(np.corrcoef(words) - np.eye(len(words))).max() < 4.5 / np.sqrt(4000)
 
@@ -42,7 +42,7 @@ def test_derived_seeds_differ_by_name_and_seed() -> None:
     assert max(derived) < 2**53
 
 
-@pytest.mark.parametrize("seed", [-1, LARGEST + 1])
+@pytest.mark.parametrize("seed", [-1, LARGEST_WORD + 1])
 def test_a_seed_out_of_range(seed: int) -> None:
     with pytest.raises(ConfigurationError, match=rf"seed = {seed}: must be a whole number from 0 to 2\^64 - 1"):
         named_words(seed, [0], ["a"])

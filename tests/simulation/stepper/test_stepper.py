@@ -320,7 +320,7 @@ def test_some_lanes_may_be_started_anew(exact: bool) -> None:
 def test_signals_are_drawn_as_they_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """However short their pages, they are those of the run."""
     monkeypatch.setattr("dualwinch.simulation.stepper.lanes.SHORTEST", 7)
-    monkeypatch.setattr("dualwinch.simulation.stepper.lanes.ROOM", 1)
+    monkeypatch.setattr("dualwinch.simulation.stepper.lanes.PAGE_ROOM", 1)
     ensemble = sea(0.1)
     stepper = Stepper(ensemble, batch=3, hold=5)
     forks = []

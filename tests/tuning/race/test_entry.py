@@ -16,7 +16,7 @@ from dualwinch.tuning.benchmark.entries import (
     CONSTANT_GAIN,
     LINEAR_SURFACE,
     NO_ANTI_SATURATION,
-    PAPER,
+    PAPER_LAW,
     BenchmarkEntry,
     ablations,
     combinations,
@@ -59,7 +59,7 @@ def of(entry: BenchmarkEntry) -> TuningProblem:
 def test_ablations_are_settings_that_are_held() -> None:
     entries = {entry.variant: entry for entry in ablations("kalman", "differential-tension") if entry.variant}
     assert set(entries) == {CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE}
-    whole = of(BenchmarkEntry(PAPER, "kalman", "differential-tension"))
+    whole = of(BenchmarkEntry(PAPER_LAW, "kalman", "differential-tension"))
     for entry in entries.values():
         problem = of(entry)
         assert not set(entry.held) & set(problem.space.keys)
@@ -71,7 +71,7 @@ def test_ablations_are_settings_that_are_held() -> None:
 
 def test_a_constant_gain_is_constant_and_without_anti_saturation_its_state_does_not_count() -> None:
     """On motors that are too weak, so that there is something to saturate."""
-    entries = {entry.variant: entry for entry in ablations("none", "differential-tension") if entry.law == PAPER}
+    entries = {entry.variant: entry for entry in ablations("none", "differential-tension") if entry.law == PAPER_LAW}
     weak = {"controller.coordination.tension_max": 1100.0, "simulation.duration": 10.0}
 
     def run(variant: str, **more: float) -> Result:
