@@ -166,7 +166,7 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
 def test_other_terms_are_refused_before_anything_runs(make_race: MakeRace, tmp_path: Path) -> None:
     entrants, terms = make_race()
     run_race(entrants[:1], terms, folder=tmp_path)
-    with pytest.raises(ConfigurationError, match="another rollouts, 100 and not 200"):
+    with pytest.raises(ConfigurationError, match="other rollouts, 100 and not 200"):
         run_race(entrants, replace(terms, rollouts=200), folder=tmp_path)
     with pytest.raises(ConfigurationError, match="test_scenarios = 1: must be a whole number >= 2"):
         replace(terms, test_scenarios=1)
