@@ -45,13 +45,19 @@ def left_out(printed: str, held: Any) -> list[str]:
     return missing
 
 
+UNIT = re.compile(r'"units?": ')
+"""Name under which a file has units."""
+
+WITHOUT_UNITS = {"doctor"}
+"""Commands whose JSON has no quantity."""
+
 BULK = ("curves", "configuration", "versions", "trials", "fronts", "experiment", "base_configuration")
 """Entries of files with so many numbers that any printed one would be found among them."""
 
 SHORT = ("--set", "simulation.duration=2")
 
-FILES = {"tune": "study.json", "race": "race.json", "reproduce": "metrics.json"}
-"""Commands that write a folder → its machine-readable file."""
+FOLDERS = {"tune", "race", "reproduce"}
+"""Commands that write a folder, which has machine-readable files."""
 
 TO_FILES = [
     ["linearise", "--x", "20", "--v", "1"],
@@ -60,12 +66,20 @@ TO_FILES = [
     ["linearise", "--loop", "closed", "--sweep", "preload=1000:3000:1000"],
     ["linearise", "--loop", "broken", "--v", "0.5"],
     ["linearise", "--loop", "broken", "--sweep", "x=10:40:15"],
+    ["linearise", "--ensemble", "rig", "--loop", "broken", "--v", "0.5"],
     ["certify", "--case", "4", *SHORT],
     ["preload", "--case", "4", *SHORT],
     ["compare", "paper", "--scenarios", "4", *SHORT],
     ["tune", "--case", "4", "--set", "simulation.duration=0.1", "--trials", "20"],
     pytest.param(
         ["tune", "--ensemble", "sea", *SHORT[:1], "simulation.duration=0.1", "--scenarios", "2", "--trials", "40"],
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        [
+            *("tune", "--ensemble", "sea", *SHORT[:1], "simulation.duration=0.1", "--scenarios", "2", "--trials", "40"),
+            *("--constraint", "none", "--stress"),
+        ],
         marks=pytest.mark.slow,
     ),
     pytest.param(
@@ -83,10 +97,18 @@ TO_FILES = [
 AS_JSON = [
     ["simulate", "--case", "4", *SHORT],
     ["simulate", "--ensemble", "sea", "--scenarios", "4", *SHORT],
+    ["simulate", "--ensemble", "sea", "--scenarios", "4", "--statistics-only", *SHORT],
     ["sensitivities", "plant.vehicle.mass", "sensors.position_bias", "--case", "4", "--column", "F1", *SHORT],
     ["sweep", "controller.observer.l0=5:15:5", "--case", "4", "--metric", "mae", *SHORT],
     ["sweep", "controller.observer.l0=5,10", "plant.vehicle.mass=9e3,1e4", "--case", "4", *SHORT],
     ["identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4", "--hold-out", "20%"],
+    pytest.param(
+        [
+            *("identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4"),
+            *("--starts", "2", "--profile", "plant.vehicle.mass"),
+        ],
+        marks=pytest.mark.slow,
+    ),
     [
         *("excite", "--fit", "plant.vehicle.mass", "--case", "4", "--set", "sensors.tension_noise=10"),
         *("--duration", "10s", "--trials", "4"),
@@ -131,11 +153,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_every_figure_printed_is_in_the_file(
     words: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = Path("out" if words[0] in FILES else "out.json")
+    out = Path("out" if words[0] in FOLDERS else "out.json")
     main([*words, "--out", str(out)])
-    held = json.loads((folder / out / FILES.get(words[0], "")).read_text(), object_hook=without_bulk)
+    files = sorted((folder / out).glob("*.json")) if words[0] in FOLDERS else [folder / out]
+    held = [json.loads(file.read_text(), object_hook=without_bulk) for file in files]
     assert not left_out(capsys.readouterr().out, held)
-    assert "units" in json.dumps(held), "a file says the units of its figures"
+    assert all(UNIT.search(json.dumps(each)) for each in held), "a file says the units of its figures"
 
 
 @pytest.mark.parametrize("words", AS_JSON, ids=named)
@@ -149,7 +172,9 @@ def test_every_figure_of_a_table_is_in_the_json(
     main(words)
     printed = capsys.readouterr().out
     main([*words, "--json"])
-    assert not left_out(printed, json.loads(capsys.readouterr().out, object_hook=without_bulk))
+    held = json.loads(capsys.readouterr().out, object_hook=without_bulk)
+    assert not left_out(printed, held)
+    assert UNIT.search(json.dumps(held)) or words[0] in WITHOUT_UNITS, "JSON says the units of its figures"
 
 
 def test_every_command_that_prints_figures_is_here() -> None:
