@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown, put, times
-from benchmarks.scored import HELD_OUT_SEED, SCENARIOS, SEED, searched
+from benchmarks.scored import SCENARIOS, SEED, TEST_SEED, searched
 from dualwinch import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
@@ -73,10 +73,10 @@ def _with_others(tuned: Controller, again: str = "") -> Iterator[tuple[str, Cont
 
 
 def table(name: str) -> str:
-    """The controllers in the held-out scenarios, as a Markdown table, and the least load below them."""
+    """The controllers in the test scenarios, as a Markdown table, and the least load below them."""
     ensemble = load_ensemble(name)
     ensemble = replace(ensemble, experiment=replace(ensemble.experiment, controller=paper_controller()))
-    result = compare({"paper": paper_controller(), **dict(controllers(name))}, ensemble, SCENARIOS, HELD_OUT_SEED)
+    result = compare({"paper": paper_controller(), **dict(controllers(name))}, ensemble, SCENARIOS, TEST_SEED)
     rows = [_row(result, contender) for contender in result.contenders]
     rows.append(["least there could be", "–", f"{least_load(ensemble, result):.3f}", "–", "–", "–", "–"])
     return markdown(HEADINGS, rows)
@@ -85,7 +85,7 @@ def table(name: str) -> str:
 def least_load(ensemble: Ensemble, result: Comparison) -> float:
     """Least continuous load over that of the paper's gains, in the first scenarios, but for those beyond authority."""
     paper = result.contenders["paper"].metrics["continuous_load"][:BOUNDED]
-    scenarios = list(ensemble.scenarios(BOUNDED, HELD_OUT_SEED))
+    scenarios = list(ensemble.scenarios(BOUNDED, TEST_SEED))
     least, theirs = [], []
     for scenario, load, within in zip(scenarios, paper, within_authority(scenarios), strict=True):
         if within:

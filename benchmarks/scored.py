@@ -16,7 +16,7 @@ from dualwinch.tuning.tune import tune
 ROLLOUTS, SEED = 20_000, 1
 """Length of a search, which on two cores takes about a minute in the sea, and two on a rig; and its seed."""
 
-HELD_OUT_SEED, SCENARIOS = 7, 200
+TEST_SEED, SCENARIOS = 7, 200
 """Seed and number of the scenarios that score."""
 
 HEADINGS = (
@@ -33,7 +33,7 @@ HEADINGS = (
 
 @dataclass(frozen=True)
 class Point:
-    """What gains came to in the held-out scenarios: chatter in N, mean square errors in m², tensions in N.
+    """What gains came to in the test scenarios: chatter in N, mean square errors in m², tensions in N.
 
     `slack` says in how many scenarios a rope was slack at any sample.
     """
@@ -83,8 +83,8 @@ def searched(problem: TuningProblem) -> Controller:
     return tune(problem, rollouts=ROLLOUTS).best.controller
 
 
-def scored(controllers: Mapping[str, Controller], seed: int = HELD_OUT_SEED) -> Score:
-    """Controllers of the sea, by name, in the held-out scenarios of a seed."""
+def scored(controllers: Mapping[str, Controller], seed: int = TEST_SEED) -> Score:
+    """Controllers of the sea, by name, in the test scenarios of a seed."""
     sea = load_ensemble("sea")
     sea = replace(sea, experiment=replace(sea.experiment, controller=paper_controller()))
     result = compare({"paper": paper_controller(), **controllers}, sea, SCENARIOS, seed)

@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from benchmarks.document import put
-from benchmarks.scored import HELD_OUT_SEED, ROLLOUTS, SCENARIOS, SEED, Score, scored, searched
+from benchmarks.scored import ROLLOUTS, SCENARIOS, SEED, TEST_SEED, Score, scored, searched
 from dualwinch import tuning_problem
 from dualwinch.controllers.controller import Controller
 from dualwinch.simulation.plots.page import new_page, save
@@ -25,7 +25,7 @@ ALLOWED = (0.05, 0.1, 0.15, 0.25, 0.4)
 def front(score: Score) -> Figure:
     """Mean square error against chatter."""
     paper, ours = score.paper, sorted(score.tuned, key=lambda each: each.chatter)
-    words = f"{SCENARIOS} held-out scenarios of 'sea' (seed {HELD_OUT_SEED}), searches of {ROLLOUTS} rollouts"
+    words = f"{SCENARIOS} test scenarios of 'sea' (seed {TEST_SEED}), searches of {ROLLOUTS} rollouts"
     with new_page(None, 3.8, "What less chatter costs", words) as page:
         (axes,) = page.panels()
         for key, label, colour in (("mse", "all scenarios", VERMILION), ("within_authority", "within authority", BLUE)):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.document import markdown, put
-from benchmarks.scored import HEADINGS, HELD_OUT_SEED, ROLLOUTS, SEED, scored
+from benchmarks.scored import HEADINGS, ROLLOUTS, SEED, TEST_SEED, scored
 from dualwinch import tuning_problem
 from dualwinch.tuning.result import TuningResult
 from dualwinch.tuning.tune import tune
@@ -18,7 +18,7 @@ from dualwinch.tuning.tune import tune
 LENGTHS = (ROLLOUTS, 5 * ROLLOUTS)
 """Rollouts of the searches."""
 
-HELD_OUT_SEEDS = (HELD_OUT_SEED, 11, 12, 13, 14, 15)
+TEST_SEEDS = (TEST_SEED, 11, 12, 13, 14, 15)
 """Seeds of the scenarios that score them."""
 
 
@@ -28,10 +28,10 @@ def searched(rollouts: int) -> TuningResult:
 
 
 def table(studies: Sequence[TuningResult]) -> str:
-    """The held-out sets, each scored by every study, as a Markdown table."""
+    """The test sets, each scored by every study, as a Markdown table."""
     controllers = {f"{length}": study.best.controller for length, study in zip(LENGTHS, studies, strict=True)}
     rows: list[list[str]] = []
-    for seed in HELD_OUT_SEEDS:
+    for seed in TEST_SEEDS:
         rows += [[str(seed), *row] for row in scored(controllers, seed).rows()]
         sys.stderr.write(f"seed {seed} scored\n")
     trials = " and ".join(str(len(study.trials)) for study in studies)

@@ -39,7 +39,7 @@ from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_re
 from dualwinch.tuning.storage.parts import part_records
 
 SCENARIOS = 12
-"""Scenarios a candidate is tuned on where nothing else is asked for."""
+"""Scenarios of the training set where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"
 COORDINATION = "controller.coordination.kind"
@@ -80,7 +80,7 @@ def tuning_problem(
         constraints: such as ``mean.chatter<=0.25*paper``, beside the default ones, which are no slack, no peak,
             little chatter and, in an ensemble, stability margins, or in place of one on the same statistic. ``none``
             among them, or an empty list, leaves the default ones out.
-        scenarios: of the ensemble, that a candidate is tuned on.
+        scenarios: of the training set, drawn from the ensemble.
         seed: of scenarios and search.
         held: keys that are left out of the space, so that they keep the values that settings give them.
         violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: that of

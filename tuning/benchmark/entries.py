@@ -161,8 +161,8 @@ class BenchmarkTerms:
         constraints: of all searches.
         method: name of the optimiser.
         rollouts: budget of each search.
-        scenarios: number of scenarios a candidate is tuned on.
-        test_scenarios: number of scenarios of the test set, which score.
+        scenarios: of the training set.
+        test_scenarios: of the test set, which score.
         seed: of scenarios and searches.
     """
 

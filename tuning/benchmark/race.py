@@ -125,7 +125,7 @@ def race(
         rollouts: of each search (see `dualwinch.tune`).
         searches: of each entry, by seeds of their own; more than one tell how much is luck.
         test_scenarios: number of scenarios of the test set, which score.
-        scenarios: that a candidate is tuned on; default: those of `dualwinch.tuning_problem`.
+        scenarios: of the training set; default: those of `dualwinch.tuning_problem`.
         seed: of all scenarios and searches.
         settings: such as ``plant.vehicle.mass=12000``, for all.
         constraints: as of `dualwinch.tuning_problem`, for all.

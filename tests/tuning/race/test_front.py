@@ -1,4 +1,4 @@
-"""Fronts: what no other trial beats in both figures, spread evenly."""
+"""Fronts: what no other trial dominates, spread evenly."""
 
 from dataclasses import replace
 
@@ -16,13 +16,13 @@ points = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30)
 def test_what_is_kept_is_what_nobody_beats(given_points: list[tuple[int, int]]) -> None:
     pairs = np.array(given_points, float).reshape(-1, 2)
     kept = undominated(pairs[:, 0], pairs[:, 1])
-    beaten = {
+    dominated = {
         index
         for index, (cost, error) in enumerate(given_points)
         if any(c <= cost and e <= error and (c, e) != (cost, error) for c, e in given_points)
     }
     assert {given_points[index] for index in kept} == {
-        pair for index, pair in enumerate(given_points) if index not in beaten
+        pair for index, pair in enumerate(given_points) if index not in dominated
     }
     assert [given_points[index][0] for index in kept] == sorted({given_points[index][0] for index in kept})
 
