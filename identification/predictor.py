@@ -47,7 +47,7 @@ INPUTS = ("t", "tau_1", "tau_2", "duration", "share_1", "share_2")
 """Inputs of a sample: time in s, torque commands in N m, time in s until the next sample, and shares of the further
 torques that act."""
 
-GROUPS = ("plant", "sensors", "actuator", "disturbance")
+PREDICTOR_GROUPS = ("plant", "sensors", "actuator", "disturbance")
 """Groups of an experiment whose parameters the predictor takes."""
 
 SAMPLE_TIME = "simulation.sample_time"
@@ -219,7 +219,7 @@ def state_template(structure: Experiment) -> PredictorState:
 @GRAPHS.cached
 def parameter_names(structure: Experiment) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
-    begins = tuple(f"{group}." for group in GROUPS)
+    begins = tuple(f"{group}." for group in PREDICTOR_GROUPS)
     own = (key for key in parameters_of(structure) if key.startswith(begins))
     return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
 
@@ -244,7 +244,7 @@ def predicted_system(
         dict(zip(elements, ca.vertsplit(symbols[name]), strict=True)) for name, elements in names.items()
     )
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
-    groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in GROUPS}
+    groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in PREDICTOR_GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
     pulls = tensions(now.motion.plant, plant, given["t"])
     exact = measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification.options import DEFAULTS, SearchOptions
-from dualwinch.identification.predictor import GROUPS, has_vortex_states, parameter_names, predictor_structure
+from dualwinch.identification.predictor import PREDICTOR_GROUPS, has_vortex_states, parameter_names, predictor_structure
 from dualwinch.model.arguments import instance, texts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
@@ -22,7 +22,7 @@ from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-PREFIXES = tuple(f"{group}." for group in GROUPS)
+PREFIXES = tuple(f"{group}." for group in PREDICTOR_GROUPS)
 
 NOT_FITTED = (
     "sensors.position_noise", "sensors.speed_noise", "sensors.tension_noise", "sensors.position_resolution",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.lab.wasm.settings import DURATION, KIND, LAG, MOTIONS, Settings
+from dualwinch.lab.wasm.settings import DURATION, LAG, MOTIONS, REFERENCE_KIND, Settings
 from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
@@ -45,7 +45,7 @@ def default_of(key: str, structure: LabStructure) -> float | None:
 def number_of(key: str, values: Mapping[str, Any]) -> float | None:
     """The number of a key among the values of an experiment, as a module takes it; None where it is left open."""
     value = values.get(key, 0.0 if key.startswith("actuator.") else None)  # ideal motors neither lag nor step
-    if key == KIND:
+    if key == REFERENCE_KIND:
         return float(MOTIONS.index(value))
     return None if value is None else float(value)
 
@@ -84,7 +84,7 @@ def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
 def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
     default = default_of(key, structure)
     low, high = leaf.bounds if key != LAG else (0.0, math.inf)
-    if key == KIND:
+    if key == REFERENCE_KIND:
         low, high = 0.0, float(len(MOTIONS) - 1)
     experiment = structure.experiment
     around = _typical(key, experiment) if default is None else default
@@ -104,7 +104,7 @@ def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> 
         "instead": instead_of(key, experiment),
         "optional": leaf.optional,
         "tunable": leaf.tunable is not None,
-        "choices": list(MOTIONS) if key == KIND else None,
+        "choices": list(MOTIONS) if key == REFERENCE_KIND else None,
         "slider": [slider.low, slider.high],
         "scale": slider.scale,
     }
@@ -112,7 +112,7 @@ def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> 
 
 def _kind(key: str, leaf: Leaf) -> str:
     """What a value is: a number, a whole number, a switch (0 or 1), or the index of a choice."""
-    if key == KIND:
+    if key == REFERENCE_KIND:
         return "choice"
     if Mark.SWITCH in leaf.marks:
         return "switch"

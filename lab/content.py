@@ -17,7 +17,7 @@ from dualwinch.codegen.compiler import fingerprint
 from dualwinch.codegen.errors import CacheError
 from dualwinch.codegen.files import atomic
 from dualwinch.lab.catalogue import catalogue
-from dualwinch.lab.wasm.build import FLAGS, modules, wasm_compiler
+from dualwinch.lab.wasm.build import WASM_FLAGS, modules, wasm_compiler
 from dualwinch.lab.wasm.structures import LabStructure, structures
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.progress import Progress, no_progress
@@ -69,7 +69,7 @@ def content(
     offered = structures() if offered is None else tuple(offered)
     compiler = wasm_compiler()
     names = ",".join(structure.id for structure in offered)
-    key = fingerprint(version, compiler.version, *FLAGS, installed("casadi"), names, repr(rig), _sources())
+    key = fingerprint(version, compiler.version, *WASM_FLAGS, installed("casadi"), names, repr(rig), _sources())
     file = cache_folder() / f"lab-{key}.json.gz"
     with contextlib.suppress(*DAMAGED):
         return _read(file)

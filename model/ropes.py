@@ -214,7 +214,7 @@ class RopeLaw(Part):
 DERIVED = frozenset({"pull", "resting_stretch", "steady_stretch", "tangent"})
 """Methods that follow from `RopeLaw.tension`."""
 
-ITERATIONS = 30
+NEWTON_STEPS = 30
 """Newton steps for the stretch at rest, each of which squares the error, or halvings of where it may be."""
 
 CORRECTIONS = 8
@@ -259,7 +259,7 @@ def _resting(rope: RopeLaw) -> ca.Function:
     symbols = [ca.SX.sym(name) for name in numbers(rope)]
     tension, length = ca.SX.sym("tension"), ca.SX.sym("length")
     least, strain, most = map(ca.SX, STRAINS)
-    for _ in range(ITERATIONS):
+    for _ in range(NEWTON_STEPS):
         stretch = exp(strain) * length
         pull, spring, *_ = _slopes(rope).call([stretch, 0, length, *symbols])
         least, most = where(pull < tension, strain, least), where(pull < tension, most, strain)

@@ -34,7 +34,7 @@ def _plain(unit: str) -> str:
     return OTHER_FORMS.get(text, text)
 
 
-KNOWN = {si: {_plain(name): value for name, value in units.items()} for si, units in UNITS.items()}
+KNOWN_UNITS = {si: {_plain(name): value for name, value in units.items()} for si, units in UNITS.items()}
 """SI unit → the same without spaces."""
 
 
@@ -45,7 +45,7 @@ def factor(unit: str, si: str) -> float:
         ConfigurationError: the unit is not one of that quantity; the message lists the units that are.
     """
     plain = _plain(unit)
-    found = KNOWN[si].get(plain.removeprefix("-"))
+    found = KNOWN_UNITS[si].get(plain.removeprefix("-"))
     if found is None:
         listed = ", ".join(UNITS[si])
         alike = [known for known in UNITS[si] if _plain(known).lower() == plain.lower()]
@@ -57,9 +57,9 @@ def factor(unit: str, si: str) -> float:
 
 def is_unit(text: str, si: str | None = None) -> bool:
     """Whether a text is a unit, of any quantity or of that with an SI unit."""
-    return any(_plain(text) in units for name, units in KNOWN.items() if si in {None, name})
+    return any(_plain(text) in units for name, units in KNOWN_UNITS.items() if si in {None, name})
 
 
 def is_same_unit(one: str, other: str) -> bool:
     """Whether two texts are forms of one unit."""
-    return any(units.get(_plain(one), 0.0) == units.get(_plain(other)) for units in KNOWN.values())
+    return any(units.get(_plain(one), 0.0) == units.get(_plain(other)) for units in KNOWN_UNITS.values())

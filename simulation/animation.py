@@ -38,7 +38,7 @@ class Play:
     still: int
 
 
-STILL = Play(0.0, 0)
+ONE_FRAME = Play(0.0, 0)
 """Of pictures with a single frame."""
 
 
@@ -316,7 +316,7 @@ def labelled_machine(experiment: Experiment | None = None) -> str:
     root = picture(WIDTH, LABELLED_HEIGHT, title, "Arrows point in the positive direction of each quantity.")
     add(root, "rect", width=WIDTH, height=LABELLED_HEIGHT, rx=10, fill="white")
     add(root, "rect", y=14, width=WIDTH, height=LABELLED_RAIL - 8, fill=WATER)
-    draw_machine(root, machine, frames, STILL)
+    draw_machine(root, machine, frames, ONE_FRAME)
     _winches(root, machine)
     _forces(root, machine, float(machine.at(x)[0]))
     return written(root)

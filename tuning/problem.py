@@ -23,7 +23,7 @@ from dualwinch.tuning.space import ContinuousDimension, Point, Space
 TRAINING, VALIDATION, CHANCE, TEST, SEARCH = "training", "validation", "chance constraint", "test", "search"
 """Names of the random streams of a study; no two share a draw, whatever the seed (`TuningProblem.stream`)."""
 
-STEADY = "steady_"
+STEADY_PREFIX = "steady_"
 """What the names of figures of merit of the steady state begin with."""
 
 REPORTED = (
@@ -79,7 +79,11 @@ class TuningProblem:
         begin, end = self.experiment.steady_window
         if begin >= min(end, self.experiment.duration):
             for statistic in (*self.objectives, *(constraint.statistic for constraint in self.constraints)):
-                if isinstance(statistic, Statistic) and statistic.own is None and statistic.metric.startswith(STEADY):
+                if (
+                    isinstance(statistic, Statistic)
+                    and statistic.own is None
+                    and statistic.metric.startswith(STEADY_PREFIX)
+                ):
                     raise ConfigurationError(
                         f"{statistic.name}: no run has it: the steady state begins at {begin:g} s, simulation.duration "
                         f"is {self.experiment.duration:g} s; must be longer, or take mean.mse"

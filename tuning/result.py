@@ -175,14 +175,14 @@ NOTHING = 1e-3
 LEADING = 3
 """Trials that tell whether a gain lies at its bound."""
 
-NAMES = {"best": "best", "start": "start", "paper": "paper"}
+SCORE_NAMES = {"best": "best", "start": "start", "paper": "paper"}
 """Name of a score in a verdict → what it is called."""
 
 
 def headings(tuned: TuningResult) -> dict[str, str]:
     """Name of each score that says something different → its heading in a table."""
     verdict = tuned.verdict
-    names = {name: NAMES[name] for name in verdict.shown}
+    names = {name: SCORE_NAMES[name] for name in verdict.shown}
     if not verdict.improved:
         names["best"] = "start, kept" if "paper" in names else "start = paper, kept"
     elif verdict.start_is_papers:

@@ -15,7 +15,7 @@ from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.codegen.source.operations import Generator, Style
 
-FLAGS = ("-ffp-contract=fast",)
+CONTRACTED = ("-ffp-contract=fast",)
 """Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
 
 CASADI_FLAGS = ("-fno-finite-math-only",)
@@ -84,7 +84,7 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
         CacheError: the cache folder cannot be used.
     """
     chosen = compiler or find_compiler()
-    own = FLAGS if chosen.is_clang else FLAGS + SCHEDULED
+    own = CONTRACTED if chosen.is_clang else CONTRACTED + SCHEDULED
     flags = own if generator == "dualwinch" else CASADI_FLAGS
     made_of = recipe(system.functions, "rollout", system.parts, generator)
     driver = loaded(lambda: rollout_source(system, generator), chosen, flags, made_of, rollout="pppnnpp -> int")

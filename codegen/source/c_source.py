@@ -15,7 +15,7 @@ from dualwinch.codegen.source.statements import Strand, helpers, statements
 LANES = 16
 """Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
 
-FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512", "-fno-finite-math-only")
+LANE_FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512", "-fno-finite-math-only")
 """Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane.
 
 Numbers that are not finite are reckoned with: gcc turns choices into branches and back into masks, and where it takes
@@ -31,7 +31,7 @@ Else it makes branches of choices, threads those through each other, and turns w
 
 def lane_flags(compiler: Compiler) -> tuple[str, ...]:
     """Flags of a build with lanes, beside those of every build."""
-    return FLAGS if compiler.is_clang else FLAGS + GCC_FLAGS
+    return LANE_FLAGS if compiler.is_clang else LANE_FLAGS + GCC_FLAGS
 
 
 def lane_sizes(compiler: Compiler) -> dict[str, int]:

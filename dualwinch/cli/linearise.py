@@ -411,7 +411,7 @@ def print_closed_sweep(
     return [table]
 
 
-SMALL = 8
+PRINTED_STATES = 8
 """Systems of up to so many states are printed whole."""
 
 
@@ -431,7 +431,7 @@ def print_point(
     from dualwinch.model.linear.properties import dc_gains
     from dualwinch.model.quantities.tree import numbers
 
-    console, small = terminal(), len(system.states) <= SMALL
+    console, small = terminal(), len(system.states) <= PRINTED_STATES
     console.print(styled("bold", "operating point"))
     columns = _point_columns(*numbers(point), point=point)
     tables = [FigureTable("operating_point", columns, [list(numbers(point).values())])]

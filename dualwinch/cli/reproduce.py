@@ -215,8 +215,8 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
 
 
 TRACKING = ("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse")
-ROPES = ("saturated_share", "peak_tension", "min_tension", "chatter")
-BEYOND = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension", "energy")
+ROPE_METRICS = ("saturated_share", "peak_tension", "min_tension", "chatter")
+FURTHER_METRICS = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension", "energy")
 """Figures of merit of the tables."""
 
 
@@ -249,7 +249,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
     from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, reductions
 
     named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
-    found = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPES)]
+    found = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
     if change := reductions(runs):
         title = "Figure 21: what the observer changes\n(Case 4, steady state)"
         merits = metric_quantities()
@@ -265,7 +265,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
             if number == case
         }
         title = f"Beyond the paper, Case {case}: position laws, and coordinations with {PAPERS_LAW}"
-        table = runs_table(title, beyond, BEYOND)
+        table = runs_table(title, beyond, FURTHER_METRICS)
         found.append(replace(table, columns=table.columns[1:], rows=[row[1:] for row in table.rows]))
     return found
 

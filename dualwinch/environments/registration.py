@@ -2,7 +2,9 @@
 
 from dualwinch.model.errors import MissingExtraError
 
-NAMES = {f"dualwinch/Case{number}-v0": f"case-{number}" for number in (1, 2, 3, 4)} | {"dualwinch/Sea-v0": "sea"}
+ENVIRONMENT_NAMES = {f"dualwinch/Case{number}-v0": f"case-{number}" for number in (1, 2, 3, 4)} | {
+    "dualwinch/Sea-v0": "sea"
+}
 """Name in Gymnasium → what is run."""
 
 
@@ -16,10 +18,10 @@ def register() -> None:
         from gymnasium.envs import registration
     except ImportError:
         raise MissingExtraError("gymnasium", "gymnasium") from None
-    for name in NAMES.keys() - registration.registry.keys():
+    for name in ENVIRONMENT_NAMES.keys() - registration.registry.keys():
         registration.register(
             id=name,
             entry_point="dualwinch.environments.environment:Environment",
             vector_entry_point="dualwinch.environments.environment:VectorEnvironment",
-            kwargs={"experiment": NAMES[name]},
+            kwargs={"experiment": ENVIRONMENT_NAMES[name]},
         )

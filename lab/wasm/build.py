@@ -10,7 +10,7 @@ from dualwinch.codegen.errors import CompilerNotFoundError, installing
 from dualwinch.lab.wasm.settings import Settings
 from dualwinch.lab.wasm.source import module_source
 
-FLAGS = (
+WASM_FLAGS = (
     *("--target=wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-Oz"),
     *("-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-ffp-contract=off"),
     *("-Wl,--strip-all", "-Wl,--export=__heap_base"),
@@ -56,5 +56,5 @@ def modules(settings: Iterable[Settings]) -> Iterator[bytes]:
 def _compiled(source: str, compiler: Compiler) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         module = Path(folder) / "module.wasm"
-        compiler.run(source, module, FLAGS)
+        compiler.run(source, module, WASM_FLAGS)
         return module.read_bytes()

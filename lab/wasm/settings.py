@@ -103,7 +103,7 @@ def _with_delay(function: ca.Function, parameters: ca.SX) -> ca.Function:
     return named_function(function.name(), inputs, dict(zip(function.name_out(), function.call(given), strict=True)))
 
 
-KIND = "reference.kind"
+REFERENCE_KIND = "reference.kind"
 """A number here: which of `MOTIONS` it is."""
 
 MOTIONS = ("uniform", "profile")
@@ -163,7 +163,7 @@ class Settings:
             if Mark.DRAWN_AHEAD in leaf.marks and leaf.kind is float and not key.startswith(UNHEEDED)
         ]
         believed = list(leaves(Nominal(), "controller.nominal."))
-        return (*dict.fromkeys([*own, *ahead, *believed, KIND, DURATION, DELAY]),)
+        return (*dict.fromkeys([*own, *ahead, *believed, REFERENCE_KIND, DURATION, DELAY]),)
 
     @cached_property
     def optional(self) -> tuple[str, ...]:

@@ -15,9 +15,9 @@ from dualwinch.lab.wasm.settings import (
     BELIEVED,
     DURATION,
     GIVEN,
-    KIND,
     LAG,
     MOTIONS,
+    REFERENCE_KIND,
     SAMPLE_TIME,
     SHORTEST_LAG,
     Settings,
@@ -42,7 +42,7 @@ def duration_function(settings: Settings) -> ca.Function:
     """``duration_of(parameters) -> duration``: length of the run in s."""
     own: Scalar = 0.0
     for number, kind in enumerate(MOTIONS):
-        own = where(settings.symbols[KIND] == number, PAPER_DURATION[kind], own)
+        own = where(settings.symbols[REFERENCE_KIND] == number, PAPER_DURATION[kind], own)
     return settings.function("duration_of", duration=[settings.given(DURATION, own)])
 
 
@@ -59,7 +59,7 @@ def motion_function(settings: Settings) -> ca.Function:
     for number, kind in enumerate(MOTIONS):
         for limited in (False, True):
             here = _given(t, settings, kind, symbols[JERK] if limited else None)
-            chosen = both(symbols[KIND] == number, symbols[GIVEN + JERK] == limited)
+            chosen = both(symbols[REFERENCE_KIND] == number, symbols[GIVEN + JERK] == limited)
             found = {name: where(chosen, value, found.get(name, 0.0)) for name, value in here.items()}
     return settings.function("motion", {"t": t}, given=[found[name] for name in motion_names(settings)])
 

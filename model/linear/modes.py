@@ -247,7 +247,7 @@ def _by_states(participation: Mapping[str, float]) -> str:
 
 Complex = NDArray[np.complex128]
 
-STILL = 1e-8
+ZERO_EIGENVALUE = 1e-8
 """Eigenvalues below this share of the largest are zero but for round-off (of a double one, its square root)."""
 
 SAMPLES_A_PERIOD = 10
@@ -354,7 +354,7 @@ def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
     matrices = np.array([system.A for system in systems])
     steady = np.array([0.0 if system.dt is None else 1.0 for system in systems])[:, None]
     eigenvalues, right = np.linalg.eig(matrices)
-    still = np.abs(eigenvalues - steady) < STILL * np.abs(eigenvalues).max(axis=1, keepdims=True)
+    still = np.abs(eigenvalues - steady) < ZERO_EIGENVALUE * np.abs(eigenvalues).max(axis=1, keepdims=True)
     eigenvalues = np.where(still, steady, eigenvalues)
     vectors = right.astype(np.complex128)
     for k in np.flatnonzero(still.sum(axis=1) > 1):
@@ -370,7 +370,7 @@ def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     sizes = np.sort(np.abs(np.linalg.eigvals(balanced)))
     moving = sizes[count] if count < len(sizes) else np.inf
-    between = np.sqrt(moving * max(sizes[count - 1], STILL * sizes[-1]))
+    between = np.sqrt(moving * max(sizes[count - 1], ZERO_EIGENVALUE * sizes[-1]))
     ordered: Any = schur(balanced, output="complex", sort=lambda rate: abs(rate) <= between)
     basis = scale[:, None] * ordered[1][:, :count]
     basis /= np.linalg.norm(basis, axis=0)

@@ -125,10 +125,10 @@ Matrices: TypeAlias = tuple[Array, Array, Array, Array]
 RANK = 1e-11
 """Singular values below this are zero, of rows that are of unit length."""
 
-STILL = 1e-10
+INTEGRATOR = 1e-10
 """Poles nearer to 0 (discrete: to 1) than this share of the norm of A are integrators."""
 
-SILENT = 1e-9
+NO_GAIN = 1e-9
 """An integrator that adds less than this to an output does not reach it; both ends in balanced units."""
 
 
@@ -183,7 +183,7 @@ def dc_gains(system: LinearSystem) -> Array:
 
     part = balanced(system)
     A = part.A if system.dt is None else part.A - np.eye(len(part.A))
-    near = STILL * float(np.linalg.norm(A, 2))
+    near = INTEGRATOR * float(np.linalg.norm(A, 2))
     ordered: Any = schur(A, output="complex", sort=lambda pole: abs(pole) < near)
     T, Z, integrators = ordered
     k = int(integrators)
@@ -191,10 +191,10 @@ def dc_gains(system: LinearSystem) -> Array:
     B, C = Z.conj().T @ part.B, part.C @ Z
     chain, C_moving = B[:k] - coupling @ B[k:], C[:, :k] @ coupling + C[:, k:]
     gains = part.D - (C_moving @ np.linalg.solve(T[k:, k:], B[k:])).real
-    gains = np.where(np.abs(gains) > SILENT * np.abs(gains).max(axis=1, keepdims=True), gains, 0.0)
+    gains = np.where(np.abs(gains) > NO_GAIN * np.abs(gains).max(axis=1, keepdims=True), gains, 0.0)
     for _ in range(k):
         reached = (C[:, :k] @ chain).real
-        gains = np.where(np.abs(reached) > SILENT, np.copysign(math.inf, reached), gains)
+        gains = np.where(np.abs(reached) > NO_GAIN, np.copysign(math.inf, reached), gains)
         chain = T[:k, :k] @ chain
     return gains * part.outputs[:, None] / part.inputs
 

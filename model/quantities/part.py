@@ -134,7 +134,7 @@ def _libraries() -> frozenset[Path]:
     return frozenset(Path(folder).resolve() for folder in folders)
 
 
-KIND = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
+KIND_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
 """Words that can stand in keys, on command lines and in the names of functions."""
 
 OF_THE_CLASS = ("kind", "label", "colour", "dashes", "rules")
@@ -193,7 +193,7 @@ def _frozen(group: Any) -> bool:
 
 def _check_kind(part: type) -> None:
     kind = getattr(part, "kind", None)
-    if not isinstance(kind, str) or not KIND.fullmatch(kind):
+    if not isinstance(kind, str) or not KIND_NAME.fullmatch(kind):
         fitting = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", part.__name__).strip("_").lower()
         wrong = "has no kind" if kind is None else f"kind = {kind!r} must be of letters, digits and single hyphens"
         raise ConfigurationError(f'{named(part)}: {wrong}; write kind: ClassVar = "{fitting}"')

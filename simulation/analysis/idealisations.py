@@ -253,7 +253,7 @@ def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -
             yield Idealisation("rope mass", parts, words, brief, peak, limits.gain, "1", keys)
 
 
-STEADY = {
+STEADY_PLANT = {
     "plant.vehicle.friction_coefficient": 0.0,
     "nominal.vehicle.friction_coefficient": 0.0,
     "sensors.position_resolution": 0.0,
@@ -309,7 +309,7 @@ def position_loop_gain(
 def _commands(ready: PreparedExperiment, paths: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Force commands in N while states follow given deviations from the start: index of the state → (samples,)."""
     loop, state, start = ready.loop, ready.state, ready.state
-    parameters = loop.vector({key: STEADY.get(key, value) for key, value in ready.parameters.items()})
+    parameters = loop.vector({key: STEADY_PLANT.get(key, value) for key, value in ready.parameters.items()})
     outside, motion, command = np.zeros(len(loop.exogenous)), loop.move.numel_in("motion"), loop.columns.index("u")
     found = []
     for deviations in zip(*paths.values(), strict=True):

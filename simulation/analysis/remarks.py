@@ -39,14 +39,14 @@ class RemarkLimits:
 
 
 WINCHES = ("winch_1", "winch_2")
-ROPES = ("rope_1", "rope_2")
+ROPE_KEYS = ("rope_1", "rope_2")
 
 DEPENDENT: dict[str, tuple[str, ...]] = {
     "plant.vehicle.normal_force": ("plant.vehicle.mass",),
     "plant.vehicle.drag_area": ("plant.vehicle.diameter", "plant.vehicle.height"),
     "plant.vehicle.diameter": ("plant.vehicle.drag_area",),
     "plant.vehicle.height": ("plant.vehicle.drag_area",),
-    **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPES},
+    **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPE_KEYS},
     **{f"plant.{winch}.inertia": (f"plant.{winch}.drum_radius",) for winch in WINCHES},
     **{
         f"controller.{winch}.{gain}": (f"plant.{winch}.drum_radius", f"plant.{winch}.gear_ratio")
@@ -100,7 +100,7 @@ TENSIONS = ("preload", "tension_min", "tension_max")
 """Keys of ``controller.coordination`` that are of the paper's ropes and motors."""
 
 SIZES = (
-    *(f"plant.{rope}.{size}" for rope in ROPES for size in ("area", "diameter")),
+    *(f"plant.{rope}.{size}" for rope in ROPE_KEYS for size in ("area", "diameter")),
     *(f"plant.{winch}.{size}" for winch in WINCHES for size in ("drum_radius", "gear_ratio")),
 )
 """Sizes that say for which tensions ropes and winches are made."""

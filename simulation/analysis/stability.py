@@ -311,7 +311,7 @@ def _judged(result: Result) -> Certificate:
     )
 
 
-ROUNDS = 6
+GAIN_ROUNDS = 6
 """Times the gains are raised from one start."""
 
 HEADROOM = 1.02
@@ -356,11 +356,11 @@ def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> Nea
         if tried.certified:
             break
         tried = given
-        for _ in range(ROUNDS):
+        for _ in range(GAIN_ROUNDS):
             tried = certify(_raised(tried, decay))
             runs += 1
             history.append(f"k_a = {decay:g}: {_shortfall(tried)}")
-            progress(runs / (2 * ROUNDS))
+            progress(runs / (2 * GAIN_ROUNDS))
             if tried.certified or tried.result.outcome != "completed":
                 break
     before, after = leaves(experiment.controller), leaves(tried.result.experiment.controller)
@@ -412,7 +412,7 @@ def _reason(given: Certificate, tried: Certificate) -> str:
     cut_off = np.abs(columns["u"] - columns["u_sat"])
     excess = float(cut_off[np.argmax(cut_off > 0)])
     if not excess > 0:
-        return f"after {ROUNDS} rounds the bounds still grow as fast as the gains"
+        return f"after {GAIN_ROUNDS} rounds the bounds still grow as fast as the gains"
     sample_time = experiment.simulation.sample_time
     least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
     return (

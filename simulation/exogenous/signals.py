@@ -342,14 +342,14 @@ def _scale(name: str) -> str:
     return f"disturbance.{name}.scale"
 
 
-GROUPS = {"sensors.": Sensors(), "disturbance.": Disturbance(), "plant.vehicle.": Vehicle()}
+SHAPING = {"sensors.": Sensors(), "disturbance.": Disturbance(), "plant.vehicle.": Vehicle()}
 """Prefix of keys → group of numbers that shape random signals."""
 
 
 @cache
 def _keys() -> tuple[str, ...]:
     """Numbers that may shape a random signal."""
-    known = (leaf for prefix, group in GROUPS.items() for leaf in describe(type(group), prefix).values())
+    known = (leaf for prefix, group in SHAPING.items() for leaf in describe(type(group), prefix).values())
     return tuple(leaf.key for leaf in known if leaf.kind is float)
 
 
@@ -363,7 +363,7 @@ def _course_slope(experiment: Experiment, name: str, key: str) -> list[float]:
 def _course_slopes() -> Mapping[tuple[str, str], ca.Function]:
     """Random signal and number that shapes it → function of the values of all `_keys` that gives `_course_slope`."""
     symbols = {key: ca.SX.sym(key) for key in _keys()}
-    sensors, sea, vehicle = (with_leaves(group, symbols, prefix) for prefix, group in GROUPS.items())
+    sensors, sea, vehicle = (with_leaves(group, symbols, prefix) for prefix, group in SHAPING.items())
     every = ca.vertcat(*symbols.values())
     found = {}
     for name, course in courses(sensors, sea, vehicle).items():

@@ -17,7 +17,7 @@ from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.simulation.ensembles.comparison import COMPARED, CONFIDENCE, Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult, Traces
 from dualwinch.simulation.metrics.metrics import in_words, metric_quantities
-from dualwinch.simulation.plots.page import STEADY, GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.page import STEADY_PATCH, GivenAxes, new_page, scenario
 from dualwinch.simulation.plots.runs import KILO, draw_limits, length_unit
 from dualwinch.simulation.plots.style import (
     BLUE,
@@ -85,7 +85,7 @@ def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
         words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
         aside(ropes[0], words + f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %")
         page.time_axes(panels, experiment)
-        page.legend(STEADY)
+        page.legend(STEADY_PATCH)
     return page.figure
 
 

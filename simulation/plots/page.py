@@ -56,7 +56,7 @@ WIDTH = 7.0
 LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
 """Characters a legend below a figure has room for, and those its line samples take."""
 
-STEADY = Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
+STEADY_PATCH = Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
 """Legend entry of the shaded steady-state window."""
 
 GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None

@@ -25,7 +25,7 @@ from dualwinch.simulation.paper import (
     percent,
     steady_change,
 )
-from dualwinch.simulation.plots.page import STEADY, GivenAxes, case_number, new_page, scenario
+from dualwinch.simulation.plots.page import STEADY_PATCH, GivenAxes, case_number, new_page, scenario
 from dualwinch.simulation.plots.style import (
     BLUE,
     DASHES,
@@ -217,7 +217,7 @@ def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
         end = min(runs[0].experiment.steady_window[1], runs[0].experiment.duration)
         _zoom(position, lines, (max(end - ZOOM, 0.0), end))
         page.time_axes(panels, longest(runs))
-        page.legend(STEADY)
+        page.legend(STEADY_PATCH)
     return page.figure
 
 
@@ -266,7 +266,7 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
         _steady_error(steady, runs)
         page.time_axes([whole], experiment)
         page.time_axes([decades], experiment)
-        page.legend(STEADY)
+        page.legend(STEADY_PATCH)
     return page.figure
 
 
@@ -382,7 +382,7 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
         if zoomed:
             panels[2].set_title(event + ", enlarged")
             page.name_x(panels[2:], f"time after {origin:g} s (ms)" if origin else "time (ms)")
-        page.legend(STEADY)
+        page.legend(STEADY_PATCH)
     return page.figure
 
 
@@ -428,7 +428,7 @@ def _moment(seconds: float) -> str:
     return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
 
 
-BEYOND = 1.25
+FORCE_REACH = 1.25
 """How far, in limits, the force panel reaches; a command beyond is given in words."""
 
 
@@ -499,7 +499,7 @@ def _force_panel(axes: Axes, run: Curve) -> None:
         for edge in (-limit, limit):
             axes.axhline(edge, **LIMIT)
         bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, -BEYOND * limit), min(top, BEYOND * limit))
+        axes.set_ylim(max(bottom, -FORCE_REACH * limit), min(top, FORCE_REACH * limit))
     axes.set(ylabel="force (kN)", title=words)
 
 

@@ -238,7 +238,7 @@ def _read_numpy(path: Path) -> FileContent:
 OURS = "dualwinch."
 """Prefix of the names of facts."""
 
-KNOWN = (b"unit", b"meaning", b"source")
+FIELD_METADATA = (b"unit", b"meaning", b"source")
 """Metadata of a field that is ours; writers and readers add their own."""
 
 
@@ -265,7 +265,9 @@ def _read_parquet(path: Path) -> FileContent:
     table = parquet.read_table(path)
     said = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
     quantities = {
-        field.name: Quantity(**{key.decode(): value.decode() for key, value in field.metadata.items() if key in KNOWN})
+        field.name: Quantity(
+            **{key.decode(): value.decode() for key, value in field.metadata.items() if key in FIELD_METADATA}
+        )
         for field in table.schema
     }
     return FileContent(

@@ -44,7 +44,7 @@ SIGNALS = ("t", *READINGS, "x_ref", "v_ref", "a_ref", "tau_1", "tau_2")
 PORT = 47800
 """Where datagrams are received unless another port is asked for."""
 
-COMMANDS = ("tau_1_cmd", "tau_2_cmd")
+TORQUE_COMMANDS = ("tau_1_cmd", "tau_2_cmd")
 """Inputs that are torques."""
 
 REFERENCE = ("reference.x", "reference.v", "reference.a")
@@ -210,7 +210,7 @@ class ServedPlant:
         inputs = describe(Inputs)
         length = self.experiment.plant.track.length
         inputs["target"] = replace(inputs["target"], constraints=(at.Ge(0), at.Le(length)))
-        for name, most in zip(COMMANDS, self._largest, strict=True):
+        for name, most in zip(TORQUE_COMMANDS, self._largest, strict=True):
             inputs[name] = replace(inputs[name], constraints=(at.Ge(-most), at.Le(most)))
         known = {name: self._loop.quantities[name] for name in SIGNALS}
         outputs = {signal_name(name): Leaf(signal_name(name), quantity, float) for name, quantity in known.items()}
@@ -346,7 +346,7 @@ class ServedPlant:
         shared, added = self._run.shared, self._run.added
         self._written |= values
         for name, value in values.items():
-            if name not in COMMANDS:  # of those there may be many, and rows hold them
+            if name not in TORQUE_COMMANDS:  # of those there may be many, and rows hold them
                 self.events.append({"t": self.time, "input": name, "value": value})
             if name in {"slack_1", "slack_2"}:
                 shared.share[name == "slack_2"] = 1.0 - value
@@ -354,8 +354,8 @@ class ServedPlant:
                 added[self._column(SILENT)] = value
             elif name in {FORCE, "current"}:
                 added[self._column(name)] = value
-        if not values.keys().isdisjoint(COMMANDS):
-            shared.other[:] = [self._written[name] for name in COMMANDS]
+        if not values.keys().isdisjoint(TORQUE_COMMANDS):
+            shared.other[:] = [self._written[name] for name in TORQUE_COMMANDS]
             shared.other_count += 1
         if "target" in values:
             self._go_to(values["target"])

@@ -374,7 +374,7 @@ HEADING, A_ROW = 1.45, 0.27
 WIDE = frozenset({"chatter"})
 """Figures of merit that differ by factors."""
 
-SMALL = 0.1
+SMALL_RATIO = 0.1
 """Ratios below that are written as fractions."""
 
 DRAWN_FROM = 0.05
@@ -449,7 +449,7 @@ def end_of_marks(high: float, others: Iterable[float]) -> float:
 
 def _share(ratio: float) -> str:
     """A ratio as it is best read: ``6.4×``, or ``1/16 000``."""
-    return f"{ratio:.2g}×" if ratio >= SMALL else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
+    return f"{ratio:.2g}×" if ratio >= SMALL_RATIO else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
 def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:

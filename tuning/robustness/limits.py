@@ -28,7 +28,7 @@ SMALLER = {
 }
 """Unit → factors and names of the units in which smaller values of it are read."""
 
-SMALL = 0.1
+SMALL_VALUE = 0.1
 """Below this a value is read in a smaller unit; a share always is."""
 
 
@@ -54,7 +54,7 @@ def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
     """Factor and name of the unit in which numbers up to a largest one are read."""
     factor, name = 1.0, readable_unit(unit)
     for larger, smaller in SMALLER.get(unit, ()):
-        if abs(largest) * factor < SMALL or unit == SHARE:
+        if abs(largest) * factor < SMALL_VALUE or unit == SHARE:
             factor, name = larger, smaller
     return factor, name
 

@@ -53,7 +53,7 @@ SCENARIOS = 20
 KEPT_KEYS = ("controller.", "metrics", "plant.")
 """What the keys begin with that an experiment keeps, although an ensemble sets them alike."""
 
-ENSEMBLE, KIND = "rig", "sea"
+STRESS_ENSEMBLE, BASE_ENSEMBLE = "rig", "sea"
 """Gives the imperfections of tuned gains; and what they come on top of where the gains are tuned with them."""
 
 
@@ -126,7 +126,7 @@ def check_stress(problem: TuningProblem) -> None:
     Raises:
         ConfigurationError: there is none, or gains are drawn.
     """
-    base, ensemble = base_and_ensemble(problem.experiment, ENSEMBLE, _base_of(problem))
+    base, ensemble = base_and_ensemble(problem.experiment, STRESS_ENSEMBLE, _base_of(problem))
     try:
         imperfections(base, union(base, ensemble))
     except ConfigurationError as error:
@@ -145,7 +145,7 @@ def stress_tuned(
     """`stress` for the best of a tuning problem: on top of what it was tuned in, under the problem's constraints."""
     return stress(
         best,
-        ensemble=ENSEMBLE,
+        ensemble=STRESS_ENSEMBLE,
         base=_base_of(problem),
         noted=[constraint.text for constraint in problem.constraints],
         scenarios=scenarios or SCENARIOS,
@@ -159,7 +159,7 @@ def stress_tuned(
 def _base_of(problem: TuningProblem) -> Ensemble | str | None:
     """What the gains were tuned in, without the imperfections."""
     tuned_in = problem.ensemble
-    return KIND if tuned_in and tuned_in.name == ENSEMBLE else tuned_in
+    return BASE_ENSEMBLE if tuned_in and tuned_in.name == STRESS_ENSEMBLE else tuned_in
 
 
 def base_and_ensemble(

@@ -16,7 +16,7 @@ BLOCK = 4
 WORD = np.uint64(0xFFFFFFFF)
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 KEY_STEPS = 0x9E3779B9, 0xBB67AE85
-ROUNDS = 10
+PHILOX_ROUNDS = 10
 
 
 def philox(
@@ -32,7 +32,7 @@ def philox(
     """
     a, b, c, d = counter
     half = np.uint64(32)
-    for turn in range(ROUNDS):
+    for turn in range(PHILOX_ROUNDS):
         keys = [(np.uint64(word) + np.uint64(turn * step)) & WORD for word, step in zip(key, KEY_STEPS, strict=True)]
         p, q = a * MULTIPLIERS[0], c * MULTIPLIERS[1]
         a, b, c, d = (q >> half) ^ b ^ keys[0], q & WORD, (p >> half) ^ d ^ keys[1], p & WORD

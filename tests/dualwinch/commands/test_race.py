@@ -141,7 +141,7 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
 ) -> None:
     drums = tmp_path / "drums.toml"
     drums.write_text(DRUMS)
-    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
+    monkeypatch.setattr(stress_module, "STRESS_ENSEMBLE", drums)
     monkeypatch.setattr(race_module, "STRESS_SCENARIOS", 2)
     words = [*QUICK, "--law", "nftsm", "--out", str(tmp_path / "race")]
     main(words)

@@ -122,7 +122,7 @@ def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, t
 def test_tune_finds_out_what_breaks_its_best_first(
     drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
+    monkeypatch.setattr(stress_module, "STRESS_ENSEMBLE", drums)
     monkeypatch.setattr(stress_module, "SCENARIOS", 2)
     out = tmp_path / "tuned"
     main(["tune", "--case", "2", "--set", "simulation.duration=0.2", "--trials", "3", "--stress", "--out", str(out)])
@@ -139,7 +139,7 @@ def test_tune_finds_out_what_breaks_its_best_first(
 def test_tune_says_at_once_that_there_is_nothing_to_break(
     drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stress_module, "ENSEMBLE", drums)
+    monkeypatch.setattr(stress_module, "STRESS_ENSEMBLE", drums)
     with pytest.raises(SystemExit):
         main(["tune", "--ensemble", str(drums), "--trials", "3", "--stress", "--out", str(tmp_path / "tuned")])
     assert "--stress: ensemble 'drums': has no imperfection that its base 'drums' lacks" in capsys.readouterr().err

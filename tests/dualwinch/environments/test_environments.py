@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 
 import dualwinch as dw
 from dualwinch.environments.environment import Environment, VectorEnvironment
-from dualwinch.environments.registration import NAMES, register
+from dualwinch.environments.registration import ENVIRONMENT_NAMES, register
 from dualwinch.environments.task import Reward, Task
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 
@@ -40,7 +40,7 @@ def test_gymnasiums_checker_has_nothing_to_say(name: str, form: dict) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ENVIRONMENT_NAMES)
 def test_every_name_makes_an_environment(name: str) -> None:
     register()  # once more is no error
     envs = gymnasium.make_vec(name, num_envs=2)
