@@ -15,6 +15,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package, frozen, prepared
 from dualwinch.codegen.source.operations import Precision
+from dualwinch.config.experiment_file import load
 from dualwinch.controllers.controller import POSITION_LAWS
 from dualwinch.controllers.registry import ESTIMATORS
 from dualwinch.model.quantities.tree import with_leaves
@@ -32,6 +33,15 @@ WILD = 20_000
 
 PRECISE_BOARDS = (BOARDS[0], DOUBLE_BOARD, replace(BOARDS[0], precision="double"))
 """Single precision, double precision, and double precision without an FPU for it."""
+
+SEARCHED = Path(__file__).parents[1] / "independent" / "searched.toml"
+"""Gains tuned in `site`."""
+
+MEMORY = 14_000_000
+"""Bytes on a board for the inputs and outputs of a run."""
+
+HEAVY = "controller of `site`: wheel, give and sag learnt"
+"""What their row is called."""
 
 VARIANTS = (("lowpass", False), ("kalman", False), ("kalman", True))
 """Estimator, and whether the parameters are constants, that the position laws are measured with."""
@@ -133,16 +143,17 @@ def _laws() -> list[str]:
 
 
 def _estimators() -> list[str]:
-    """What every estimator costs before the paper's law in Case 4, with parameters at run time."""
+    """What estimators cost before the paper's law in Case 4, with parameters at run time; and `site`'s controller."""
     headings = ["instructions a step: mean", "worst", "preparing, once", "code", "RAM an instance", "stack"]
     lines = [
         f"| estimator | processor | precision | {' | '.join(headings)} |",
         "|---|---|---|" + "--:|" * len(headings),
     ]
-    for estimator in ESTIMATORS:
-        experiment = with_leaves(case(4), {"controller.estimator": estimator})
+    experiments = {kind: with_leaves(case(4), {"controller.estimator": kind}) for kind in ESTIMATORS}
+    for estimator, experiment in (experiments | {HEAVY: load(SEARCHED)}).items():
         controller = block("controller", experiment)
-        inputs = recorded(simulate(experiment), controller)
+        fitting = MEMORY // (8 * (len(controller.inputs) + len(controller.outputs)))
+        inputs = recorded(simulate(experiment), controller)[:fitting]
         for board in PRECISE_BOARDS:
             package = c_package(controller, NAME, ABOUT, board.precision)
             got = measure(board, package, NAME, inputs, len(controller.outputs), freeze=False)
