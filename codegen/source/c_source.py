@@ -22,10 +22,11 @@ Numbers that are not finite are reckoned with: gcc turns choices into branches a
 `x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
 """
 
-GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps")
+GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps", "--param=loop-max-datarefs-for-datadeps=100000")
 """Flags that only gcc knows. It orders instructions with an eye to its registers, and leaves choices as they are.
 
 Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
+Loops with more than a thousand reads and writes, such as that of a machine with heavy ropes, it would not vectorise.
 """
 
 
