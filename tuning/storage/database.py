@@ -8,6 +8,11 @@ failed only the first counts: a worker that finds its own to be a later one fail
 nothing is counted twice. Trials are numbered in the order in which they are committed, so every worker sees the same
 one as the first.
 
+Why places, and not as many waiting trials as there shall be, enqueued when the study is made: no public function sets
+the point of a waiting trial. It is enqueued with its point, which is not known then, or a sampler hands the point out
+after `ask` has popped it, gain by gain, a transaction each: nearly twice as many a batch (`benchmarks.storages`). And a
+budget in time or rollouts has no such number.
+
 What the public functions lack: neither `ask` nor `add_trial` records a heartbeat, so that a trial whose worker dies
 right behind it would run forever; other workers record one for it (`_revive`). To fail a trial and to queue it again
 are two transactions; between them its place is empty, and the next worker that looks queues it again (`_requeue`).
