@@ -30,7 +30,7 @@ def main() -> int:
     from benchmarks.peers import peers
     from benchmarks.peers.peer import UnavailableError
     from benchmarks.report import show, write_json, write_markdown
-    from dualwinch.codegen import DualwinchError
+    from dualwinch.codegen.errors import DualwinchError
 
     try:
         with Console(stderr=True).status("preparing") as status:

@@ -20,7 +20,7 @@ from benchmarks.limits import MOST_TIME
 from benchmarks.peers import ENSEMBLES
 from benchmarks.peers.ensembles import SEED, ensemble_of, kernel
 from benchmarks.report import machine
-from dualwinch.codegen import DualwinchError
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Simulation

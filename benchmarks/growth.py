@@ -18,8 +18,8 @@ from benchmarks.growth_point import Point
 from benchmarks.peers import compiled, hand_c
 from benchmarks.peers.candidates import GAIN
 from benchmarks.peers.peer import UnavailableError
-from dualwinch.codegen import DualwinchError
 from dualwinch.codegen.drivers.batch import LANES
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.experiment import Simulation

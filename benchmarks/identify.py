@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from benchmarks.document import markdown, put
-from dualwinch.codegen import DualwinchError
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.identification.diagnostics import unidentifiable_directions, uninformed_keys
 from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of

@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 from benchmarks.document import duration, markdown, put, times
 from benchmarks.report import machine
 from benchmarks.shooting import Shot, shoot
-from dualwinch.codegen import DualwinchError
+from dualwinch.codegen.errors import DualwinchError
 from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log, log_of

@@ -22,10 +22,11 @@ import numpy as np
 
 from benchmarks.document import markdown, put
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
-from dualwinch.tuning.optimisers import compile_ahead, default_method, linearise, optimiser
+from dualwinch.tuning.optimisers import compile_ahead, linearise, optimiser
 from dualwinch.tuning.scoring import evaluation
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import default_method
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import tuning_problem

@@ -14,8 +14,7 @@ from benchmarks.document import markdown, put
 from benchmarks.measure import TOLERANCE, Timing
 from benchmarks.peers import ADAPTIVE_LIMIT, DEFAULT, LIMIT, OURS, gcc
 from benchmarks.peers.peer import UnavailableError
-from dualwinch.codegen import find_compiler
-from dualwinch.codegen.compiler import processor_name, vector_features
+from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
 from dualwinch.simulation.batch.workers import cores
 
 NARROWEST = 120

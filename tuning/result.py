@@ -16,7 +16,6 @@ from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remark
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import assumptions
-from dualwinch.tuning.optimisers import default_method
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
@@ -25,7 +24,7 @@ from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 from dualwinch.tuning.scoring.rollouts import run_pairs
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
-from dualwinch.tuning.selection_config import SelectionConfig
+from dualwinch.tuning.selection_config import SelectionConfig, default_method
 from dualwinch.tuning.space import ContinuousDimension, Point
 
 

@@ -1,10 +1,21 @@
-"""Hyper-parameters of the training set, of ranking, validation, chance constraint and test set."""
+"""Hyper-parameters of a search and its training set, of ranking, validation, chance constraint and test set."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
+
+TRIALS = 1000
+"""Trials of a search without a budget."""
+
+SCENARIOS = 12
+"""Scenarios of the training set where nothing else is asked for."""
+
+
+def default_method(objectives: int) -> str:
+    """The method where none is asked for."""
+    return "hybrid" if objectives == 1 else "nsga2"
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
-from dualwinch.tuning.optimisers import check_method, compile_ahead, default_method, optimiser
+from dualwinch.tuning.optimisers import check_method, compile_ahead, optimiser
 from dualwinch.tuning.problem import SEARCH, TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
@@ -14,12 +14,10 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import select
 from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import TRIALS, default_method
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
-
-TRIALS = 1000
-"""Trials of a search without a budget."""
 
 WORTH_COMPILING = 20.0
 """Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""

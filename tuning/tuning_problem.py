@@ -34,12 +34,9 @@ from dualwinch.tuning.constraints import (
 )
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.chance import draws_needed
-from dualwinch.tuning.selection_config import SelectionConfig
+from dualwinch.tuning.selection_config import SCENARIOS, SelectionConfig
 from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
-
-SCENARIOS = 12
-"""Scenarios of the training set where nothing else is asked for."""
 
 ESTIMATOR = "controller.estimator"
 COORDINATION = "controller.coordination.kind"

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.case import Case
 from benchmarks.peers.candidates import GAIN, gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.metrics.metrics import Metrics
 

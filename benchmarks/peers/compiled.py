@@ -2,7 +2,7 @@
 
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError, closed_loop_answer
-from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.simulation.experiment import EngineName
 from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.simulate import simulate

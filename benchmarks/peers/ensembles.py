@@ -8,8 +8,8 @@ import numpy as np
 from benchmarks.case import Case
 from benchmarks.peers.candidates import GAIN, ROLLOUTS, gains
 from benchmarks.peers.peer import Answer, Run, UnavailableError
-from dualwinch.codegen import CompilerNotFoundError
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
+from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, rollout
 from dualwinch.simulation.batch.workers import run_all

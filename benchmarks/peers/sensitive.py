@@ -5,7 +5,7 @@ import numpy as np
 from benchmarks.case import Case
 from benchmarks.peers.peer import Answer, Run, UnavailableError
 from dualwinch import sensitivities
-from dualwinch.codegen import CompilerNotFoundError
+from dualwinch.codegen.errors import CompilerNotFoundError
 from dualwinch.simulation.metrics.metrics import Metrics
 
 GAINS = (

@@ -67,7 +67,7 @@ def own_default(place: str, argument: str = "") -> Any:
 
     Args:
         place: a public function such as ``race``, or a class or constant below ``dualwinch`` with its module, such as
-            ``tuning.tune:TRIALS``.
+            ``tuning.selection_config:TRIALS``.
         argument: of that function or class; empty: the constant itself.
     """
     module, _, name = place.rpartition(":")

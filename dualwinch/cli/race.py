@@ -108,7 +108,7 @@ def race(
     scenarios: Annotated[
         int | None,
         WHOLE,
-        default_of("tuning.tuning_problem:SCENARIOS"),
+        default_of("tuning.selection_config:SCENARIOS"),
         Parameter(help="Scenarios of the training set, in which a candidate is tried."),
     ] = None,
     test_scenarios: Annotated[

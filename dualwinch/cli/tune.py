@@ -26,7 +26,6 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     WorkerOptions,
     default_of,
-    own_default,
     say_other_machine,
     seconds_from,
     share_from,
@@ -39,6 +38,9 @@ if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
     from dualwinch.tuning.storage.parts import PartRecord
+
+METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
+"""Names of `tuning.optimisers.METHODS`, which help does not load."""
 
 app = App(
     name="tune",
@@ -60,7 +62,7 @@ app = App(
 
 def usual_methods(_: object) -> str:
     """The methods of one objective and of several where none is given."""
-    from dualwinch.tuning.optimisers import default_method
+    from dualwinch.tuning.selection_config import default_method
 
     return f"{default_method(1)}; of several objectives {default_method(2)}"
 
@@ -73,14 +75,14 @@ class StudyOptions:
     method: Annotated[
         str | None,
         Parameter(
-            help=f"Optimiser: {', '.join(own_default('tuning.optimisers:METHODS'))}.",
+            help=f"Optimiser: {METHODS}.",
             show_default=usual_methods,
         ),
     ] = None
     trials: Annotated[
         int | None,
         WHOLE,
-        default_of("tuning.tune:TRIALS", words="{} without --time and --rollouts"),
+        default_of("tuning.selection_config:TRIALS", words="{} without --time and --rollouts"),
         Parameter(help="Trials of the search."),
     ] = None
     time: Annotated[
@@ -141,7 +143,7 @@ def tune(
     scenarios: Annotated[
         int | None,
         WHOLE,
-        default_of("tuning.tuning_problem:SCENARIOS"),
+        default_of("tuning.selection_config:SCENARIOS"),
         Parameter(help="Scenarios of the ensemble in which each candidate is tried."),
     ] = None,
     space: Annotated[
@@ -266,9 +268,10 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
     """
     from dualwinch.config.folders import made_folder
     from dualwinch.simulation.batch.workers import cores
-    from dualwinch.tuning.optimisers import check_method, default_method
+    from dualwinch.tuning.optimisers import check_method
     from dualwinch.tuning.robustness.stress import check_stress
     from dualwinch.tuning.scoring.progress import TuningProgress
+    from dualwinch.tuning.selection_config import default_method
     from dualwinch.tuning.storage.opening import open_store
     from dualwinch.tuning.storage.store import SearchBudget
     from dualwinch.tuning.tune import trials_of

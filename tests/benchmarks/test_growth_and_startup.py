@@ -11,7 +11,8 @@ from benchmarks.document import duration, markdown, put
 from benchmarks.growth import MANY, Point
 from benchmarks.growth_figure import growth_figure
 from benchmarks.startup import STAGES, _process
-from dualwinch.codegen import CompilerNotFoundError, find_compiler
+from dualwinch.codegen.compiler import find_compiler
+from dualwinch.codegen.errors import CompilerNotFoundError
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from dualwinch.codegen import find_compiler
-from dualwinch.codegen.compiler import Compiler
+from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch import rollout as module

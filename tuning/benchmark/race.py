@@ -57,7 +57,7 @@ from dualwinch.tuning.benchmark.scores import (
     front,
     scored_runs,
 )
-from dualwinch.tuning.optimisers import check_method, default_method
+from dualwinch.tuning.optimisers import check_method
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
 from dualwinch.tuning.scoring import clock
@@ -75,6 +75,7 @@ from dualwinch.tuning.scoring.progress import SCORING as SCORING_BEST
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.test_set import TestSet
 from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.selection_config import default_method
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 

@@ -61,11 +61,6 @@ WITH_GRADIENTS = ("gradient", "hybrid")
 """Methods that take exact gradients."""
 
 
-def default_method(objectives: int) -> str:
-    """The method where nobody asks for one."""
-    return "hybrid" if objectives == 1 else "nsga2"
-
-
 def check_method(method: str, objectives: int) -> None:
     """Find out whether there is a method of a name for so many objectives.
 
