@@ -1,13 +1,21 @@
-"""Rollouts in lanes: signals drawn while they run are those of `Signals.fill`, bit for bit; lanes may be given up."""
+"""Rollouts in lanes: signals are those of `Signals.fill`, bit for bit; lanes may be given up; loops are vectorised."""
+
+import subprocess
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers.batch import LANES, Batch, compile_batch
+from dualwinch.codegen.compiler import Compiler, find_compiler
+from dualwinch.codegen.drivers.batch import LANES, Batch, batch_source, compile_batch
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import OutageSignal, RandomSignal, Signals, UniformSignal
 from dualwinch.codegen.sampled import Sampled
+from dualwinch.codegen.source.c_source import lane_flags
+from dualwinch.simulation.loop.closed_loop import closed_loop
+from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 SAMPLES = 64 * 3 + 17
 COUNT = 7
@@ -117,3 +125,37 @@ def test_any_number_of_scenarios_shares_the_lanes(distinct: int, recorder: Batch
     rows = run(recorder, [made[seed] for seed in of], np.ones(LANES))[2]
     for lane in range(LANES):
         assert rows[lane].tobytes() == filled(of[lane]).tobytes()
+
+
+def left_scalar(compiler: Compiler, source: str, folder: Path) -> list[str]:
+    """Functions in lanes whose loops gcc leaves scalar."""
+    (folder / "unit.c").write_text(source, encoding="utf-8")
+    flags = (*compiler.flags, *lane_flags(compiler), "-fopt-info-vec-all=said", "-o", "unit.so")
+    subprocess.run([*compiler.command, *flags, "unit.c", "-lm"], cwd=folder, check=True)
+    lines = source.splitlines()
+    loops = {
+        number: " ".join(lines[number - 1 : number + 1])
+        for number in range(1, len(lines))
+        if lines[number - 1].lstrip().startswith("EACH_CALL ")
+    }
+    loops = {
+        number: text for number, text in loops.items() if "derive_" not in text
+    }  # once a run, and has loops inside
+    said = (folder / "said").read_text().splitlines()
+    done, left = (
+        {int(line.split(":")[1]) for line in said if words in line} & loops.keys()
+        for words in ("optimized: loop vectorized", "missed: couldn't vectorize loop")
+    )
+    assert done
+    return [loops[number] for number in left - done]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ensemble", ["sea", "rig", "site"])
+def test_gcc_vectorises_every_loop(ensemble: str, tmp_path: Path) -> None:
+    """gcc gives up a loop of more than a thousand reads and writes unless told otherwise."""
+    compiler = find_compiler()
+    if compiler.is_clang:
+        pytest.skip("clang says what it does in other words")
+    loop = closed_loop(structure_of(tuning_problem(ensemble=ensemble).experiment))
+    assert left_scalar(compiler, batch_source(loop, compiler), tmp_path) == []
