@@ -1,8 +1,8 @@
 """What a search is worth by its rollouts, with stability margins and without, and how much seeds differ.
 
 ``python -m benchmarks.searches`` prints the table; ``--write FILE`` puts it between the file's two marks. For each seed
-there is one search of the most rollouts; a shorter one is what it had found by then, chosen and scored likewise, in
-fewer draws than `dualwinch tune` takes. Gains do not depend on the machine or on what else it does.
+there is one search of the most rollouts; a shorter one is what it had found by then, chosen and scored likewise. Gains
+do not depend on the machine or on what else it does.
 """
 
 import argparse
@@ -16,18 +16,15 @@ from dualwinch.tuning.constraints import ROBUST
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.selection import select
-from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import tuning_problem
-
-SIZES = SampleSizes(candidates=8, screening_rollouts=1000, draws=128, vertices=16, chance=200, test=100)
 
 
 def problem_of(name: str, seed: int, *, margins: bool) -> TuningProblem:
     """The usual problem in an ensemble, or that without margins."""
     usual = tuning_problem(ensemble=name, seed=seed)
     kept = [each.text for each in usual.constraints if margins or each.text not in ROBUST]
-    return tuning_problem(ensemble=name, seed=seed, constraints=["none", *kept], selection=SelectionConfig(sizes=SIZES))
+    return tuning_problem(ensemble=name, seed=seed, constraints=["none", *kept])
 
 
 def gains(problem: TuningProblem, lengths: Sequence[int]) -> list[float]:
