@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from threadpoolctl import threadpool_limits
 
+from dualwinch.codegen.cache import build_seconds
 from dualwinch.tuning.optimisers import Optimiser
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
@@ -50,7 +51,7 @@ def search(
         KeyboardInterrupt: interrupted; every finished batch is kept, and what was under way is given back.
     """
     progress = SearchStatus() if progress is None else progress
-    began, ran = clock.now(), evaluator.seconds
+    began, ran, built = clock.now(), evaluator.seconds, build_seconds()
     known = store.finished()
     progress.add(known)
     optimiser.tell(known)
@@ -79,7 +80,7 @@ def search(
         optimiser.tell(news)
         progress.add(news)
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
-        progress.seconds = clock.now() - began
+        progress.seconds, progress.compiling = clock.now() - began, build_seconds() - built
         progress.spent, counted = progress.spent + optimiser.rollouts - counted, optimiser.rollouts
         progress.share = _share(budget, progress.spent)
         watch.progress(progress, budget.until, budget.trials)

@@ -154,7 +154,7 @@ def test_the_time_left_is_said_once_it_means_something(trials: int, said: str) -
     def receive(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
         words.append(status)
 
-    TuningProgress(receive).progress(SearchStatus(trials=trials, seconds=30.0), None, 100)
+    TuningProgress(receive).progress(SearchStatus(trials=trials, seconds=230.0, compiling=200.0), None, 100)
     assert words == [f"{said}{trials} of 100 trials, 0 % feasible"]
 
 

@@ -29,6 +29,7 @@ class SearchStatus:
         rollouts: rollouts of this process.
         rollout_seconds: wall time they took.
         seconds: wall time of the search in this process.
+        compiling: how much of that was compiling, which comes once.
         spent: rollouts of the finished trials, of all workers, and of this process's gradients.
         share: of the rollouts that there may be; 0 where the budget does not say.
     """
@@ -39,6 +40,7 @@ class SearchStatus:
     rollouts: int = 0
     rollout_seconds: float = 0.0
     seconds: float = 0.0
+    compiling: float = 0.0
     spent: int = 0
     share: float = 0.0
 
@@ -102,7 +104,7 @@ SOON = 0.05
 def _left(now: SearchStatus, until: float | None, trials: int | None) -> float | None:
     """Time in s that the search will take, by the budget that ends first; ``None``: it is too early to say."""
     shares = [*([now.trials / trials] if trials else []), *([now.share] if now.share else [])]
-    left = [now.seconds * (1 / share - 1) for share in shares if share >= SOON]
+    left = [(now.seconds - now.compiling) * (1 / share - 1) for share in shares if share >= SOON]
     if until is not None:
         left.append(until - clock.now())
     return max(min(left), 0.0) if left else None
