@@ -6,6 +6,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.limits import Limits
+from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.quantities.tree import leaves, with_leaves
 
 DAMPINGS = ("winch_1.damping", "winch_2.damping")
@@ -51,11 +52,13 @@ def has_paper_gains(own: Controller) -> bool:
 def adapted(paper: Controller) -> str:
     """What a paper's controller for a machine has of that machine's own controller, in words; empty: nothing."""
     known, words = leaves(paper), []
+    if paper.nominal != Nominal():
+        words.append("nominal model")
     if any(known.get(key) for key in DAMPINGS):
         words.append("damping of drums")
     if _strength(paper.limits) != _strength(Limits()):
-        words.append("tension limits and preload")
-    return " and ".join(words)
+        words += ["tension limits", "preload"]
+    return " and ".join([*([", ".join(words[:-1])] if words[1:] else []), *words[-1:]])
 
 
 def _damped_throughout(controller: Controller) -> Controller:

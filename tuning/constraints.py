@@ -281,7 +281,8 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     own = experiment.metrics
     statistic = margin_statistic(name, own) or statistic_from(name, own)
     if "." not in name:
-        named = " or ".join(f"{kind}.{text.strip()}" for kind in ("worst", "mean"))
+        bad_end = text.strip() if _is_own(statistic) else text.strip().replace(sign, _sign(statistic))
+        named = " or ".join(f"{kind}.{bad_end}" for kind in ("worst", "mean"))
         raise ConfigurationError(f"--constraint {text}: of which statistic? {named}")
     if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
         sliding_mode(experiment, f"--constraint {text}: must be")
@@ -307,17 +308,25 @@ def _checked(constraint: Constraint) -> Constraint:
         ConfigurationError: it is none.
     """
     text, statistic = constraint.text, constraint.statistic
-    if constraint.at_least is not statistic.small_is_bad and not (isinstance(statistic, Statistic) and statistic.own):
-        end, wanted = (
-            ("small", text.replace("<=", ">=")) if statistic.small_is_bad else ("large", text.replace(">=", "<="))
-        )
-        raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {wanted}")
+    sign, wanted = (">=" if constraint.at_least else "<="), _sign(statistic)
+    if sign != wanted and not _is_own(statistic):
+        end = "small" if statistic.small_is_bad else "large"
+        raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {text.replace(sign, wanted)}")
     least = statistic.quantity.least if isinstance(statistic, Statistic) else -math.inf
     if not constraint.at_least and constraint.bound < least:
         raise ConfigurationError(
             f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{behind_number(statistic.unit)}"
         )
     return constraint
+
+
+def _sign(statistic: Statistic | MarginStatistic) -> str:
+    """The sign of a bound on the bad end of a statistic."""
+    return ">=" if statistic.small_is_bad else "<="
+
+
+def _is_own(statistic: Statistic | MarginStatistic) -> bool:
+    return isinstance(statistic, Statistic) and statistic.own is not None
 
 
 def _number(word: str, text: str, statistic: Statistic | MarginStatistic | None = None) -> float:

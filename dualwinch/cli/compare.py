@@ -63,7 +63,8 @@ def compare(
     A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
     position law, gains, estimator, coordination and preload; missing keys keep their defaults. Plant, sea and sensors
     come from the ensemble alone, --case or --config supply the values missing from its file. The paper's gains have the
-    damping of drums of the first file, and its tension limits where they are not the paper's.
+    nominal model and the damping of drums of the first file, and its tension limits and preload where the limits are
+    not the paper's.
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run

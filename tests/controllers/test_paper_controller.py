@@ -30,4 +30,11 @@ def test_heavy_drums_are_damped_as_the_machines_are() -> None:
     assert adapted(paper) == "damping of drums"
     assert adapted(paper_controller()) == ""
     stronger = paper_controller(replace(own, limits=Limits(tension_max=9e3)))
-    assert adapted(stronger) == "damping of drums and tension limits and preload"
+    assert adapted(stronger) == "damping of drums, tension limits and preload"
+
+
+def test_what_it_believes_of_the_plant_is_said() -> None:
+    own = Controller(nominal=Nominal(mass=9e3))
+    assert adapted(paper_controller(own)) == "nominal model"
+    damped = with_leaves(own, {"winch_1.damping": 200.0, "winch_2.damping": 200.0})
+    assert adapted(paper_controller(damped)) == "nominal model and damping of drums"

@@ -106,6 +106,7 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
         ("mean.mse<=nan", "'nan' must be a finite number"),
         ("mean.mse<=x*paper", "'x' must be a finite number"),
         ("peak_tension<=5500", "of which statistic? worst.peak_tension<=5500 or mean.peak_tension<=5500"),
+        ("min_tension<=80", "of which statistic? worst.min_tension>=80 or mean.min_tension>=80"),
         ("worst.peak_tension >= 5.5kN", "large values are the bad ones: worst.peak_tension <= 5.5kN"),
         ("mean.chatter>=0.5*paper", "large values are the bad ones: mean.chatter<=0.5*paper"),
         ("worst.min_tension<=100", "small values are the bad ones: worst.min_tension>=100"),
