@@ -106,7 +106,7 @@ def clock() -> str:
         "Case 4": (case(4), 0, False),
         "Case 4, real-time priority": (case(4), 50, False),
         "the same, read and written by Modbus TCP meanwhile": (case(4), 50, True),
-        "`site` with its searched gains, real-time priority": (load(SITE), 50, False),
+        "`site`, gains its search begins with, real-time priority": (load(SITE), 50, False),
     }
     lines = []
     for name, (experiment, priority, supervised) in runs.items():

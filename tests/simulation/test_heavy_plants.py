@@ -24,6 +24,7 @@ from tests.simulation.stepper.feeding import feed, torques_of
 from tests.stepping import interpreted, plausible, values
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
+INDEPENDENT = Path(__file__).parents[2] / "benchmarks/independent"
 DAMPING = 164.0
 SHAFTS = {"omega_1": "motor_1.omega", "omega_2": "motor_2.omega"}
 """What an encoder gives → the plant's output: it is on the motor's shaft."""
@@ -184,3 +185,15 @@ def test_gradients_are_those_of_central_differences() -> None:
         above, below = both.metrics[metric][:, 0].reshape(2, -1)
         expected = (above - below) / (2 * np.diag(steps))
         np.testing.assert_allclose(ours.gradients[metric][0, 0], expected, rtol=1e-4, err_msg=metric)
+
+
+@pytest.mark.parametrize("gains", ["searched", "tuned_in_site"])
+def test_a_shove_beyond_the_loops_linear_range_fades(gains: str) -> None:
+    """10 kN for 0.3 s throw the vehicle to 0.2 m/s; describing functions doubt the loop from 0.1 m/s on."""
+    times, forces = [0.0, 20.0, 20.001, 20.3, 20.301, 50.0], [0.0, 0.0, -10e3, -10e3, 0.0, 0.0]
+    shove = {f"disturbance.force.{key}": value for key, value in (("times", times), ("values", forces), ("unit", "N"))}
+    run = dw.simulate(dw.override(dw.load(INDEPENDENT / f"{gains}.toml"), {**shove, "simulation.duration": 30.0}))
+    t, off = run["t"], np.abs(run["v"] - run["v_ref"])
+    assert off[t < 20].max() < 0.01
+    assert off[t < 21].max() > 0.2
+    assert off[t > 26].max() < 0.02
