@@ -143,7 +143,7 @@ def margins(loop: LinearSystem) -> Margins:
     poles = np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(through, loop.C))
     least_gain = 1 / fall.value
     if fall.frequency == 0:  # T is round-off there where the loop is slow, L is not
-        least_gain = min(max(0.0, *(-1 / value for value in _at_rest(loop))), 1.0)
+        least_gain = max((-1 / value for value in _at_rest(loop) if value <= -1), default=0.0)
     return Margins(
         stable=bool(np.abs(poles).max(initial=0.0) < 1),
         gain=gain.value,

@@ -154,16 +154,29 @@ def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
     assert found.delay < margins(linear_broken_loop(PAPER, 25.0, v, "tau_1")).delay
 
 
-def test_two_loops_that_do_not_touch_have_the_margins_of_the_lesser() -> None:
-    one, other = sampled(0.5, -0.25, 0.0), sampled(0.9, 0.4, 0.0)
+def beside(one: LinearSystem, other: LinearSystem) -> LinearSystem:
+    """Two loops of one signal each that do not touch."""
     A, B, C, D = (np.asarray(block_diag(getattr(one, name), getattr(other, name))) for name in "ABCD")
     states, inputs, outputs = ("x1", "x2"), ("in1", "in2"), ("out1", "out2")
-    both = margins(
-        LinearSystem(A, B, C, D, 1e-3, states, inputs, outputs, dict.fromkeys(states + inputs + outputs, "1"))
-    )
+    return LinearSystem(A, B, C, D, 1e-3, states, inputs, outputs, dict.fromkeys(states + inputs + outputs, "1"))
+
+
+def test_two_loops_that_do_not_touch_have_the_margins_of_the_lesser() -> None:
+    one, other = sampled(0.5, -0.25, 0.0), sampled(0.9, 0.4, 0.0)
+    both = margins(beside(one, other))
     for kind in ("gain", "phase", "delay", "disk"):
         assert getattr(both, kind) == pytest.approx(min(getattr(margins(each), kind) for each in (one, other)))
     assert both.least_gain == max(margins(each).least_gain for each in (one, other))
+
+
+@pytest.mark.parametrize("at_rest", [0.0, -0.5, 0.5])
+def test_a_loop_that_needs_its_gain_at_rest_may_stand_beside_one_that_does_not(at_rest: float) -> None:
+    """Such as one of which nothing comes back: what matters is how far the other's gain may fall."""
+    needs = sampled(1.02, 0.7, 0.0)
+    other = sampled(0.5, 0.5 * at_rest, 0.0)
+    found = margins(beside(needs, other))
+    assert (found.stable, found.least_gain_frequency) == (True, 0)
+    assert found.least_gain == pytest.approx(margins(needs).least_gain) == pytest.approx(0.02 / 0.7)
 
 
 def test_margins_need_a_sampled_loop_of_one_signal_or_two() -> None:
