@@ -12,6 +12,7 @@ from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
+from dualwinch.simulation.analysis.authority import infeasible_words
 from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remarks
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
@@ -333,10 +334,7 @@ def authority(tuned: TuningResult) -> str:
     if not (beyond and verdict.has_test_set):
         return ""
     within = times(verdict.improvement_within_authority(), "the paper's")
-    return (
-        f"{beyond} of the scenarios are infeasible: they need more force than the motors can deliver; in the feasible "
-        f"ones the mean MSE is {within}"
-    )
+    return f"{infeasible_words(beyond)}; in the feasible ones the mean MSE is {within}"
 
 
 def advice(tuned: TuningResult) -> list[str]:

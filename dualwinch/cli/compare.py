@@ -208,6 +208,7 @@ def to_record(result: Comparison) -> dict[str, Any]:
 def print_comparison(result: Comparison) -> None:
     """Print statistics and ratios."""
     from dualwinch.controllers.paper_controller import adapted
+    from dualwinch.simulation.analysis.authority import infeasible_words
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 
     console = terminal()
@@ -223,9 +224,8 @@ def print_comparison(result: Comparison) -> None:
     if bounds.infeasible:
         least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
         console.print(
-            f"{bounds.infeasible} scenarios are infeasible: they need more force than the motors can "
-            f"deliver. Lower bound on the mean MSE of all: {least} mm² for a non-anticipating optimal controller, "
-            f"{foreseeing} mm² with full foresight.",
+            f"{infeasible_words(bounds.infeasible)}. Lower bound on the mean MSE of all: {least} mm² for a "
+            f"non-anticipating optimal controller, {foreseeing} mm² with full foresight.",
             soft_wrap=True,
         )
     if bounds.unknown:

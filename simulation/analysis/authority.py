@@ -326,6 +326,12 @@ class LeastErrors:
         return np.isfinite(self.blind) & np.isfinite(self.foreseeing)
 
 
+def infeasible_words(count: int) -> str:
+    """That so many of some scenarios are infeasible, and what that means: a sentence without its full stop."""
+    are, need = ("is", "it needs") if count == 1 else ("are", "they need")
+    return f"{count} of the scenarios {are} infeasible: {need} more force than the motors can deliver"
+
+
 def least_errors(experiments: Sequence[Experiment], progress: Progress = no_progress) -> LeastErrors:
     """Lower bounds of the errors of many runs (`least_mse`).
 

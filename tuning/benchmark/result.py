@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from dualwinch.model.quantities.tables import markdown, page, table
+from dualwinch.simulation.analysis.authority import infeasible_words
 from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -226,9 +227,8 @@ class BenchmarkResult:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
         without, given = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in least.means)
         words = (
-            f"{least.infeasible} of the scenarios are infeasible: they need more force than the motors can deliver. "
-            f"Lower bound on the RMS error: {without} mm for a non-anticipating optimal controller, {given} mm with "
-            "full foresight."
+            f"{infeasible_words(least.infeasible)}. Lower bound on the RMS error: {without} mm for a non-anticipating "
+            f"optimal controller, {given} mm with full foresight."
         )
         return " ".join(filter(None, (words, least.unknown_words)))
 

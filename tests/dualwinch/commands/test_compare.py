@@ -126,7 +126,7 @@ def test_a_bound_that_cannot_be_found_does_not_lose_the_comparison(
     monkeypatch.setattr(authority, "least_mse", lambda *_, **__: next(bounds))
     main(["compare", "paper", *SHORT, "--out", str(tmp_path / "c.json")])
     said = capsys.readouterr().out
-    assert "2 scenarios are infeasible" in said
+    assert "2 of the scenarios are infeasible: they need" in said
     assert "mean MSE of all: 0.5 mm²" in said
     assert "In 1 infeasible scenario the bound could not be found; the mean is over the others." in said
     beyond = json.loads((tmp_path / "c.json").read_text())["beyond_authority"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dualwinch.controllers.registry import COORDINATIONS, POSITION_LAWS
-from dualwinch.simulation.analysis.authority import LeastErrors, least_mse
+from dualwinch.simulation.analysis.authority import LeastErrors, infeasible_words, least_mse
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -83,3 +83,8 @@ def test_runs_whose_bound_is_unknown_are_infeasible_and_left_out_of_the_mean() -
     assert not LeastErrors(np.zeros(3), np.zeros(3)).unknown_words
     none = LeastErrors(np.full(1, np.nan), np.full(1, np.nan))
     assert np.isnan(none.means).all()
+
+
+def test_one_infeasible_scenario_is_one() -> None:
+    assert infeasible_words(1).startswith("1 of the scenarios is infeasible: it needs more force than")
+    assert infeasible_words(2).startswith("2 of the scenarios are infeasible: they need more force than")
