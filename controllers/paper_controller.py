@@ -7,6 +7,7 @@ from dualwinch.controllers.estimators.low_pass import LowPass
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal
+from dualwinch.model.arguments import instance
 from dualwinch.model.quantities.tree import leaves, with_leaves
 
 DAMPINGS = ("winch_1.damping", "winch_2.damping")
@@ -26,10 +27,14 @@ def paper_controller(own: Controller | None = None) -> Controller:
 
     Args:
         own: the controller of the machine; default: the paper's machine.
+
+    Raises:
+        ConfigurationError: it is none.
     """
     paper = Controller(estimator=Unfiltered())
     if own is None:
         return paper
+    instance("own", own, Controller, hint=" (of an experiment: experiment.controller)")
     limits = paper.limits
     if _strength(own.limits) != _strength(limits):
         limits = replace(own.limits, reserve=limits.reserve)
