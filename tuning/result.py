@@ -13,10 +13,11 @@ from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.analysis.authority import infeasible_words
-from dualwinch.simulation.analysis.remarks import amplitude_remarks, loop_remarks
+from dualwinch.simulation.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
+from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
-from dualwinch.tuning.baseline import assumptions
+from dualwinch.tuning.baseline import assumptions, swings
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
@@ -27,6 +28,9 @@ from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.selection_config import SelectionConfig, default_method
 from dualwinch.tuning.space import ContinuousDimension, Point
+
+LATE = 5e-3
+"""Delay margin in s, from which on nothing is said of it: what a search bounds where it can."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,17 @@ class TuningResult:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What is wrong with the best's loop on the nominal machine, also in motion where no margin is bounded."""
+        """What is wrong with the best's loop on the nominal machine, in motion and late, too, if no margin is bounded.
+
+        Where drums swing none can be bounded on every machine yet, and none is advised.
+        """
         amplitudes = self.problem.selection.margin_amplitudes
-        in_motion = () if self.problem.margins or not amplitudes else amplitude_remarks(self.best, amplitudes)
-        return (*loop_remarks(self.best), *in_motion)
+        found = list(loop_remarks(self.best))
+        if {statistic.margin for statistic in self.problem.margins} <= {RESONANCE} and amplitudes:
+            advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
+            found += amplitude_remarks(self.best, amplitudes, advice)
+            found += delay_remarks(self.best, LATE)
+        return tuple(found)
 
     @cached_property
     def idle(self) -> frozenset[str]:

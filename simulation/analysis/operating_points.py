@@ -757,6 +757,7 @@ def _tied(matrix: Floats, unknown: Flags) -> Flags:
     return unknown
 
 
+@np.errstate(over="ignore")  # where a search diverges
 def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
     """Newton steps in units in which rows and columns are of one size: zero for what is no unknown, NaN for no step."""
     step, some = np.zeros(rest.shape), np.flatnonzero(unknown.any(axis=0))

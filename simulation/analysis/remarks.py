@@ -11,9 +11,11 @@ from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 from dualwinch.simulation.results.result import Result
 
 
@@ -211,11 +213,16 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
         )
 
 
-def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float]) -> Iterator[str]:
+def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], advice: str = "") -> Iterator[str]:
     """Say at which amplitudes, in m/s, of the speed error a loop amid the track is unstable, by describing functions.
 
     Nothing is said of a law without odd powers of the speed error, whose loop is the same at all amplitudes, and of a
     loop that is unstable at small amplitudes already (`loop_remarks`).
+
+    Args:
+        experiment: the loop.
+        amplitudes: which ones.
+        advice: what to do about it, in words.
     """
     middle = experiment.plant.track.length / 2
     try:
@@ -226,6 +233,27 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float]) -> 
     if unstable and points[0].margins.stable:
         yield (
             f"unstable at speed errors of {' and '.join(unstable)} cm/s, though stable at small ones: a disturbance "
-            f"or a noisy sensor may bring it there (dualwinch linearise --loop broken --x {middle:g}); "
-            "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
+            f"or a noisy sensor may bring it there (dualwinch linearise --loop broken --x {middle:g})"
+            f"{advice and f'; {advice}'}"
+        )
+
+
+def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
+    """Say where a loop at rest amid the track tolerates less further delay than asked for.
+
+    Args:
+        experiment: the loop.
+        least: delay margin in s, from which on nothing is said; nor is it of an unstable loop (`loop_remarks`).
+    """
+    middle = experiment.plant.track.length / 2
+    try:
+        found = {cut: margins(linear_broken_loop(experiment, middle, cut=cut)) for cut in LOOP_OPENINGS}
+    except (DualwinchError, ArithmeticError):
+        return
+    cut, worst = min(found.items(), key=lambda each: each[1].delay)
+    if worst.delay < least and all(each.stable for each in found.values()):
+        yield (
+            f"the loop tolerates {1e3 * worst.delay:.2g} ms of further delay at {cut}, at rest at {middle:g} m; a "
+            f"sample takes {1e3 * experiment.simulation.sample_time:g} ms "
+            f"(dualwinch linearise --loop broken --cut {cut} --x {middle:g})"
         )

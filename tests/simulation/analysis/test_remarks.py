@@ -1,14 +1,20 @@
 """Remarks on runs: each said where its cause is, and none of the paper's own run."""
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.experiment_file import load
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.remarks import (
     RemarkLimits,
     amplitude_remarks,
     defaults_left,
+    delay_remarks,
     remarks,
     unusual_values,
 )
@@ -145,3 +151,16 @@ def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
     assert said.startswith("unstable at speed errors of 1 and 10 cm/s")
     points = amplitude_sweep(STEEP, 25.0, amplitudes=(1e-6, 0.01, 0.1))
     assert [point.margins.stable for point in points] == [True, False, False]
+
+
+def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
+    """Damped drums of heavy winches behind a gearbox: by less than a sample, at a motor's torque."""
+    assert not list(delay_remarks(case(4), 5e-3))
+    tuned = load(Path(__file__).parents[3] / "benchmarks/independent/tuned_in_site.toml")
+    (said,) = delay_remarks(tuned, 5e-3)
+    least = margins(linear_broken_loop(tuned, 25.0, cut="tau_1")).delay
+    assert least < tuned.simulation.sample_time
+    assert re.match(
+        rf"the loop tolerates {1e3 * least:.2g} ms of further delay at (tau_1|tau_2|torques), at rest", said
+    )
+    assert not list(delay_remarks(tuned, least / 2))
