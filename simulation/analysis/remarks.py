@@ -29,6 +29,7 @@ class RemarkLimits:
         saturated: share of the samples with the force command beyond its limit.
         torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
             rope is carried along at its least tension.
+        overload: largest tension over the limit of its command; the paper's Case 1 comes to 1.33.
         unusual: ratio of a value of the machine to its default, or of that to it.
         resized: the same, of a rope or winch that wants other tension limits than the paper's.
     """
@@ -36,6 +37,7 @@ class RemarkLimits:
     chatter: float = 0.01
     saturated: float = 0.05
     torque_saturated: float = 0.6
+    overload: float = 1.5
     unusual: float = 300.0
     resized: float = 1.5
 
@@ -177,6 +179,10 @@ def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]
     if metrics.slack_share > 0:
         advice = "" if unstable else ": more preload, or slower"
         yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples{advice}"
+    limit = experiment.controller.limits.tension_max
+    if metrics.peak_tension > limits.overload * limit:
+        share = metrics.peak_tension / limit
+        yield f"a rope is pulled by up to {metrics.peak_tension:.4g} N, {share:.3g} times tension_max"
     if metrics.saturated_share > limits.saturated:
         yield f"the force command is beyond its limit in {100 * metrics.saturated_share:.3g} % of the samples"
     if metrics.torque_saturated_share > limits.torque_saturated:

@@ -144,6 +144,13 @@ def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_
     assert not unusual_values(load_ensemble("site").experiment)
 
 
+def test_tensions_far_beyond_their_limit_are_said() -> None:
+    run = simulate(SHORT)
+    pulled = replace(run, metrics=replace(run.metrics, peak_tension=12e3))
+    assert "a rope is pulled by up to 1.2e+04 N, 2 times tension_max" in list(remarks(pulled))
+    assert run.metrics.peak_tension < 9e3
+
+
 def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
     """The paper's gains are stable at all of them."""
     assert not list(amplitude_remarks(case(4), [0.01, 0.1]))
