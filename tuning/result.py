@@ -369,10 +369,13 @@ def advice(tuned: TuningResult) -> list[str]:
 def too_short(tuned: TuningResult) -> str:
     """What the search lacks, where it had fewer trials than so many gains need; empty where it had enough."""
     config, gains = tuned.problem.selection, len(tuned.problem.space.dimensions)
-    return short_of(len(tuned.trials), gains, config, tuned.cost.searching if tuned.seconds else None)
+    rollouts = tuned.progress.spent if tuned.progress.share else None
+    return short_of(len(tuned.trials), gains, config, tuned.cost.searching if tuned.seconds else None, rollouts)
 
 
-def short_of(trials: int, gains: int, config: SelectionConfig, seconds: float | None) -> str:
+def short_of(
+    trials: int, gains: int, config: SelectionConfig, seconds: float | None, rollouts: int | None = None
+) -> str:
     """What a search lacks, in words.
 
     Args:
@@ -380,11 +383,16 @@ def short_of(trials: int, gains: int, config: SelectionConfig, seconds: float | 
         gains: that it searched for.
         config: says how many trials a gain needs.
         seconds: time in s that it took, where that was its budget.
+        rollouts: that it had, where that was its budget.
     """
     wanted = config.trials_per_gain * gains
     if trials >= wanted:
         return ""
-    more = f"--trials {wanted}" if seconds is None else f"--time {_duration(seconds * wanted / trials)}"
+    more = f"--trials {wanted}"
+    if seconds is not None:
+        more = f"--time {_duration(seconds * wanted / trials)}"
+    elif rollouts is not None:
+        more = f"--rollouts {math.ceil(rollouts * wanted / trials / 500) * 500}"
     return f"a short search: {trials} trials, and {gains} gains need about {wanted}: {more}"
 
 

@@ -170,6 +170,10 @@ def test_a_search_that_is_too_short_for_its_gains_is_said_to_be(trials: int, sec
     assert short_of(trials, 16, SelectionConfig(), seconds) == words
 
 
+def test_a_short_search_with_a_budget_of_rollouts_is_told_how_many_would_do() -> None:
+    assert short_of(480, 16, SelectionConfig(), None, 4100).endswith("need about 1600: --rollouts 14000")
+
+
 def test_an_interrupt_ends_the_search_and_the_best_so_far_is_scored(make_problem: MakeProblem) -> None:
     watch = Recorded(interrupt_at=32)
     tuned = tune(make_problem(), trials=1000, test_scenarios=6, watch=watch)
