@@ -491,7 +491,8 @@ def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learn
     console.print(FigureTable("", columns, [_mode_row(mode, closed=closed) for mode in shown]).render())
     if slow:
         longest = max(mode.time_constant for mode in slow)
-        console.print(f"and {len(slow)} modes of what the estimator learns, which decay within {longest:.3g} s")
+        modes = "1 mode" if len(slow) == 1 else f"{len(slow)} modes"
+        console.print(f"and {modes} of what the estimator learns, decaying within {longest:.3g} s")
     if not closed:
         console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
     console.print(styled("bold", "\nparticipation of the states"))

@@ -72,7 +72,7 @@ def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     table = said.partition("\nmodes")[2].partition("\nparticipation")[0]
     assert table.count("unstable") == sum(unstable)
     # what a filter learns has some hundred modes, in the file; of them one line is printed
-    assert "modes of what the estimator learns, which decay within" in said
+    assert "modes of what the estimator learns, decaying within" in said
     assert any("information" in row["mode"] for row in rows)
     assert "information" not in table
     names = [row["mode"] for row in rows]
