@@ -41,7 +41,7 @@ def connected(port: int) -> Client:
             client.read()
         except (TimeoutError, ConnectionRefusedError):
             continue
-        client.socket.settimeout(20.0)
+        client.socket.settimeout(120.0)
         return client
 
 
@@ -60,7 +60,7 @@ def served(client: Callable[[int], None], *words: str) -> None:
     with ThreadPoolExecutor(1) as pool:
         used = pool.submit(client, port)
         main(["serve", *SHORT, "--udp", str(port), *words])
-        used.result(20)
+        used.result(120)
 
 
 def test_each_run_is_printed_and_becomes_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -188,7 +188,7 @@ def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (first["run"], len(x)) == (1, 50)
         client.say(TORQUES, 50, HOLDING)
         client.run(100)
-        result = run.result(20)
+        result = run.result(120)
         further = json.loads(asked("/live?run=1&rows=50"))
         x = np.append(x, np.frombuffer(base64.b64decode(further["columns"]["x"])))
         assert x.tolist() == result["x"].tolist() if result else False

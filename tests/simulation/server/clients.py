@@ -36,7 +36,7 @@ class Client:
     def __init__(self, port: int) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(("127.0.0.1", port))
-        self.socket.settimeout(20.0)
+        self.socket.settimeout(120.0)
         self._last = -1
 
     def say(
@@ -113,13 +113,13 @@ def serving(
         finally:
             plant.close()
             for future in futures:
-                future.result(20)
+                future.result(120)
             client.socket.close()
             plant.release()
 
 
 def finished(run: "Future[Result | None]") -> Result:
     """What a run gave."""
-    result = run.result(20)
+    result = run.result(120)
     assert result is not None
     return result

@@ -26,7 +26,7 @@ def test_the_exported_controller_gives_the_run_of_simulate(precision: str, tmp_p
     plant = ServedPlant(dw.case(4), ServerSettings(lockstep=True, may_write=True))
     with subprocess.Popen([program, "127.0.0.1", str(plant.port)], stdout=subprocess.PIPE, text=True) as process:
         result = plant.serve()
-        said, _ = process.communicate(timeout=20)
+        said, _ = process.communicate(timeout=120)
     plant.release()
     assert process.returncode == 0
     assert said == "50000 samples, 0 with a status other than OK\n"
