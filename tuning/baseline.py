@@ -69,7 +69,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
     Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance
-    of the ropes (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance
+    of the ropes, ahead of the lag of the drives (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance
     and of its rate in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
     (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. The law is
     stiffer, by a thinner boundary layer, and smoother: below the speed error where its odd powers are smoothed they
@@ -88,6 +88,7 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
         beliefs[f"controller.winch_{side.number}.damping"] = (
             impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
         )
+        beliefs[f"controller.winch_{side.number}.lead"] = LEAD * known.get(DRIVE, 0.0)
         lever = side.winch.drum_radius / side.winch.gear_ratio
         beliefs |= {f"controller.winch_{side.number}.{gain}": value * lever for gain, value in TENSION_LOOP.items()}
         if side.winch.gear_stiffness:
@@ -98,6 +99,13 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
         beliefs["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
     return {key: value for key, value in beliefs.items() if key in known}
 
+
+DRIVE, LEAD = "actuator.motor.time_constant", 0.4
+"""Lag of the drives, and the share of it by which damping leads.
+
+It doubles the delay that the loop tolerates at a motor's torque, at the resonance of rotor and gearbox. A longer lead
+amplifies what is faster than that resonance: less delay is tolerated on short ropes.
+"""
 
 STEEL_ROPE = 2.36
 """Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""

@@ -43,6 +43,12 @@ class WinchGains:
         Tunable(1, 500, standard=False, of=LEVER + "*plant.{table}.drum_radius"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
+    lead: Annotated[
+        NonNegative,
+        Quantity("s", "time by which damping is ahead of the drum's speed, against the lag of drive and computer", "A15"),
+        Tunable(1e-4, 1e-2, standard=False),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     fade: Annotated[
         Positive,
         Quantity("1", "rope over the track's length below which a damped winch has less kp and damping", "A15"),
@@ -63,6 +69,7 @@ class WinchState:
     integral: Annotated[Scalar, Quantity("N s", "integral of the tension error")] = 0.0
     error_previous: Annotated[Scalar, Quantity("N", "tension error of the last sample")] = 0.0
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
+    slip: Annotated[Scalar, Quantity("rad/s", "low-passed drum speed beyond that of the reference")] = 0.0
 
 
 def winch_step(
@@ -99,7 +106,21 @@ def winch_step(
     wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
     torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
     saturated = torque != wanted
+    slow = state.slip
     if present(gains.damping):
-        torque = clip(torque - gains.damping * slip, 0.0, to_torque * limits.tension_max)
+        ahead, slow = _ahead(slow, slip, gains.lead, sample_time)
+        torque = clip(torque - gains.damping * ahead, 0.0, to_torque * limits.tension_max)
     kept = state.integral + sample_time * where(saturated, 0.0, error)
-    return WinchState(kept, error, 1.0), torque, saturated
+    return WinchState(kept, error, 1.0, slow), torque, saturated
+
+
+LEAD_RATIO = 6.0
+"""Corner frequencies of the lead: that of its pole over that of its zero."""
+
+
+def _ahead(slow: Scalar, slip: Scalar, lead: Scalar, sample_time: float) -> tuple[Scalar, Scalar]:
+    """The slip with a phase lead, (1 + s lead)/(1 + s lead/6) by backward Euler, and its low-passed value."""
+    if not present(lead):
+        return slip, slow
+    slow += sample_time / (lead / LEAD_RATIO + sample_time) * (slip - slow)
+    return slip + (LEAD_RATIO - 1.0) * (slip - slow), slow
