@@ -68,13 +68,14 @@ def default_reserve(ensemble: Ensemble) -> float:
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
 
-    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance
-    of the ropes, ahead of the lag of the drives (`controllers.coordinations.winch_pid`), more preload, and the filter's estimate of the disturbance
-    and of its rate in place of the law's observer. The observer's gain stands in the loop gain at the drums' resonance
-    (`simulation.analysis.resonance`); the filter, which measured tensions drive, sees no disturbance there. The law is
-    stiffer, by a thinner boundary layer, and smoother: below the speed error where its odd powers are smoothed they
-    damp in proportion to the speed. Unsmoothed they damp small motions so much that an error of half a millimetre
-    takes a second to fade. Beside these, deviations for what the self-calibrating filter learns.
+    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance of
+    the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), more preload, and the
+    filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain stands
+    in the loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, which measured tensions
+    drive, sees no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed
+    error where its odd powers are smoothed they damp in proportion to the speed. Unsmoothed they damp small motions
+    so much that an error of half a millimetre takes a second to fade. Beside these, deviations for what the
+    self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()

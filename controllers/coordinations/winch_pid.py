@@ -5,6 +5,8 @@ A heavy drum on a heavy rope swings at 5 to 90 Hz with a damping ratio of 0.4 to
 damper between the drum and the reference speed: a rope that ends in its own wave impedance, sqrt(E A mu), reflects no
 wave, which for a motor torque per drum speed is sqrt(E A mu) R²/G.
 
+- The lag of drive and computer turns the damping's phase: at the resonance of rotor and gearbox, 25 to 60 Hz, little is
+  left of it before it excites. ``lead`` turns the phase back, by (1 + s lead)/(1 + s lead/6).
 - Near its winch a rope is so stiff that a heavy drum swings at 80 Hz and more, where the lag of drives and a sample
   turns damping, and the proportional answer to the tension, into excitation: there both fade with the rope's length
   (``fade``).
@@ -45,7 +47,7 @@ class WinchGains:
     ] = 0.0
     lead: Annotated[
         NonNegative,
-        Quantity("s", "time by which damping is ahead of the drum's speed, against the lag of drive and computer", "A15"),
+        Quantity("s", "time by which damping leads the drum's speed, against the lag of drive and computer", "A15"),
         Tunable(1e-4, 1e-2, standard=False),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
@@ -119,7 +121,7 @@ LEAD_RATIO = 6.0
 
 
 def _ahead(slow: Scalar, slip: Scalar, lead: Scalar, sample_time: float) -> tuple[Scalar, Scalar]:
-    """The slip with a phase lead, (1 + s lead)/(1 + s lead/6) by backward Euler, and its low-passed value."""
+    """The slip with a phase lead, (1 + s lead)/(1 + s lead/6) by backward Euler; and the slip low-passed."""
     if not present(lead):
         return slip, slow
     slow += sample_time / (lead / LEAD_RATIO + sample_time) * (slip - slow)
