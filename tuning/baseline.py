@@ -152,16 +152,17 @@ def swings(plant: Plant) -> bool:
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for beside the standard ones, as entries of a space.
 
-    Where drums swing on their ropes, the damping of the winches and the smoothing of the law are searched for.
+    Where drums swing on their ropes, the smoothing of the law is searched for. The damping of the winches is not: at the
+    wave impedance of the ropes it leaves a third more error than at twice that, and twice the delay that is tolerated.
 
     Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
     again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
     is too seldom for a search to see.
     """
-    off, damps = default_reserve(ensemble), any(key.endswith(".damping") for key in default_beliefs(ensemble))
+    off, known = default_reserve(ensemble), leaves(ensemble.experiment)
     reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
-    smoothed = {SMOOTHING} & set(leaves(ensemble.experiment)) if damps else ()
-    return reserve | ({"controller.winch.damping": {}} if damps else {}) | {key: {} for key in smoothed}
+    smoothed = {SMOOTHING: {}} if swings(ensemble.experiment.plant) and SMOOTHING in known else {}
+    return reserve | smoothed
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:
