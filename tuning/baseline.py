@@ -152,8 +152,9 @@ def swings(plant: Plant) -> bool:
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
     """Gains to search for beside the standard ones, as entries of a space.
 
-    Where drums swing on their ropes, the smoothing of the law is searched for. The damping of the winches is not: at the
-    wave impedance of the ropes it leaves a third more error than at twice that, and twice the delay that is tolerated.
+    Where drums swing on their ropes, the smoothing of the law is searched for. The damping of the winches is not:
+    it is the wave impedance of the ropes. Searches raise it to twice that and more, for less error, and the loop
+    then tolerates less than a sample of further delay.
 
     Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
     again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which

@@ -207,7 +207,7 @@ START: dict[str, Any] = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidt
 
 def _by_feasibility(feasible: np.ndarray) -> tuple[tuple[np.ndarray, str, str], ...]:
     """Which trials are infeasible and which feasible, each with colour and name."""
-    return (~feasible, LIGHT, "does not"), (feasible, SKY, "satisfies the constraints")
+    return (~feasible, LIGHT, "violates some"), (feasible, SKY, "satisfies the constraints")
 
 
 def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> None:

@@ -59,6 +59,7 @@ BLOCKS = (
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
     Quoted("docs/site.md", "resonance", heavy.resonance),
     Quoted("docs/site.md", "preloads", heavy.preloads, 1),
+    Quoted("docs/site.md", "leads", heavy.leads, 1),
     Quoted("docs/commissioning.md", "outage", served.outage),
     Quoted("docs/commissioning.md", "registers", served.registers),
     Quoted("docs/commissioning.md", "clock", served.clock, 3),

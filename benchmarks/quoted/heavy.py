@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -164,3 +165,42 @@ def preloads() -> str:
         "in proportion",
     ]
     return markdown(["preload (N)", *heading, "median RMS (mm)", "continuous load over the paper's"], rows)
+
+
+LEADS = (0.0, 1e-3, 2e-3, 3e-3, 4e-3)
+"""Leads of the drums' damping in s."""
+
+AT_REST = 12
+"""Draws whose loops are looked at."""
+
+
+def leads() -> str:
+    """What a lead of the drums' damping does to margins at rest and to the error, with gains tuned in `site`."""
+    tuned = dw.load(Path(__file__).parents[1] / "independent" / "tuned_in_site.toml")
+    rows = []
+    for lead in LEADS:
+        own = dw.override(tuned, both(gain__lead=lead))
+        ensemble = dw.load_ensemble("site", own)
+        drawn = [ensemble.scenario(index, DRAWN_WITH).experiment for index in range(AT_REST)]
+        survey = [
+            dw.margins(dw.linear_broken_loop(each, share * each.plant.track.length, cut=cut))
+            for each in (own, *drawn)
+            for share in (0.05, 0.5, 0.95)
+            for cut in ("tau_1", "tau_2")
+        ]
+        result = dw.run_ensemble(ensemble, DRAWS, seed=DRAWN_WITH)
+        least = [
+            np.array([(1e3 * each.delay, each.disk) for each in some if each.stable]).min(axis=0)
+            for some in (survey[:6], survey)
+        ]
+        rows.append(
+            [
+                f"{1e3 * lead:g}",
+                *(f"{value:.2g}" for each in least for value in each),
+                f"{sum(not each.stable for each in survey)} of {len(survey)}",
+                f"{1e3 * math.sqrt(np.nanmean(result.metrics['mse'])):.3f}",
+                f"{np.nanmean(result.metrics['chatter']):.2f}",
+            ]
+        )
+    margins = ["delay margin (ms)", "disk margin", f"least of {AT_REST} drawn machines (ms)", "disk margin there"]
+    return markdown(["lead (ms)", *margins, "unstable", "root mean MSE (mm)", "chatter (N)"], rows)

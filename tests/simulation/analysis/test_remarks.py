@@ -161,12 +161,13 @@ def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
 
 
 def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
-    """Damped drums of heavy winches behind a gearbox: by less than a sample, at a motor's torque."""
+    """Damped drums of heavy winches behind a gearbox: by two samples, at a motor's torque; without lead by one."""
     assert not list(delay_remarks(case(4), 5e-3))
     tuned = load(Path(__file__).parents[3] / "benchmarks/independent/tuned_in_site.toml")
     (said,) = delay_remarks(tuned, 5e-3)
     least = margins(linear_broken_loop(tuned, 25.0, cut="tau_1")).delay
-    assert least < tuned.simulation.sample_time
+    late = override(tuned, {"controller.winch_1.lead": 0.0, "controller.winch_2.lead": 0.0})
+    assert 1.8 * margins(linear_broken_loop(late, 25.0, cut="tau_1")).delay < least < 3 * tuned.simulation.sample_time
     assert re.match(
         rf"the loop tolerates {1e3 * least:.2g} ms of further delay at (tau_1|tau_2|torques), at rest", said
     )
