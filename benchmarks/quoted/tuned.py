@@ -96,7 +96,7 @@ def all_at_once() -> tuple[float, float, str]:
 @cache
 def on_site() -> dict[str, Comparison]:
     """Gains tuned in `site` and the paper's with their damping, with the ensemble's outages and without."""
-    tuned = best("site", 16_000)
+    tuned = best("site", 4_000)
     paper = paper_controller(tuned.controller)
     return {
         words: compared(tuned, "site", settings, paper)
@@ -114,7 +114,7 @@ def tuning() -> str:
 - **What tuning gains.** [`site`](docs/site.md) is an ensemble of machines as they are built: ropes that weigh something
   and sag, heavy winches whose gearboxes give, inexact drums, sensors and drives. The paper's gains are lost there; with
   damping of the drums they come to a root mean square error of {sqrt(drawn.paper):.1f} mm, and a rope goes slack on
-  {slack["paper"]} of {SCENARIOS} machines. Gains that `dualwinch tune` finds in two minutes
+  {slack["paper"]} of {SCENARIOS} machines. Gains that `dualwinch tune` finds in a minute
   take that to {sqrt(drawn.tuned):.2f} mm and
   {slack["tuned"]} slack ropes, for {load:.2f} times the motors' load; if the position sensor never falls silent, from
   {sqrt(without.paper):.1f} to {sqrt(without.tuned):.2f} mm. That is in simulation, on machines the search never saw,
