@@ -10,7 +10,7 @@ from dualwinch.controllers.nominal import Nominal
 from dualwinch.model.arguments import instance
 from dualwinch.model.quantities.tree import leaves, with_leaves
 
-DAMPINGS = ("winch_1.damping", "winch_2.damping")
+DAMPINGS = tuple(f"winch_{number}.{gain}" for gain in ("damping", "lead") for number in (1, 2))
 """Keys of the drums' damping, which the paper has not."""
 
 UNFADED = 1e-3

@@ -33,10 +33,10 @@ def test_which_controllers_have_the_papers_gains() -> None:
 
 
 def test_heavy_drums_are_damped_as_the_machines_are() -> None:
-    own = with_leaves(Controller(), {"winch_1.damping": 200.0, "winch_2.damping": 200.0})
-    paper = paper_controller(own)
-    assert leaves(paper)["winch_1.damping"] == 200
-    assert adapted(paper) == "damping of drums"
+    own = with_leaves(Controller(), {"winch_1.damping": 200.0, "winch_2.damping": 200.0, "winch_1.lead": 2e-3})
+    paper = leaves(paper_controller(own))
+    assert [paper[f"winch_1.{gain}"] for gain in ("damping", "lead")] == [200, 2e-3]
+    assert adapted(paper_controller(own)) == "damping of drums"
     assert adapted(paper_controller()) == ""
     stronger = paper_controller(replace(own, limits=Limits(tension_max=9e3)))
     assert adapted(stronger) == "damping of drums, tension limits and preload"

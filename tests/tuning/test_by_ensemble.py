@@ -73,3 +73,12 @@ def test_the_drums_damping_matches_the_impedance_of_the_ropes() -> None:
     found = leaves(tuning_problem(ensemble="site").experiment)
     assert found["controller.winch_1.damping"] == pytest.approx((8e10 * 0.000452 * 2.36) ** 0.5 * 0.8**2 / 36, rel=0.02)
     assert found["controller.winch_1.kp"] == pytest.approx(0.009 * 0.8 / 36)
+
+
+def test_the_drums_damping_leads_by_a_share_of_the_drives_lag_and_is_not_searched_for() -> None:
+    problem = tuning_problem(ensemble="site")
+    drive, lead = (
+        leaves(problem.experiment)[key] for key in ("actuator.motor.time_constant", "controller.winch_2.lead")
+    )
+    assert lead == pytest.approx(0.4 * drive)
+    assert not any(name.endswith((".damping", ".lead")) for name in problem.space.names)
