@@ -18,6 +18,7 @@ from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import assumptions, swings
+from dualwinch.tuning.constraints import LATE
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
@@ -28,9 +29,6 @@ from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.selection_config import SelectionConfig, default_method
 from dualwinch.tuning.space import ContinuousDimension, Point
-
-LATE = 5e-3
-"""Delay margin in s, from which on nothing is said of it: what a search bounds where it can."""
 
 
 @dataclass(frozen=True)

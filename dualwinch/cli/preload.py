@@ -94,20 +94,30 @@ def preloads_table(found: Preloads) -> FigureTable:
 
 
 def print_preloads(found: Preloads) -> None:
-    """Print a row for every preload, and what the schedule saves."""
+    """Print a row for every preload, what the schedule saves, and what is wrong with its run."""
+    from dualwinch.simulation.analysis.remarks import remarks
+
     console = terminal()
     console.print(preloads_table(found).render())
     if found.best is None:
         console.print("No constant preload has an error as small and keeps both ropes as taut as the schedule.")
-        return
+    else:
+        _print_saved(found)
+    for words in remarks(found.scheduled):
+        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
+
+
+def _print_saved(found: Preloads) -> None:
+    """Print what the schedule saves over the best constant preload, and how much of what can be saved that is."""
     over_best = _over_best(found)
     words = found.measure.replace("_", " ")
-    console.print(
+    saved = f"{100 * found.saved:.3g} % of what can be saved is saved" if found.saved > 0 else "nothing is saved"
+    terminal().print(
         styled(
             "bold",
             f"The schedule takes {over_best['scheduled']:.3g} of the {words}",
             " of the best constant preload that is as precise and keeps the ropes as taut; the least there could be is "
-            f"{over_best['least']:.3g}: {100 * found.saved:.3g} % of what can be saved is saved.",
+            f"{over_best['least']:.3g}: {saved}.",
         ),
         soft_wrap=True,
     )
@@ -149,6 +159,7 @@ def _sums(extremes: list[float]) -> str:
 def to_record(found: Preloads) -> dict[str, Any]:
     """Everything as plain data."""
     from dualwinch.config.experiment_file import to_toml
+    from dualwinch.simulation.analysis.remarks import remarks
 
     report: dict[str, Any] = {}
     for name, run in found.runs.items():
@@ -172,6 +183,7 @@ def to_record(found: Preloads) -> dict[str, Any]:
         "measure": found.measure,
         "saved_share": found.saved,
         "measure_over_best_constant": _over_best(found),
+        "remarks": list(remarks(found.scheduled)),
         "units": units | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
         "configuration": to_toml(found.scheduled.experiment),
         "versions": versions(),

@@ -59,3 +59,13 @@ def test_a_motion_beyond_the_motors_is_said(capsys: pytest.CaptureFixture[str]) 
         main(["preload", "--case", "4", "--set", "controller.coordination.tension_max=4000"])
     assert stopped.value.code == 1
     assert "allow a larger error" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_loop_that_is_unstable_saves_nothing_and_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "preload.json"
+    main(["preload", "--case", "4", "--set", "controller.observer.l0=3000", "--out", str(out)])
+    printed = capsys.readouterr().out
+    assert ": nothing is saved." in printed
+    assert "note: unstable at small amplitudes" in printed
+    assert any(words.startswith("unstable at small amplitudes") for words in json.loads(out.read_text())["remarks"])
