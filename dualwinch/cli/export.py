@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, default_of, own_default, print_note, stated
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    WHOLE,
+    ExperimentOptions,
+    default_of,
+    in_full,
+    own_default,
+    print_note,
+    stated,
+)
 from dualwinch.cli.output import wrote
 
 if TYPE_CHECKING:
@@ -37,7 +46,7 @@ def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment
     found = given.experiment()
     if what != "plant" and found.plant != Experiment().plant:
         for words in loop_remarks(found):
-            print_note(words)
+            print_note(in_full(words, given.typed))
     return found
 
 

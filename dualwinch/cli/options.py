@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import warnings
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -134,6 +135,13 @@ class ExperimentOptions:
         from dualwinch.config.toml_text import parse_assignment
 
         return dict(map(parse_assignment, self.assignments))
+
+    @property
+    def typed(self) -> str:
+        """The options as they would be typed for another command about the same experiment."""
+        parts = {"--case": [self.case] * (self.case is not None), "--config": [self.config] * bool(self.config)}
+        parts |= {"--set": self.assignments, "--plugin": self.plugin or []}
+        return shlex.join(str(word) for name, given in parts.items() for value in given for word in (name, value))
 
     def use_parts(self) -> None:
         """Register the parts of installed packages, and those of ``--plugin``.
@@ -350,6 +358,15 @@ def print_note(words: str) -> None:
     from dualwinch.cli.output import styled, terminal
 
     terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+
+
+def in_full(words: str, typed: str) -> str:
+    """A remark on a loop whose command is about the experiment that these options choose."""
+    return words.replace(LINEARISE, f"{LINEARISE} {typed}".rstrip())
+
+
+LINEARISE = "dualwinch linearise"
+"""The command that remarks on a loop name."""
 
 
 LONGEST_TIME = 1e7

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, in_full
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -67,7 +67,7 @@ def preload(
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
         found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=progress)
-    print_preloads(found)
+    print_preloads(found, given.typed)
     write_json(out, lambda: to_record(found))
     write_figure(plot, "preloads", found)
 
@@ -93,8 +93,13 @@ def preloads_table(found: Preloads) -> FigureTable:
     return FigureTable("preloads", columns, [*rows, ["least", _sums(_ends(found.least.preload)), *least]])
 
 
-def print_preloads(found: Preloads) -> None:
-    """Print a row for every preload, what the schedule saves, and what is wrong with its run."""
+def print_preloads(found: Preloads, typed: str) -> None:
+    """Print a row for every preload, what the schedule saves, and what is wrong with its run.
+
+    Args:
+        found: the preloads.
+        typed: options that choose the experiment.
+    """
     from dualwinch.simulation.analysis.remarks import remarks
 
     console = terminal()
@@ -104,7 +109,7 @@ def print_preloads(found: Preloads) -> None:
     else:
         _print_saved(found)
     for words in remarks(found.scheduled):
-        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
+        console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
 
 
 def _print_saved(found: Preloads) -> None:

@@ -17,6 +17,7 @@ from dualwinch.cli.options import (
     Figure,
     Json,
     KeepingWorkerOptions,
+    in_full,
     say_other_ensemble,
 )
 from dualwinch.cli.output import (
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.ensembles.result import EnsembleResult
     from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
-    from dualwinch.simulation.experiment import EngineName, Experiment
+    from dualwinch.simulation.experiment import EngineName
     from dualwinch.simulation.results.result import Result
 
 SCENARIOS, SEED = 100, 0
@@ -119,7 +120,7 @@ def simulate(
             if value is not None:
                 hint = "; the seed of one run is --set simulation.seed=N" if name == "seed" else ""
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
-        simulate_one(given.experiment(), stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
+        simulate_one(given, stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
         return
     for name, wanted in (("stride", stride != 1), ("animate", animate)):
         if wanted:
@@ -138,7 +139,7 @@ def simulate(
 
 
 def simulate_one(
-    asked: Experiment,
+    given: ControllerOptions,
     stride: int,
     engine: EngineName | None,
     out: Path | None,
@@ -154,6 +155,7 @@ def simulate_one(
     from dualwinch.simulation.results.file_formats import format_of, save
     from dualwinch.simulation.simulate import simulate as run
 
+    asked = given.experiment()
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
     if out:
@@ -163,7 +165,7 @@ def simulate_one(
     engine = engine or engine_here(asked.simulation.engine)
     with ProgressLine("simulating") as progress, where.workers(progress):
         result = run(asked, stride=stride, engine=engine, progress=progress)
-    print_result(result, json=json)
+    print_result(result, given.typed, json=json)
     console = terminal(stderr=True)
     if out:
         with console.status(f"writing {out}"):
@@ -178,8 +180,8 @@ def simulate_one(
         wrote(animate)
 
 
-def print_result(result: Result, *, json: bool, **further: Any) -> None:
-    """Print outcome and figures of merit of a run; in JSON, further facts by name, too."""
+def print_result(result: Result, typed: str = "", *, json: bool, **further: Any) -> None:
+    """Print outcome and figures of merit of a run, of an experiment typed so; in JSON, further facts by name, too."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
@@ -191,7 +193,7 @@ def print_result(result: Result, *, json: bool, **further: Any) -> None:
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
         facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
-        facts["remarks"] = list(remarks(result))
+        facts["remarks"] = [in_full(words, typed) for words in remarks(result)]
         print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
@@ -199,7 +201,7 @@ def print_result(result: Result, *, json: bool, **further: Any) -> None:
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
     for words in remarks(result):
-        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
+        console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
     say_idealised(found)
 
 

@@ -26,6 +26,7 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     WorkerOptions,
     default_of,
+    in_full,
     say_other_machine,
     seconds_from,
     share_from,
@@ -312,7 +313,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
         line.stop()
         if tuned.interrupted:
             line.say("interrupted; this is the best so far")
-        print_study(tuned)
+        print_study(tuned, f"--config {shlex.quote(str(out / 'best.toml'))}")
         line.say(f"wrote best.toml, study.json and report.html in {out}")
         if tuned.interrupted:
             raise KeyboardInterrupt
@@ -448,8 +449,8 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
                 process.terminate()
 
 
-def print_study(tuned: TuningResult) -> None:
-    """Print what was found, what it is worth, what would help and what it took."""
+def print_study(tuned: TuningResult, typed: str) -> None:
+    """Print what was found, what it is worth, what would help and what it took; `typed` chooses the best gains."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.tuning.result import (
         advice,
@@ -474,7 +475,7 @@ def print_study(tuned: TuningResult) -> None:
     say(styled("bold", worth(tuned)))
     say(headline(tuned))
     for words in tuned.remarks:
-        say(styled("yellow", "note", f": {words}"))
+        say(styled("yellow", "note", f": {in_full(words, typed)}"))
     names, rows = statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
     console.print(FigureTable("statistics", columns, rows).render())

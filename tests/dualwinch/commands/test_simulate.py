@@ -1,4 +1,6 @@
 import csv
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -81,3 +83,16 @@ def test_a_run_that_leaves_the_track_is_a_result(capsys: pytest.CaptureFixture[s
     said = capsys.readouterr().out
     assert "left_track" in said
     assert all(" – " in line for line in said.splitlines() if line.startswith(("mse", "mae", "peak_tension", "energy")))
+
+
+def test_the_command_in_a_note_is_about_the_experiment_at_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my machine.toml"
+    file.write_text("[controller.observer]\nl0 = 3000.0\n[simulation]\nduration = 1.0\n")
+    main(["simulate", "--config", str(file), "--set", "plant.vehicle.mass=9000"])
+    printed = capsys.readouterr().out
+    (command,) = set(re.findall(r"unstable at small amplitudes.*\((dualwinch linearise [^)]*)\)", printed))
+    assert shlex.split(command)[2:6] == ["--config", str(file), "--set", "plant.vehicle.mass=9000"]
+    main(shlex.split(command)[1:])
+    assert "unstable" in capsys.readouterr().out
