@@ -11,6 +11,7 @@ from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.analysis.idealisations import idealisations
+from dualwinch.simulation.analysis.remarks import in_full
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.results.file_formats import plain
@@ -31,6 +32,9 @@ from dualwinch.tuning.scoring.ranking import Evaluation, pareto_front
 from dualwinch.tuning.scoring.test_set import ControllerScore
 from dualwinch.tuning.space import space_to_record
 
+BEST = "--config best.toml"
+"""Options that choose the best gains in the folder of the two files."""
+
 
 def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any]) -> None:
     """Write the best as a configuration file, with where it comes from as comments.
@@ -49,7 +53,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     lines += [
         worth(tuned),
         headline(tuned),
-        *(f"note: {words}" for words in tuned.remarks),
+        *(f"note: {in_full(words, BEST)}" for words in tuned.remarks),
         tested(tuned),
         *problem.choices,
         *contenders(tuned),
@@ -128,7 +132,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             if verdict.has_test_set and problem.objectives[0].kind == "mean"
             else None,
             "contradiction": verdict.contradiction or None,
-            "remarks": list(tuned.remarks),
+            "remarks": [in_full(words, BEST) for words in tuned.remarks],
             "settings": tuned.gains,
             "at_bounds": dict(gains_at_bounds(tuned)),
             "training": _scores(verdict.best),

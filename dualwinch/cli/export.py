@@ -13,7 +13,6 @@ from dualwinch.cli.options import (
     WHOLE,
     ExperimentOptions,
     default_of,
-    in_full,
     own_default,
     print_note,
     stated,
@@ -40,7 +39,7 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made where there is 
 
 def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment:
     """The experiment; a note on standard error says where a controller for another machine makes an unstable loop."""
-    from dualwinch.simulation.analysis.remarks import loop_remarks
+    from dualwinch.simulation.analysis.remarks import in_full, loop_remarks
     from dualwinch.simulation.experiment import Experiment
 
     found = given.experiment()

@@ -360,15 +360,6 @@ def print_note(words: str) -> None:
     terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
 
 
-def in_full(words: str, typed: str) -> str:
-    """A remark on a loop whose command is about the experiment that these options choose."""
-    return words.replace(LINEARISE, f"{LINEARISE} {typed}".rstrip())
-
-
-LINEARISE = "dualwinch linearise"
-"""The command that remarks on a loop name."""
-
-
 LONGEST_TIME = 1e7
 """Longest time in s."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, in_full
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -100,7 +100,7 @@ def print_preloads(found: Preloads, typed: str) -> None:
         found: the preloads.
         typed: options that choose the experiment.
     """
-    from dualwinch.simulation.analysis.remarks import remarks
+    from dualwinch.simulation.analysis.remarks import in_full, remarks
 
     console = terminal()
     console.print(preloads_table(found).render())

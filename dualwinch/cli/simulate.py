@@ -17,7 +17,6 @@ from dualwinch.cli.options import (
     Figure,
     Json,
     KeepingWorkerOptions,
-    in_full,
     say_other_ensemble,
 )
 from dualwinch.cli.output import (
@@ -183,7 +182,7 @@ def simulate_one(
 def print_result(result: Result, typed: str = "", *, json: bool, **further: Any) -> None:
     """Print outcome and figures of merit of a run, of an experiment typed so; in JSON, further facts by name, too."""
     from dualwinch.simulation.analysis.idealisations import idealisations
-    from dualwinch.simulation.analysis.remarks import remarks
+    from dualwinch.simulation.analysis.remarks import in_full, remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, found = result.metrics, idealisations(result.experiment)

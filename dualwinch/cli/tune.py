@@ -26,7 +26,6 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     WorkerOptions,
     default_of,
-    in_full,
     say_other_machine,
     seconds_from,
     share_from,
@@ -452,6 +451,7 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
 def print_study(tuned: TuningResult, typed: str) -> None:
     """Print what was found, what it is worth, what would help and what it took; `typed` chooses the best gains."""
     from dualwinch.simulation.analysis.idealisations import idealisations
+    from dualwinch.simulation.analysis.remarks import in_full
     from dualwinch.tuning.result import (
         advice,
         authority,

@@ -1,6 +1,7 @@
 """The reports of ``dualwinch tune`` and ``dualwinch race``, and the section on robustness, each one HTML file."""
 
 import math
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, template, write_page
 from dualwinch.simulation.analysis.idealisations import idealisations, summary
+from dualwinch.simulation.analysis.remarks import in_full
 from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.tuning.benchmark.comparison import RULE
@@ -66,6 +68,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         OSError: the file cannot be written.
     """
     folder = Path(path).parent
+    noted = [in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}") for words in tuned.remarks]
     kept = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
     write_page(
         Path(path),
@@ -79,7 +82,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         folder=folder,
         constraints=f"Constraints of the search: {kept}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
-        authority=" ".join(filter(None, map(_sentence, (*tuned.remarks, authority(tuned), too_short(tuned))))),
+        authority=" ".join(filter(None, map(_sentence, (*noted, authority(tuned), too_short(tuned))))),
         where=where(tuned),
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),

@@ -263,3 +263,12 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
             f"sample takes {1e3 * experiment.simulation.sample_time:g} ms "
             f"(dualwinch linearise --loop broken --cut {cut} --x {middle:g})"
         )
+
+
+LINEARISE = "dualwinch linearise"
+"""The command that remarks on a loop name."""
+
+
+def in_full(words: str, typed: str) -> str:
+    """A remark on a loop whose command is about the experiment that these options choose."""
+    return words.replace(LINEARISE, f"{LINEARISE} {typed}".rstrip())
