@@ -68,7 +68,7 @@ def preload(
     with ProgressLine("solving and simulating") as progress:
         found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=progress)
     print_preloads(found, given.typed)
-    write_json(out, lambda: to_record(found))
+    write_json(out, lambda: to_record(found, given.typed))
     write_figure(plot, "preloads", found)
 
 
@@ -161,10 +161,10 @@ def _sums(extremes: list[float]) -> str:
     return "–".join(dict.fromkeys(f"{end:.0f}" for end in extremes))
 
 
-def to_record(found: Preloads) -> dict[str, Any]:
-    """Everything as plain data."""
+def to_record(found: Preloads, typed: str) -> dict[str, Any]:
+    """Everything as plain data, of an experiment that these options choose."""
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.simulation.analysis.remarks import remarks
+    from dualwinch.simulation.analysis.remarks import in_full, remarks
 
     report: dict[str, Any] = {}
     for name, run in found.runs.items():
@@ -188,7 +188,7 @@ def to_record(found: Preloads) -> dict[str, Any]:
         "measure": found.measure,
         "saved_share": found.saved,
         "measure_over_best_constant": _over_best(found),
-        "remarks": list(remarks(found.scheduled)),
+        "remarks": [in_full(words, typed) for words in remarks(found.scheduled)],
         "units": units | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
         "configuration": to_toml(found.scheduled.experiment),
         "versions": versions(),
