@@ -121,7 +121,7 @@ def _doubt(folder: Path) -> str:
     if not marked and not any(folder.iterdir()):
         marker.touch(mode=0o600)
         marker.write_text(TAG)
-    elif not marked or not own(marker):
+    if not os.path.lexists(marker) or not own(marker):  # another process may have made it since
         return f"{folder} was open to others, or is none of dualwinch's: remove it"
     return ""
 

@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -207,6 +208,19 @@ def test_what_threads_build_side_by_side_takes_its_time_once(
         )
     assert len(builds) == 4
     assert 0 < cache.build_seconds() <= time.monotonic() - began
+
+
+def test_a_folder_that_another_process_is_making_is_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one marks it between the look for the marker and the look whether the folder is empty."""
+    listed = Path.iterdir
+
+    def marked_meanwhile(folder: Path) -> Iterator[Path]:
+        (folder / MARKER).touch(mode=0o600)
+        return iter(list(listed(folder)))
+
+    monkeypatch.setenv("DUALWINCH_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(Path, "iterdir", marked_meanwhile)
+    assert cache_folder().parent == tmp_path
 
 
 def test_a_recipe_leads_to_no_library_that_is_gone_or_damaged() -> None:
