@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import (
-    EXPERIMENT,
-    WHOLE,
-    ExperimentOptions,
-    default_of,
-    own_default,
-    print_note,
-    stated,
-)
+from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, default_of, own_default, print_note, stated
 from dualwinch.cli.output import wrote
 
 if TYPE_CHECKING:
