@@ -143,6 +143,11 @@ class ExperimentOptions:
         parts |= {"--set": self.assignments, "--plugin": self.plugin or []}
         return shlex.join(str(word) for name, given in parts.items() for value in given for word in (name, value))
 
+    def typed_with(self, ensemble: str | None) -> str:
+        """The same, about the nominal machine of an ensemble (`nominal`), where one is given."""
+        named = [] if ensemble is None else ["--ensemble", ensemble]
+        return " ".join(filter(None, (shlex.join(named), self.typed)))
+
     def use_parts(self) -> None:
         """Register the parts of installed packages, and those of ``--plugin``.
 

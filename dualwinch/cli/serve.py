@@ -138,7 +138,7 @@ def serve(
                 result = watched(plant)
                 if result is None:
                     return
-                say_run(plant, result, json=json)
+                say_run(plant, result, given.typed_with(ensemble), json=json)
                 keep(plant, result, out and (out if number == 1 else out.with_stem(f"{out.stem}-{number}")))
                 if plant.closed:
                     return
@@ -269,12 +269,12 @@ def wait(run: Any) -> None:
     wait_for([run], timeout=INTERVAL)
 
 
-def say_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
-    """Print how a run went, and how it kept time."""
+def say_run(plant: ServedPlant, result: Result, typed: str = "", *, json: bool) -> None:
+    """Print how a run of an experiment typed so went, and how it kept time."""
     timing = plant.timing
     if not json:
         terminal().print("torques from outside, in place of the experiment's controller:")
-    print_result(result, json=json, timing=timing)
+    print_result(result, typed, json=json, timing=timing)
     if json:
         return
     console = terminal(soft_wrap=True)

@@ -5,6 +5,7 @@ import http.client
 import json
 import os
 import re
+import shlex
 import signal
 import time
 from collections.abc import Callable
@@ -107,6 +108,23 @@ def test_every_figure_printed_is_in_the_json(capsys: pytest.CaptureFixture[str])
     serve.say_run(plant, result, json=True)
     assert "more than a period late" in printed
     assert not left_out(printed, json.loads(capsys.readouterr().out))
+
+
+def test_the_command_in_a_note_is_about_the_machine_that_was_served(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my machines.toml"
+    file.write_text(
+        '[ensemble]\nname = "mine"\n[plant.vehicle]\nmass = 9000.0\n'
+        "[distributions]\ndisturbance.strouhal = { uniform = [0.18, 0.22] }\n"
+    )
+    words = ["--ensemble", str(file), "--set", "controller.observer.l0=3000"]
+    served(lambda port: runs(port, 1), "--lockstep", "--runs", "1", *words)
+    printed = capsys.readouterr().out
+    (command,) = re.findall(r"unstable at small amplitudes.*\((dualwinch linearise [^)]*)\)", printed)
+    assert {str(file), "controller.observer.l0=3000"} <= set(shlex.split(command))
+    main(shlex.split(command)[1:])
+    assert "unstable" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
