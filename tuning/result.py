@@ -352,7 +352,7 @@ def advice(tuned: TuningResult) -> list[str]:
     if verdict.improved and verdict.scored.feasible:
         return []
     found: list[str] = []
-    wanted = problem.selection.trials_per_gain * len(problem.space.dimensions)
+    wanted = problem.selection.trials_needed(len(problem.space.dimensions))
     if len(tuned.trials) < wanted:
         found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
     if hardest := _hardest(tuned):
@@ -383,7 +383,7 @@ def short_of(
         seconds: time in s that it took, where that was its budget.
         rollouts: that it had, where that was its budget.
     """
-    wanted = config.trials_per_gain * gains
+    wanted = config.trials_needed(gains)
     if trials >= wanted:
         return ""
     more = f"--trials {wanted}"

@@ -7,7 +7,7 @@ from typing import Any
 from dualwinch.model.errors import ConfigurationError
 
 TRIALS = 1000
-"""Trials of a search without a budget."""
+"""Trials of a search without a budget; more where its gains need more (`SelectionConfig.trials_needed`)."""
 
 SCENARIOS = 12
 """Scenarios of the training set where nothing else is asked for."""
@@ -151,6 +151,10 @@ class SelectionConfig:
         for name, value in (("violation", self.violation), ("confidence", self.confidence)):
             if not 0 < value < 1:
                 raise ConfigurationError(f"{name} = {value:g}: must be > 0 and < 1, i.e. between 0 and 100 %")
+
+    def trials_needed(self, gains: int) -> int:
+        """Trials from which on a search for so many gains is not called short."""
+        return self.trials_per_gain * gains
 
     def time_of_all(self, search: float) -> float:
         """Time in s in which a study ends whose search may take so many seconds, compiling apart."""

@@ -23,9 +23,14 @@ WORTH_COMPILING = 20.0
 """Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
 
 
-def trials_of(trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
-    """Number of trials of a search with a budget: `TRIALS` where there is none; ``None``: no limit."""
-    return TRIALS if trials is seconds is rollouts is None else trials
+def trials_of(problem: TuningProblem, trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
+    """Number of trials of a search with a budget; ``None``: no limit.
+
+    Where there is none: `TRIALS`, or as many as the gains need (`SelectionConfig.trials_needed`) if that is more.
+    """
+    if not trials is seconds is rollouts is None:
+        return trials
+    return max(TRIALS, problem.selection.trials_needed(len(problem.space.dimensions)))
 
 
 def tune(
@@ -49,7 +54,7 @@ def tune(
     Args:
         problem: what is tuned, from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
-        trials: number of trials; default: `TRIALS` without `seconds` and `rollouts`, else no limit.
+        trials: number of trials; default: that of `trials_of` without `seconds` and `rollouts`, else no limit.
         seconds: wall time of the search in s. Preparing, choosing and scoring come on top, and end with it within 1.3
             times that and 10 s (`SelectionConfig.time_of_all`): the latter two are made in fewer scenarios, and the
             search is shorter, where there is no time for more. Compiling comes on top.
@@ -69,7 +74,7 @@ def tune(
             the store holds is kept.
     """
     instance("problem", problem, TuningProblem, hint=" (tuning_problem makes one)")
-    trials = trials_of(trials, seconds, rollouts)
+    trials = trials_of(problem, trials, seconds, rollouts)
     for name, count in (("trials", trials), ("rollouts", rollouts), ("test_scenarios", test_scenarios)):
         if count is not None:
             whole_number(name, count, 1)

@@ -82,7 +82,9 @@ class StudyOptions:
     trials: Annotated[
         int | None,
         WHOLE,
-        default_of("tuning.selection_config:TRIALS", words="{} without --time and --rollouts"),
+        default_of(
+            "tuning.selection_config:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"
+        ),
         Parameter(help="Trials of the search."),
     ] = None
     time: Annotated[
@@ -279,7 +281,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
     from dualwinch.tuning.tuning_problem import definition_of
 
     method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
-    trials = trials_of(options.trials, seconds, options.rollouts)
+    trials = trials_of(problem, options.trials, seconds, options.rollouts)
     check_options(options)
     if options.stress:
         check_stress(problem)

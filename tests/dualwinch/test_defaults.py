@@ -102,7 +102,7 @@ def test_the_help_of_every_command_finds_them(command: str, capsys: pytest.Captu
 
 def test_help_shows_the_defaults_of_functions(capsys: pytest.CaptureFixture[str]) -> None:
     tune = helped("tune", capsys)
-    assert f"[default: {TRIALS} without --time and --rollouts]" in tune
+    assert f"[default: {TRIALS}, or as many as the gains need, without --time and --rollouts]" in tune
     assert f"[default: {SCENARIOS}]" in tune
     assert f"Optimiser: {', '.join(METHODS)}." in tune
     assert f"[default: {PORT}]" in helped("serve", capsys)

@@ -40,8 +40,9 @@ from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
-from dualwinch.tuning.tune import tune
-from tests.tuning.conftest import MakeProblem
+from dualwinch.tuning.tune import trials_of, tune
+from dualwinch.tuning.tuning_problem import tuning_problem
+from tests.tuning.conftest import FEW, MakeProblem
 
 
 class Recorded(TuningProgress):
@@ -106,9 +107,23 @@ def test_without_a_budget_there_are_as_many_trials_as_of_the_command(
 ) -> None:
     assert tuning.TRIALS == 1000
     monkeypatch.setattr(tuning, "TRIALS", 20)
-    assert len(tune(make_problem(), test_scenarios=2).trials) == 20
+    few = make_problem(selection=replace(FEW, trials_per_gain=2))
+    assert len(tune(few, test_scenarios=2).trials) == 20
     with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
         tune(make_problem(), seconds=0)
+
+
+def test_a_search_without_a_budget_is_not_called_short(make_problem: MakeProblem) -> None:
+    wide = tuning_problem(case=4)
+    gains = len(wide.space.dimensions)
+    assert gains > 10, "the usual thousand trials would be too few"
+    trials = trials_of(wide, None, None, None)
+    assert trials == 100 * gains
+    assert short_of(trials - 1, gains, wide.selection, None)
+    assert not short_of(trials, gains, wide.selection, None)
+    assert trials_of(make_problem(), None, None, None) == 1000
+    assert trials_of(wide, 20, None, None) == 20
+    assert trials_of(wide, None, 60.0, None) is trials_of(wide, None, None, 500) is None
 
 
 def test_every_phase_is_told_and_batches_belong_to_the_search(make_problem: MakeProblem) -> None:
