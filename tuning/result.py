@@ -100,19 +100,32 @@ class TuningResult:
         """The experiment with the best gains."""
         return self.problem.tuned(self.verdict.best.point)
 
-    @cached_property
+    @property
     def remarks(self) -> tuple[str, ...]:
-        """What is wrong with the best's loop on the nominal machine, in motion and late, too, if no margin is bounded.
+        """What is wrong with the best's loop on the nominal machine: instabilities, and too little further delay."""
+        return *self.instabilities, *self._late
+
+    @cached_property
+    def instabilities(self) -> tuple[str, ...]:
+        """How the best's loop is unstable on the nominal machine, in motion, too, if no margin is bounded.
 
         Where drums swing none can be bounded on every machine yet, and none is advised.
         """
-        amplitudes = self.problem.selection.margin_amplitudes
         found = list(loop_remarks(self.best))
-        if {statistic.margin for statistic in self.problem.margins} <= {RESONANCE} and amplitudes:
+        if amplitudes := self._amplitudes:
             advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
             found += amplitude_remarks(self.best, amplitudes, advice)
-            found += delay_remarks(self.best, LATE)
         return tuple(found)
+
+    @cached_property
+    def _late(self) -> tuple[str, ...]:
+        return tuple(delay_remarks(self.best, LATE)) if self._amplitudes else ()
+
+    @property
+    def _amplitudes(self) -> tuple[float, ...]:
+        """Amplitudes in m/s at which a loop without a bounded margin is looked at."""
+        bounded = {statistic.margin for statistic in self.problem.margins} - {RESONANCE}
+        return () if bounded else self.problem.selection.margin_amplitudes
 
     @cached_property
     def idle(self) -> frozenset[str]:
@@ -238,8 +251,14 @@ def headline(tuned: TuningResult) -> str:
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
+def instability(tuned: TuningResult) -> str:
+    """How the best's loop is unstable on the nominal machine, in a few words; empty where it is stable."""
+    words = next(iter(tuned.instabilities), "").partition(":")[0]
+    return f"the loop with these gains is {words}" if words.startswith("unstable") else words
+
+
 def worth(tuned: TuningResult) -> str:
-    """What was gained, what is violated, with which probability bounds on runs are satisfied, on which assumptions."""
+    """What was gained, whether the loop is unstable, what is violated, with which probability, on which assumptions."""
     verdict = tuned.verdict
     gained = comparison(tuned)
     if not verdict.improved:
@@ -254,7 +273,8 @@ def worth(tuned: TuningResult) -> str:
     ]
     violated = [f"violates {', '.join(broken)}"] if broken else []
     chance = [verdict.chance.words] if verdict.chance else []
-    return "; ".join([gained, *violated, *chance, assumptions(tuned.problem.ensemble)])
+    words = [gained, instability(tuned), *violated, *chance, assumptions(tuned.problem.ensemble)]
+    return "; ".join(filter(None, words))
 
 
 def tested(tuned: TuningResult) -> str:

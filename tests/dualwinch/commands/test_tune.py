@@ -117,10 +117,17 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     words = "unstable at small amplitudes: at rest at 25 m deviations grow by 1.2 1/s"
     monkeypatch.setattr("dualwinch.tuning.result.loop_remarks", lambda _: iter([words]))
     assert dualwinch("tune", *SHORT, "--trials", 16, "--out", tmp_path) == 0
-    assert f"\nnote: {words}\n" in capsys.readouterr().out
-    assert f"# note: {words}\n" in (tmp_path / "best.toml").read_text()
-    assert json.loads((tmp_path / "study.json").read_text())["best"]["remarks"] == [words]
-    assert f"U{words[1:]}." in (tmp_path / "report.html").read_text(encoding="utf-8")
+    printed = capsys.readouterr().out
+    best, report = (tmp_path / "best.toml").read_text(), (tmp_path / "report.html").read_text(encoding="utf-8")
+    headline, brief = printed.splitlines()[0], "the loop with these gains is unstable at small amplitudes"
+    assert re.match(rf"mean\.mse is [^;]*; {brief}; ", headline)
+    assert f"\nnote: {words}\n" in printed
+    assert f"# {headline}\n" in best
+    assert f"# note: {words}\n" in best
+    found = json.loads((tmp_path / "study.json").read_text())["best"]
+    assert (found["instability"], found["remarks"]) == (brief, [words])
+    assert f"; {brief}; " in report
+    assert f"U{words[1:]}." in report
 
 
 def test_a_deterministic_study_with_several_objectives_has_a_front(
