@@ -340,7 +340,7 @@ def other_ensemble(file: Path, *names: str) -> str:
 
     Args:
         file: an experiment, which says at its head what `dualwinch tune` or `race` has found its gains in.
-        names: of the ensembles that they are judged in.
+        names: of the ensembles that they are judged in; `NO_ENSEMBLE` stands for the experiment itself.
 
     Returns:
         A sentence; empty where they were tuned there, or the file does not say where.
@@ -351,7 +351,7 @@ def other_ensemble(file: Path, *names: str) -> str:
     tuned_in = said_at_head(read_source(file).text, TUNED_IN)
     if tuned_in in {"", *names}:
         return ""
-    judged = f"judged in {' with '.join(map(repr, names))}"
+    judged = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"
     if tuned_in == NO_ENSEMBLE:
         return f"{file}: tuned in one run, {judged}"
     known = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"

@@ -96,7 +96,7 @@ def stress(
     all others, from a thousandth of its size in the ensemble to a hundred times it, until the worst scenario breaks a
     constraint.
     """
-    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.config.ensemble_file import NO_ENSEMBLE, load_ensemble
     from dualwinch.config.folders import made_folder
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.tuning.robustness.stress import NO_BASE, stress
@@ -106,11 +106,14 @@ def stress(
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
     around = own_default(STRESS, "base") if base is None else base
-    if file and around != NO_BASE:
-        beneath = load_ensemble(around, experiment)
-        say_other_machine(file, around, beneath)
+    if file:
+        names = [NO_ENSEMBLE]
+        if around != NO_BASE:
+            beneath = load_ensemble(around, experiment)
+            say_other_machine(file, around, beneath)
+            names = [beneath.name]
         added = load_ensemble(own_default(STRESS, "ensemble") if ensemble is None else ensemble, experiment)
-        say_other_ensemble(file, beneath.name, added.name)
+        say_other_ensemble(file, *names, added.name)
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,

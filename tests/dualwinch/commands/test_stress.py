@@ -80,6 +80,18 @@ def test_gains_tuned_in_neither_ensemble_are_said(drums: Path, gains: Path, caps
     assert "tuned in 'site', judged in 'sea' with 'drums'; " in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("tuned_in", "said"), [("site", "tuned in 'site', judged in 'drums'; "), ("none", ""), ("drums", "")]
+)
+def test_without_a_base_gains_tuned_elsewhere_are_said_too(
+    tuned_in: str, said: str, drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gains.write_text(f"# ensemble: {tuned_in}\n{gains.read_text()}")
+    main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
+    printed = capsys.readouterr().err
+    assert (said in printed) if said else ("tuned in" not in printed)
+
+
 def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT])
     printed = capsys.readouterr().out
