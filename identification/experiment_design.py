@@ -24,6 +24,7 @@ from dualwinch.identification.options import DEFAULTS, EstimationOptions, Excita
 from dualwinch.identification.resample import sections_of
 from dualwinch.identification.unknowns import (
     Prior,
+    UncertainEstimates,
     UnknownParameter,
     covariance_of,
     problem_of,
@@ -209,14 +210,13 @@ def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) ->
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExcitationDesign:
+class ExcitationDesign(UncertainEstimates):
     """A motion that determines some parameters.
 
     Attributes:
         experiment: with the motion as its reference; its rows have the sensors' readings.
-        unknowns: the parameters to estimate.
-        covariance: (p, p) of the estimates' errors to expect, priors included.
-        present: the same of the experiment's own motion; None: its run does not complete.
+        unknowns, covariance: the parameters to estimate, and (p, p) covariance of the estimates' errors to expect.
+        present: (p, p) covariance to expect of the experiment's own motion; None: its run does not complete.
         criterion: ``D`` or ``A``.
         duration: of the run in s.
         tried: motions that were simulated.
@@ -225,8 +225,6 @@ class ExcitationDesign:
     """
 
     experiment: Experiment
-    unknowns: tuple[UnknownParameter, ...]
-    covariance: Floats
     present: Floats | None
     criterion: str
     duration: float
@@ -235,18 +233,8 @@ class ExcitationDesign:
     seconds: float
 
     @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of the parameters to estimate."""
-        return tuple(unknown.key for unknown in self.unknowns)
-
-    @property
-    def deviations(self) -> Floats:
-        """(p,) standard deviations to expect."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
     def present_deviations(self) -> Floats:
-        """(p,) the same of the experiment's own motion; NaN: its run does not complete."""
+        """(p,) standard deviations to expect of the experiment's own motion; NaN: its run does not complete."""
         return np.full(len(self.keys), np.nan) if self.present is None else np.sqrt(np.diag(self.present))
 
     @property

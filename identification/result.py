@@ -21,7 +21,7 @@ from dualwinch.identification.estimate import LocalOptimum
 from dualwinch.identification.options import EstimationOptions
 from dualwinch.identification.predictor import GaussMarkov
 from dualwinch.identification.smoother import SmoothedForce
-from dualwinch.identification.unknowns import UnknownParameter
+from dualwinch.identification.unknowns import UncertainEstimates, UnknownParameter
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import markdown, page, relative, table
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
@@ -38,14 +38,13 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentificationResult:
+class IdentificationResult(UncertainEstimates):
     """Estimates of a machine's parameters.
 
     Attributes:
         experiment: as given, with the estimates in the place of the unknown parameters.
-        unknowns: the parameters that were estimated.
+        unknowns, covariance: the parameters that were estimated, and (p, p) covariance of the estimates' errors.
         values: (p,) the estimates.
-        covariance: (p, p) of their errors, priors included.
         unidentifiable: directions that the logs do not determine.
         noise: reading → standard deviation of its noise.
         process_noise: disturbance → its Gauss–Markov process.
@@ -70,9 +69,7 @@ class IdentificationResult:
     """
 
     experiment: Experiment
-    unknowns: tuple[UnknownParameter, ...]
     values: Floats
-    covariance: Floats
     unidentifiable: tuple[UnidentifiableDirection, ...]
     noise: dict[str, float]
     process_noise: dict[str, GaussMarkov]
@@ -91,16 +88,6 @@ class IdentificationResult:
     excess: tuple[str, ...] = ()
     along: dict[str, tuple[float, float]] = field(default_factory=dict)
     widened: float = 1.0
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of the parameters that were estimated."""
-        return tuple(unknown.key for unknown in self.unknowns)
-
-    @property
-    def deviations(self) -> Floats:
-        """(p,) standard deviations of the estimates' errors."""
-        return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Floats:

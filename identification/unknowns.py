@@ -241,6 +241,29 @@ def ensemble_priors(
     return found
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class UncertainEstimates:
+    """Unknown parameters, and what is known of the errors of their estimates.
+
+    Attributes:
+        unknowns: the parameters to estimate.
+        covariance: (p, p) of the errors, priors included.
+    """
+
+    unknowns: tuple[UnknownParameter, ...]
+    covariance: Floats
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the parameters."""
+        return tuple(unknown.key for unknown in self.unknowns)
+
+    @property
+    def deviations(self) -> Floats:
+        """(p,) standard deviations of the errors."""
+        return np.sqrt(np.diag(self.covariance))
+
+
 def covariance_of(information: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
     """(p, p) covariance of the unknown parameters by the logs' information and their priors.
 
