@@ -311,6 +311,7 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, *, json: bool) -
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
     console.print(table.render_down())
-    if set(result.outcome_counts) != {"completed"}:
-        console.print("Statistics are those of the completed scenarios.")
+    completed = result.outcome_counts.get("completed", 0)
+    if completed < len(result):
+        console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
     say_idealised(found)

@@ -1,4 +1,5 @@
 import csv
+import json
 import re
 import shlex
 from pathlib import Path
@@ -83,6 +84,28 @@ def test_a_run_that_leaves_the_track_is_a_result(capsys: pytest.CaptureFixture[s
     said = capsys.readouterr().out
     assert "left_track" in said
     assert all(" – " in line for line in said.splitlines() if line.startswith(("mse", "mae", "peak_tension", "energy")))
+
+
+@pytest.mark.parametrize("option", [(), ("--statistics-only",)])
+def test_statistics_of_an_ensemble_say_how_many_scenarios_they_are_of(
+    option: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the larger gain the vehicle swings past the end of the rail."""
+    file = tmp_path / "soft.toml"
+    file.write_text(
+        '[ensemble]\nname = "soft"\n[distributions]\ncontroller.pid_cascade.kp1 = { choice = [5, 50] }\n'
+        '[controller]\nkind = "pid-cascade"\n[reference]\nspeed = 1.98\n'
+        "[plant.vehicle]\ndrag_coefficient = 0\nfriction_coefficient = 0\n"
+    )
+    words = ["simulate", "--case", "1", "--ensemble", str(file), "--scenarios", "6", "--seed", "1", *option]
+    main(words)
+    printed = capsys.readouterr().out
+    main([*words, "--json"])
+    counts = json.loads(capsys.readouterr().out)["outcomes"]
+    assert counts == {"completed": 4, "left_track": 2}
+    assert "Statistics are those of the 4 of 6 scenarios that were completed.\n" in printed
+    main(["simulate", "--ensemble", "sea", "--scenarios", "3", *SHORT, *option])
+    assert "Statistics are those" not in capsys.readouterr().out
 
 
 def test_the_command_in_a_note_is_about_the_experiment_at_hand(
