@@ -37,6 +37,7 @@ class TuningCost:
 
     Attributes:
         rollouts: of this process, choice and score included.
+        judging_rollouts: those of choice and score.
         rollout_seconds: wall time in s they took.
         preparing, searching, judging: wall time in s of the parts.
         overhead: share of the search's time that was not spent in rollouts.
@@ -52,6 +53,13 @@ class TuningCost:
     overhead: float
     margin_seconds: float = 0.0
     compiling: float = 0.0
+    judging_rollouts: int = 0
+
+    @property
+    def mostly_judging(self) -> str:
+        """How many rollouts choice and score took, where those are more than the search's; else empty."""
+        judging = self.judging_rollouts
+        return f"{judging} of them for choosing and scoring" if 2 * judging > self.rollouts else ""
 
     @property
     def seconds(self) -> float:

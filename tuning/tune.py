@@ -110,6 +110,7 @@ def tune(
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt
+    tried = evaluator.rollouts
     sizes = config.sizes if test_scenarios is None else replace(config.sizes, test=test_scenarios)
     verdict = select(evaluator, finished, sizes, watch)
     cost = TuningCost(
@@ -121,5 +122,6 @@ def tune(
         overhead=progress.overhead,
         margin_seconds=evaluator.margin_seconds,
         compiling=build_seconds() - built,
+        judging_rollouts=evaluator.rollouts - tried,
     )
     return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted, seconds)

@@ -497,8 +497,9 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     cost = tuned.cost
     parts = {"compiling": cost.compiling, "for stability margins": cost.margin_seconds}
     among = ", ".join(f"{seconds:.1f} s {words}" for words, seconds in parts.items() if seconds >= LEAST_SECONDS)
+    rollouts = ", ".join(filter(None, (f"{cost.rollouts} rollouts", cost.mostly_judging)))
     say(
-        f"{cost.rollouts} rollouts; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
+        f"{rollouts}; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
         f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
         f"{f'; of all that {among}' if among else ''}"
     )

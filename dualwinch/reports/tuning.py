@@ -164,7 +164,7 @@ def _cost(tuned: TuningResult) -> dict[str, str]:
     times = {"preparing": cost.preparing, "searching": cost.searching, "choosing and scoring": cost.judging}
     return {
         "trials": str(len(tuned.trials)),
-        "rollouts": str(cost.rollouts),
+        "rollouts": ", ".join(filter(None, (str(cost.rollouts), cost.mostly_judging))),
         "time": ", ".join(f"{seconds:.1f} s {words}" for words, seconds in times.items()),
     }
 

@@ -1,5 +1,6 @@
 """Tuning in one call: its phases, its time, what it says, and the figures of a study."""
 
+import re
 from dataclasses import replace
 from html import escape
 
@@ -19,6 +20,7 @@ from dualwinch.tuning.plots import (
     parallel_coordinates,
 )
 from dualwinch.tuning.result import (
+    TuningCost,
     TuningResult,
     advice,
     comparison,
@@ -33,7 +35,15 @@ from dualwinch.tuning.result import (
 )
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
-from dualwinch.tuning.scoring.progress import PHASES, SEARCHING, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import (
+    PHASES,
+    SCORING,
+    SCREENING,
+    SEARCHING,
+    VALIDATING,
+    SearchStatus,
+    TuningProgress,
+)
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
@@ -117,10 +127,9 @@ def test_a_search_without_a_budget_is_not_called_short(make_problem: MakeProblem
     wide = tuning_problem(case=4)
     gains = len(wide.space.dimensions)
     assert gains > 10, "the usual thousand trials would be too few"
-    trials = trials_of(wide, None, None, None)
-    assert trials == 100 * gains
-    assert short_of(trials - 1, gains, wide.selection, None)
-    assert not short_of(trials, gains, wide.selection, None)
+    assert trials_of(wide, None, None, None) == 100 * gains
+    assert short_of(100 * gains - 1, gains, wide.selection, None)
+    assert not short_of(100 * gains, gains, wide.selection, None)
     assert trials_of(make_problem(), None, None, None) == 1000
     assert trials_of(wide, 20, None, None) == 20
     assert trials_of(wide, None, 60.0, None) is trials_of(wide, None, None, 500) is None
@@ -132,6 +141,33 @@ def test_every_phase_is_told_and_batches_belong_to_the_search(make_problem: Make
     assert tuple(watch.phases) == PHASES
     assert {phase for phase, _, _ in watch.batches} == {SEARCHING}
     assert {(until, trials) for _, until, trials in watch.batches} == {(None, 40)}
+
+
+def test_every_step_of_choosing_and_scoring_is_told_with_how_far_it_is(make_problem: MakeProblem) -> None:
+    steps: dict[str, list[tuple[float, str]]] = {}
+
+    def receive(fraction: float, phase: str = "", status: str = "") -> None:
+        steps.setdefault(phase, []).append((fraction, status))
+
+    tune(make_problem(), trials=40, test_scenarios=24, watch=TuningProgress(receive))
+    draws = "choosing: candidate 1 of at most 3 in 20 fresh draws"
+    for words in (VALIDATING, SCREENING, draws, SCORING):
+        shares = [fraction for fraction, _ in steps[words]]
+        assert shares[0] == 0, words
+        assert any(0 < share <= 1 for share in shares), words
+    for words in (VALIDATING, draws, SCORING):
+        shares = [fraction for fraction, _ in steps[words]]
+        assert shares == sorted(shares), words
+        assert shares[-1] == 1, words
+    said = [status for _, status in steps[SCREENING]]
+    assert re.fullmatch(r"choosing: candidates 1 to 6 of \d+ in 16 validation scenarios", said[0])
+    assert re.fullmatch(rf"{said[0]}, \d+ %", said[1])
+
+
+def test_a_choice_that_takes_more_rollouts_than_the_search_is_said_to() -> None:
+    cost = TuningCost(1000, 1.0, 1.0, 1.0, 1.0, 0.0, judging_rollouts=501)
+    assert cost.mostly_judging == "501 of them for choosing and scoring"
+    assert replace(cost, judging_rollouts=500).mostly_judging == ""
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, Progress, no_progress
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
     LAW,
@@ -496,6 +496,10 @@ class EntryProgress(TuningProgress):
         """Report what is done from now on."""
         self._words = words
         self._report(BEGINS.get(words, 0.0))
+
+    def step(self, words: str, status: str = "") -> Progress:  # noqa: ARG002
+        """Report nothing: of an entry the phases are enough."""
+        return no_progress
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Report how far the search is."""

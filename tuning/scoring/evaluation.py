@@ -26,9 +26,11 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring.progress import NO_PROGRESS, TuningProgress
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
 from dualwinch.tuning.scoring.rollouts import (
     joined,
@@ -99,9 +101,11 @@ class Scorer:
         margin_seconds: wall time in s of stability margins.
         surveyed: number of machines on which margins of a controller were computed so far, in all loops.
         until: when validation and test are to end, by `clock.without_compiling`; ``None``: they take what they take.
+        watch: shows the steps of validation and test.
     """
 
     until: float | None = None
+    watch: TuningProgress = NO_PROGRESS
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
         """A scorer.
@@ -113,6 +117,8 @@ class Scorer:
         self.training = training
         self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0
         self._whole_seconds = 0.0
+        self._report: Progress = no_progress
+        self._step = (0, 1)
         self._workers, self._units = workers, training.problem.units
         self._kinds = [statistic.margin for statistic in training.problem.margins]
         self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
@@ -137,6 +143,16 @@ class Scorer:
     def affords(self, sizes: SampleSizes) -> bool:
         """Whether there is time for all of some sizes."""
         return self.affordable(sizes) == sizes
+
+    def step(self, words: str, runs: int, status: str = "") -> None:
+        """A step of validation or test begins; `watch` gets the share of its rollouts that is done.
+
+        Args:
+            words: what is done in it.
+            runs: rollouts that it takes at most.
+            status: as of `TuningProgress.step`.
+        """
+        self._report, self._step = self.watch.step(words, status), (self.rollouts, max(runs, 1))
 
     def start(self) -> Evaluation:
         """The start in the training scenarios, from the rollouts of `prepare`."""
@@ -236,12 +252,17 @@ class Scorer:
         """
         space = self.training.problem.space
         most_slack = None if to_the_end else self._most_slack
-        began = clock.now()
+        began, (first, runs) = clock.now(), self._step
+        size = len(scenarios) * (1 if candidates is None else len(candidates))
+
+        def progress(share: float) -> None:
+            self._report(min(1.0, (self.rollouts - first + share * size) / runs))
+
         if candidates is None:
-            result = run_pairs([], [[]], scenarios, self._workers)
+            result = run_pairs([], [[]], scenarios, self._workers, progress=progress)
         else:
             points = [space.parameters(candidate.point) for candidate in candidates]
-            result = run_pairs(space.keys, points, scenarios, self._workers, most_slack)
+            result = run_pairs(space.keys, points, scenarios, self._workers, most_slack, progress)
         self.seconds += clock.now() - began
         self.rollouts += result.outcomes.size
         return result

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.progress import PhaseProgress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, Progress, no_progress
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 
@@ -14,6 +14,9 @@ REFERENCES = "compiling, a minute or two the first time; scoring the paper's gai
 SEARCHING = "searching"
 CHOOSING = "choosing among the validated candidates"
 SCORING = "scoring the best, the start and the paper's gains"
+VALIDATING = "choosing: the paper's gains and the start in the validation set"
+SCREENING = "choosing: candidates of the search in the validation set"
+REPAIRING = "choosing: a candidate with more reserve in the validation set"
 PHASES = (DRAWING, REFERENCES, SEARCHING, CHOOSING, SCORING)
 """What `tuning.tune.tune` does, in this order."""
 
@@ -60,7 +63,7 @@ class SearchStatus:
 
 
 class TuningProgress:
-    """Reports phases and batches of a search as `simulation.progress.PhaseProgress`: fraction, phase and a status line.
+    """Reports phases, batches of a search and steps of a choice as `simulation.progress.PhaseProgress`.
 
     Attributes:
         objectives: names and units of what is minimised, for the status line.
@@ -72,6 +75,24 @@ class TuningProgress:
     def phase(self, words: str) -> None:
         """A phase begins; `words` say what is done in it."""
         self._progress(0.0, words)
+
+    def step(self, words: str, status: str = "") -> Progress:
+        """A step of a phase begins.
+
+        Args:
+            words: what is done in it.
+            status: the same in numbers, where steps of the same words follow each other.
+
+        Returns:
+            What receives the share of the step that is done.
+        """
+
+        def report(fraction: float) -> None:
+            done = f", {100 * fraction:.0f} %" if fraction else ""
+            self._progress(fraction, words, status and f"{status}{done}")
+
+        report(0.0)
+        return report
 
     def compiled(self, seconds: float) -> None:
         """What the study runs is compiled, which took so many seconds; next to none where it was in the cache."""

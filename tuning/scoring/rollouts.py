@@ -10,6 +10,7 @@ from dualwinch.simulation.batch.rollout import BatchResult, rollout
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint, measured
@@ -24,13 +25,14 @@ def run_pairs(
     scenarios: Sequence[Experiment | Scenario],
     workers: Workers = None,
     most_slack: float | None = None,
+    progress: Progress = no_progress,
 ) -> BatchResult:
     """`rollout` that raises an interrupt, for half a batch is of no use here; arguments as there.
 
     Raises:
         KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
     """
-    result = rollout(keys, parameters, scenarios, workers=workers, most_slack=most_slack)
+    result = rollout(keys, parameters, scenarios, workers=workers, most_slack=most_slack, progress=progress)
     if result.interrupted:
         raise KeyboardInterrupt
     return result

@@ -8,6 +8,7 @@ import numpy as np
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring.evaluation import Evaluator
+from dualwinch.tuning.scoring.progress import REPAIRING, SCREENING
 from dualwinch.tuning.scoring.ranking import (
     Evaluation,
     feasibility_first,
@@ -73,7 +74,7 @@ class Screening:
         if waiting and len(waiting[0].objectives) > 1:
             front = [waiting[index] for index in pareto_front(waiting)] or waiting
             waiting = front[:: -(-len(front) // sizes.candidates)]
-        self._waiting, self._tried, self._spent = waiting, list[Evaluation](), 0
+        self._waiting, self._count, self._tried, self._spent = waiting, len(waiting), list[Evaluation](), 0
         self._back_off, self._stride, self._given = dict[str, float](), 2, False
 
     def following(self) -> list[Validated]:
@@ -83,6 +84,8 @@ class Screening:
         """
         while group := self._group():
             before = self._evaluator.rollouts
+            first, last = len(self._tried) + 1, len(self._tried) + len(group)
+            self._step(f"candidates {first} to {last} of {self._count}", len(group))
             found, violated = self.screened(group)
             self._spent += self._evaluator.rollouts - before
             self._tried += group
@@ -94,6 +97,7 @@ class Screening:
             return []
         self._given = True
         some = self._tried[:: -(-len(self._tried) // self._sizes.candidates) or 1]
+        self._step(f"{len(some)} of {len(self._tried)} candidates once more", len(some))
         pairs = zip(some, self._in_all(some), strict=True)
         improved = [Validated(trial, each) for trial, each in pairs if improves_on(each, self._reference.result)]
         return self._before_the_start(improved)
@@ -124,7 +128,10 @@ class Screening:
         """
         trial, problem = candidate.trial, self._evaluator.training.problem
         steps = [repaired(trial.candidate, excess, problem, share) for share in self._config.repair_steps]
-        results = [each.feasible for each in self._validation.screen([step for step in steps if step])]
+        others = [step for step in steps if step]
+        if others:
+            self._evaluator.step(REPAIRING, len(others) * len(self._validation.scenarios))
+        results = [each.feasible for each in self._validation.screen(others)]
         feasible = [each for each in results if each]
         return [Validated(replace(trial, candidate=each.candidate), each) for each in feasible[:1]]
 
@@ -138,6 +145,8 @@ class Screening:
             for trial, each in zip(group, results, strict=True)
             if each.excess > 0 and (other := repaired(trial.candidate, each.excess, problem))
         ]
+        if others:
+            self._step(f"{len(others)} repaired candidates", len(others))
         again = self._validation.screen([other for _, other in others])
         found += [
             Validated(replace(trial, candidate=other), each.feasible)
@@ -161,6 +170,12 @@ class Screening:
         group = kept[: self._sizes.candidates]
         self._waiting = [trial for trial in self._waiting if trial not in group]
         return group
+
+    def _step(self, which: str, count: int) -> None:
+        """A step begins that runs so many candidates in the validation set."""
+        scenarios = len(self._validation.scenarios)
+        status = f"choosing: {which} in {scenarios} validation scenarios"
+        self._evaluator.step(SCREENING, count * scenarios, status)
 
     def _before_the_start(self, found: Sequence[Validated]) -> list[Validated]:
         return before_the_start(found, self.start, self._config.penalty)

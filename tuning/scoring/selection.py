@@ -35,7 +35,7 @@ from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.tuning.problem import CHANCE, TEST, TuningProblem
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import CHOOSING, NO_PROGRESS, SCORING, TuningProgress
+from dualwinch.tuning.scoring.progress import CHOOSING, NO_PROGRESS, SCORING, VALIDATING, TuningProgress
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, improves_on, rarest_violations_first
 from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.screening import Screening, Validated
@@ -61,7 +61,7 @@ def select(
         trials: finished trials, at least one.
         sizes: of the sets, at most; default: those of the problem's `SelectionConfig`. They are smaller where the
             evaluator's time is short, and counted anew once candidates are validated.
-        watch: gets both phases.
+        watch: gets both phases and their steps.
 
     Raises:
         KeyboardInterrupt: interrupted.
@@ -70,13 +70,16 @@ def select(
     asked = sizes or problem.selection.sizes
     sizes = evaluator.affordable(asked)
     watch.phase(CHOOSING)
+    evaluator.watch = watch
     start = _start(evaluator, trials)
     chosen, validation, chance, better = start, None, None, ""
     if problem.ensemble is None:
         leader = trials[feasibility_first(trials)[0]]
         chosen = leader if improves_on(leader, start) else start
     else:
-        validation_set = ValidationSet(evaluator, validation_scenarios(problem, sizes))
+        scenarios = validation_scenarios(problem, sizes)
+        evaluator.step(VALIDATING, 2 * len(scenarios))
+        validation_set = ValidationSet(evaluator, scenarios)
         screening = Screening(evaluator, validation_set, trials, start, sizes)
         validated = screening.following()
         left = evaluator.affordable(asked.after_validation)
@@ -85,6 +88,7 @@ def select(
         if best:
             chosen, validation = best.trial, best.result
     watch.phase(SCORING)
+    evaluator.step(SCORING, (2 if chosen is start else 3) * (sizes.test if problem.ensemble else 1))
     test = TestSet(evaluator, sizes.test, problem.stream(TEST))
     scores = {"start": test.score(start.candidate), "paper": test.paper}
     scores = {"best": scores["start"] if chosen is start else test.score(chosen.candidate)} | scores
@@ -150,6 +154,9 @@ def _chance_constrained(
         if not waiting:
             break
         candidate, number = waiting.pop(0), len(found) * sizes.chance
+        ours = f"candidate {len(found) + 1} of at most {config.chance_candidates}"
+        which = "the start" if candidate is screening.start else ours
+        evaluator.step(f"choosing: {which} in {sizes.chance} fresh draws", sizes.chance)
         draws = ensemble.chosen(range(number, number + sizes.chance), problem.stream(CHANCE))
         excess = worst_of(evaluator.run([candidate.trial.candidate], draws), screening.constraints)[0]
         found.append((int((excess > 0).sum()), candidate))

@@ -17,6 +17,7 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.problem import VALIDATION, TuningProblem
 from dualwinch.tuning.scoring.evaluation import Scorer
+from dualwinch.tuning.scoring.progress import SCREENING
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.rollouts import joined, row_of, worst_of
 from dualwinch.tuning.scoring.training_set import drawn, validation_draws, vertices
@@ -126,10 +127,12 @@ class ValidationSet:
         known, count = list(found), 0
         satisfied = [(row, each.result) for row, each in enumerate(found) if each.excess <= 0 and each.result]
         satisfied.sort(key=lambda pair: pair[1].costs[0])
-        for row, result in satisfied:
+        for number, (row, result) in enumerate(satisfied, 1):
             if len(result.costs) == 1 and count >= self._scorer.training.problem.selection.chance_candidates:
                 known[row] = replace(known[row], result=None)
                 continue
+            status = f"choosing: stability margins of candidate {number} of {len(satisfied)}"
+            self._scorer.watch.step(SCREENING, status)
             (margins,) = self._scorer.margins([result.candidate], self.machines)
             whole = self._scorer.with_margins(result, margins or {}, self.constraints, training=False)
             count += whole.feasible

@@ -24,7 +24,7 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.scoring.progress import PHASES, SearchStatus, TuningProgress
+from dualwinch.tuning.scoring.progress import PHASES, SCREENING, VALIDATING, SearchStatus, TuningProgress
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.tuning.test_tune import Stubborn
@@ -58,13 +58,18 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     said_of_it = [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")]
-    assert [
-        words for words in said_of_it if not re.search(" trials|^compiled in", words)
-    ] == [  # a slow machine says more
-        "reading the problem",
-        *PHASES,
-        "writing best.toml, study.json and report.html",
-    ]
+    assert (
+        [words for words in said_of_it if not re.search(" trials|^compiled in| %", words)]
+        == [  # a slow machine says more
+            "reading the problem",
+            *PHASES[:-1],
+            VALIDATING,
+            SCREENING,
+            "choosing: candidate 1 of at most 3 in 20 fresh draws",
+            PHASES[-1],
+            "writing best.toml, study.json and report.html",
+        ]
+    )
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 6
     assert "times lower than the paper&#39;s and" in page
@@ -106,8 +111,9 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert low <= study["best"]["test_violations"] / 8 <= high
     assert study["units"]["mean.mse"] == "m^2"
     assert tomllib.loads(study["configuration"])["ensemble"]["name"] == "sea"
-    rollouts = study["cost"]["rollouts"]
-    assert rollouts > 40
+    rollouts, judging = study["cost"]["rollouts"], study["cost"]["judging_rollouts"]
+    assert rollouts > 2 * judging > 40
+    assert f"\n{rollouts} rollouts; " in said.out
 
 
 def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_wherever_it_is_shown(
@@ -124,10 +130,20 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     assert f"\nnote: {words}\n" in printed
     assert f"# {headline}\n" in best
     assert f"# note: {words}\n" in best
-    found = json.loads((tmp_path / "study.json").read_text())["best"]
-    assert (found["instability"], found["remarks"]) == (brief, [words])
+    study = json.loads((tmp_path / "study.json").read_text())
+    assert (study["best"]["instability"], study["best"]["remarks"]) == (brief, [words])
     assert f"; {brief}; " in report
     assert f"U{words[1:]}." in report
+
+
+def test_a_choice_of_more_rollouts_than_the_search_is_said_to_be_in_the_last_line_and_in_the_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert dualwinch("tune", *SHORT, "--trials", 4, "--out", tmp_path) == 0
+    cost = json.loads((tmp_path / "study.json").read_text())["cost"]
+    words = f"{cost['judging_rollouts']} of them for choosing and scoring"
+    assert f"\n{cost['rollouts']} rollouts, {words}; " in capsys.readouterr().out
+    assert f"{cost['rollouts']}, {words}" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_deterministic_study_with_several_objectives_has_a_front(
