@@ -214,17 +214,17 @@ def tune(
         )
         if problem.ensemble and ensemble:
             say_other_machine(given.config, ensemble, problem.ensemble)
-        run_study(problem, options, line)
+        run_study(problem, options, line, given.plugin)
         line.say(f"next: {next_line(options.out / 'best.toml', ensemble, given)}")
 
 
 def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
     """The command that judges the best gains on the machine that they were tuned for."""
-    file = shlex.quote(str(best))
     if ensemble is None:
-        return f"dualwinch simulate --config {file}"
-    own = f" --config {file}" if given.config or given.case or given.assignments else ""
-    return f"dualwinch compare paper {file} --ensemble {shlex.quote(ensemble)}{own}"
+        return f"dualwinch simulate {ExperimentOptions(config=best, plugin=given.plugin).typed}"
+    own = best if given.config or given.case or given.assignments else None
+    machine = ExperimentOptions(config=own, plugin=given.plugin).typed
+    return f"dualwinch compare paper {shlex.join([str(best), '--ensemble', ensemble])} {machine}".rstrip()
 
 
 REPORT_SECONDS = 5.0
@@ -262,8 +262,16 @@ def recall_parts(options: StudyOptions) -> None:
     recall(StudyName(options.study, None if in_database else Path(options.kept_in)), definition.get("parts", []))
 
 
-def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine) -> TuningResult:
+def run_study(
+    problem: TuningProblem, options: StudyOptions, line: ProgressLine, plugins: list[str] | None = None
+) -> TuningResult:
     """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
+
+    Args:
+        problem: what is tuned.
+        options: how, and where the study is kept.
+        line: shows how far it is.
+        plugins: files with parts of one's own, which commands about the best gains need, too.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
@@ -314,7 +322,7 @@ def run_study(problem: TuningProblem, options: StudyOptions, line: ProgressLine)
         line.stop()
         if tuned.interrupted:
             line.say("interrupted; this is the best so far")
-        print_study(tuned, f"--config {shlex.quote(str(out / 'best.toml'))}")
+        print_study(tuned, ExperimentOptions(config=out / "best.toml", plugin=plugins).typed)
         line.say(f"wrote best.toml, study.json and report.html in {out}")
         if tuned.interrupted:
             raise KeyboardInterrupt

@@ -176,10 +176,12 @@ def test_gains_for_another_machine_are_said_with_the_option_that_is_right(tmp_pa
     assert "plant.track.length = 120.0 there, 50.0 here, plant.vehicle.mass = 3000.0 there" in said
     assert said.endswith(f"to judge it on its own: --config {mine}")
     assert not other_machine(mine, "rig", load_ensemble("rig", load(mine)))
-    options = ExperimentOptions(config=mine)
+    options, own = ExperimentOptions(config=mine), ExperimentOptions(plugin=["my law.py"])
     assert next_line(mine, "rig", options) == f"dualwinch compare paper {mine} --ensemble rig --config {mine}"
     assert next_line(mine, "sea", ExperimentOptions()) == f"dualwinch compare paper {mine} --ensemble sea"
     assert next_line(mine, None, options) == f"dualwinch simulate --config {mine}"
+    assert next_line(mine, None, own) == f"dualwinch simulate --config {mine} --plugin 'my law.py'"
+    assert next_line(mine, "sea", own) == f"dualwinch compare paper {mine} --ensemble sea --plugin 'my law.py'"
 
 
 def test_gains_tuned_in_another_ensemble_are_said_with_the_option_that_takes_it(

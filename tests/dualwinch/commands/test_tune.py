@@ -27,6 +27,7 @@ from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.scoring.progress import PHASES, SCREENING, VALIDATING, SearchStatus, TuningProgress
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.tuning_problem import tuning_problem
+from tests.spring_law import SPRING
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
@@ -46,6 +47,12 @@ def small_test_set(monkeypatch: pytest.MonkeyPatch) -> None:
     few = SampleSizes(draws=8, vertices=4, chance=20, test=8)
     small = SelectionConfig(demand_among=4, sizes=few)
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)
+
+
+@pytest.fixture
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its figures take seconds."""
+    monkeypatch.setattr("dualwinch.reports.tuning.write_tuning_report", lambda *_: None)
 
 
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,14 +143,33 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     assert f"U{words[1:]}." in report
 
 
-def test_a_choice_of_more_rollouts_than_the_search_is_said_to_be_in_the_last_line_and_in_the_report(
+@pytest.mark.usefixtures("no_report")
+def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plugin, out = tmp_path / "spring.py", tmp_path / "out"
+    plugin.write_text(SPRING)
+    words = "unstable at small amplitudes: at rest at 25 m (dualwinch linearise --loop closed --x 25)"
+    monkeypatch.setattr("dualwinch.tuning.result.loop_remarks", lambda _: iter([words]))
+    law = ("--plugin", plugin, "--set", "controller.kind=spring", "--constraint", "none")
+    assert dualwinch("tune", *law, "--case", 4, "--set", "simulation.duration=0.1", "--trials", 4, "--out", out) == 0
+    said = capsys.readouterr()
+    best = f"--config {out / 'best.toml'} --plugin {plugin}"
+    assert f"(dualwinch linearise {best} --loop closed --x 25)" in said.out
+    (command,) = re.findall(r"next: dualwinch (.*)", said.err)
+    assert command == f"simulate {best}"
+    assert dualwinch(*command.split()) == 0
+    assert "spring: completed" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_choice_of_more_rollouts_than_the_search_is_said_to_be_in_the_last_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert dualwinch("tune", *SHORT, "--trials", 4, "--out", tmp_path) == 0
+    assert dualwinch("tune", *SHORT, "--trials", 4, "--constraint", "none", "--out", tmp_path) == 0
     cost = json.loads((tmp_path / "study.json").read_text())["cost"]
     words = f"{cost['judging_rollouts']} of them for choosing and scoring"
     assert f"\n{cost['rollouts']} rollouts, {words}; " in capsys.readouterr().out
-    assert f"{cost['rollouts']}, {words}" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_deterministic_study_with_several_objectives_has_a_front(
