@@ -106,6 +106,7 @@ def linearise(
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer
+    from dualwinch.simulation.analysis.linear_loop import learnt_states
 
     experiment = given.nominal(ensemble)
     if preload is not None:
@@ -122,7 +123,7 @@ def linearise(
     if loop == "broken":
         tables = print_broken(systems, experiment, values, swept, cut or "u")
     elif swept is None:
-        learnt = _learnt_states(experiment) if loop == "closed" else frozenset()
+        learnt = learnt_states(experiment) if loop == "closed" else frozenset()
         tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed", learnt=learnt)
     elif loop == "closed":
         tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
@@ -413,12 +414,6 @@ def print_closed_sweep(
 
 PRINTED_STATES = 8
 """Systems of up to so many states are printed whole."""
-
-
-def _learnt_states(experiment: Experiment) -> frozenset[str]:
-    from dualwinch.simulation.analysis.linear_loop import learnt_states
-
-    return learnt_states(experiment)
 
 
 def print_point(
