@@ -307,9 +307,9 @@ MARGIN_COLUMNS = (
 
 
 def _margin_row(found: Margins) -> list[float | bool]:
-    return [getattr(found, each.name) / (2 * math.pi if each.unit == "Hz" else 1) for each in MARGIN_COLUMNS[:-1]] + [
-        found.stable
-    ]
+    """Margins as `MARGIN_COLUMNS` have them; those of an unstable loop mean nothing, and are NaN."""
+    values = [getattr(found, each.name) / (2 * math.pi if each.unit == "Hz" else 1) for each in MARGIN_COLUMNS[:-1]]
+    return [*(values if found.stable else [math.nan] * len(values)), found.stable]
 
 
 def print_broken(

@@ -316,7 +316,13 @@ def _lag(response: np.ndarray) -> np.ndarray:
 
 
 def _mark_margins(gain: Axes, phase: Axes, found: Margins) -> None:
-    """Mark gain margin and phase margin as distances, each with a dot where it is measured in the other panel."""
+    """Mark gain margin and phase margin as distances, each with a dot where it is measured in the other panel.
+
+    Margins of a loop that is unstable mean nothing.
+    """
+    if not found.stable:
+        gain.set_title("unstable: no margins", color=VERMILION)
+        return
     if math.isfinite(found.gain):
         at = found.gain_frequency / TURN
         gain.vlines(at, 1 / found.gain, 1, color=VERMILION, linewidth=2.0)
@@ -356,7 +362,7 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None,
 
 
 def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None) -> Figure:
-    """Margins against the amplitude of the speed error; at its left end the Jacobian's.
+    """Margins against the amplitude of the speed error; at its left end the Jacobian's. None where it is unstable.
 
     Args:
         points: of `simulation.analysis.describing_function.amplitude_sweep`.
@@ -364,12 +370,17 @@ def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None)
     """
     system, margins = points[0].system, [point.margins for point in points]
     amplitude = 1e3 * np.array([point.amplitude for point in points])
+    sound = [1.0 if each.stable else math.nan for each in margins]
     title = f"Margins of the loop cut at {_cut(system)} depend on amplitude"
     with new_page(ax, 5.0, title, _point_in_words(system, None)) as page:
         gain, delay = panels = page.panels(2, sharex=True)
-        gain.loglog(amplitude, [each.gain for each in margins], color=VERMILION, label="gain margin")
-        gain.loglog(amplitude, [each.disk_gain for each in margins], color=GOLD, label="gain margin of the disk")
-        delay.loglog(amplitude, [1e3 * each.delay for each in margins], color=GREEN, label="delay margin")
+        for axes, name, label, colour, factor in (
+            (gain, "gain", "gain margin", VERMILION, 1.0),
+            (gain, "disk_gain", "gain margin of the disk", GOLD, 1.0),
+            (delay, "delay", "delay margin", GREEN, 1e3),
+        ):
+            values = factor * np.array([getattr(each, name) for each in margins]) * sound
+            axes.loglog(amplitude, values, color=colour, label=label)
         gain.set_ylabel("factor on the gain")
         delay.set_ylabel("delay (ms)")
         page.name_x(panels, "amplitude of the speed error $e_2$ (mm/s)")

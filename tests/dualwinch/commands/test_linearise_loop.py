@@ -51,9 +51,21 @@ def test_the_closed_loop_is_told_stable_and_swept(tmp_path: Path, capsys: pytest
     main(["linearise", "--loop", "broken", "--plot", str(tmp_path / "a.svg"), "--figure", "amplitude"])
 
 
-def test_gains_that_shake_the_loop_are_called_unstable(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["linearise", "--loop", "broken", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"])
-    assert "UNSTABLE" in capsys.readouterr().out
+def test_an_unstable_loop_has_its_verdict_and_no_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "loop.json"
+    shaken = ["linearise", "--loop", "broken", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"]
+    main([*shaken, "--out", str(out)])
+    (printed,) = {
+        line for line in capsys.readouterr().out.partition("by amplitude")[0].splitlines() if "UNSTABLE" in line
+    }
+    assert printed.split() == [*"–––––––", "UNSTABLE"]
+    figures = json.loads(out.read_text())["figures"]
+    (row,) = figures["margins"]["rows"]
+    assert not row.pop("stable")
+    assert set(row.values()) == {None}
+    by_amplitude = figures["margins_by_amplitude"]["rows"]
+    assert {row["stable"] for row in by_amplitude} == {True, False}
+    assert all((row[name] is None) != row["stable"] for row in by_amplitude for name in ("gain", "delay", "disk"))
 
 
 def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(

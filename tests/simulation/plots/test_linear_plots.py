@@ -7,7 +7,19 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
-from dualwinch.simulation.plots.linear import bode, modal_frequencies, mode_shapes, pole_map
+from dualwinch.simulation.analysis.describing_function import amplitude_sweep
+from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.paper import case
+from dualwinch.simulation.plots.linear import (
+    amplitude_margins,
+    bode,
+    loop_bode,
+    modal_frequencies,
+    mode_shapes,
+    pole_map,
+)
+from dualwinch.simulation.settings import override
 
 X = np.arange(0.0, 51.0, 5.0)
 
@@ -98,3 +110,14 @@ def test_shapes_need_the_plants_states() -> None:
     )
     with pytest.raises(ConfigurationError, match="mode shapes need the states of the plant"):
         mode_shapes(system, Plant())
+
+
+def test_margins_of_unstable_loops_are_not_drawn() -> None:
+    shaken = override(case(2), {"controller.nftsm.smoothing": 1e-7})
+    loop = linear_broken_loop(shaken, 25.0, 0.5)
+    figure = loop_bode([loop], [margins(loop)])
+    assert titles(figure) == ["unstable: no margins", ""]
+    points = amplitude_sweep(shaken, 25.0, 0.5, amplitudes=[1e-6, 1e-3])
+    assert [point.margins.stable for point in points] == [False, True]
+    for line in (line for axes in amplitude_margins(points).axes[:2] for line in axes.lines):
+        assert np.isfinite(np.asarray(line.get_ydata())).tolist() == [False, True]
