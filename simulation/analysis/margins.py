@@ -42,6 +42,9 @@ LOWEST, SLOW, BELOW = 1e-3, 1e-2, 0.25
 """Lowest angular frequency of the even grid in rad/s. A closed loop with slower poles is looked at below it, too, down
 to that share of its slowest, at that share of the grid's points; and every loop is at 0."""
 
+ALL_BUT_REAL = 1e-6
+"""Imaginary part of a locus of both torques, as a share of it, that is round-off where loci that are real meet."""
+
 BEYOND = 1e9
 """Gain margin at the frequency 0 that is round-off: there the loop has no gain, or an integrator."""
 
@@ -525,11 +528,15 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
     loop, locus, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
     falling = values[loop, locus, at]
     share = falling / (falling - values[loop, locus, at + 1])
-    # where a point is on the grid: at 0 and at half the sample rate the response is real
+    # where a point is on the grid: at 0 and at half the sample rate a single opening's response is real, and the loci
+    # of both torques are real or a complex pair
     on_grid = values == 0
     if of_gain:
         on_grid = np.zeros_like(on_grid)
         on_grid[:, :, [0, -1]] = True
+        if response.shape[1] > 1:
+            pair = response[:, -2:, [0, -1]]
+            on_grid[:, -2:, [0, -1]] = np.abs(pair.imag) <= ALL_BUT_REAL * np.abs(pair)
     points = np.nonzero(on_grid)
     loop, locus, share = (
         np.append(loop, points[0]),

@@ -1,6 +1,7 @@
 """Margins against python-control, and against gains and delays put into the nonlinear simulation."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -167,6 +168,41 @@ def test_two_loops_that_do_not_touch_have_the_margins_of_the_lesser() -> None:
     for kind in ("gain", "phase", "delay", "disk"):
         assert getattr(both, kind) == pytest.approx(min(getattr(margins(each), kind) for each in (one, other)))
     assert both.least_gain == max(margins(each).least_gain for each in (one, other))
+
+
+def turned(pole: float, gain: float, through: float, degrees: float) -> LinearSystem:
+    """(gain/(z − pole) + through) times a rotation, of the eigenvalues exp(±j degrees)."""
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    rotation, one = np.array([[cosine, -sine], [sine, cosine]]), np.eye(2)
+    states, inputs, outputs = ("x1", "x2"), ("in1", "in2"), ("out1", "out2")
+    units = dict.fromkeys(states + inputs + outputs, "1")
+    return LinearSystem(pole * one, one, gain * rotation, through * rotation, 1e-3, states, inputs, outputs, units)
+
+
+def test_loci_that_are_a_complex_pair_at_rest_do_not_cross_the_real_axis_there() -> None:
+    """Of a rotation by 149° alone no gain makes −1; with a lag, the pole 1/2 + k exp(±31°j)/4 reaches the circle."""
+    for size in (0.6, 3.0):
+        found = margins(turned(0.0, 0.0, size, 149.0))
+        assert (found.gain, found.least_gain) == (math.inf, 0.0)
+        assert math.isnan(found.gain_frequency)
+        assert math.isnan(found.least_gain_frequency)
+    half = math.cos(math.radians(31)) / 2
+    assert margins(turned(0.5, 0.25, 0.0, 149.0)).gain == pytest.approx(4 * (math.sqrt(half**2 + 0.75) - half))
+
+
+@pytest.mark.parametrize(
+    ("pole", "gain", "largest", "frequency"), [(0.5, -0.25, 2.0, 0.0), (0.9, 0.4, 4.75, math.pi / 1e-3)]
+)
+@pytest.mark.parametrize("apart", [0.0, 1e-17, -1e-17])
+def test_loci_that_meet_are_real_at_rest_and_at_half_the_sample_rate(
+    pole: float, gain: float, largest: float, frequency: float, apart: float
+) -> None:
+    """gain/(z − pole) twice, whose poles reach 1 and −1, coupled one way, and the other way by round-off."""
+    one = sampled(pole, gain, 0.0)
+    both = beside(one, one)
+    coupled = margins(replace(both, C=both.C + np.array([[0.0, 1.0], [apart, 0.0]])))
+    assert coupled.gain == pytest.approx(largest, rel=1e-6)
+    assert coupled.gain_frequency == pytest.approx(frequency, abs=1e-4, rel=1e-6)
 
 
 @pytest.mark.parametrize("at_rest", [0.0, -0.5, 0.5])
