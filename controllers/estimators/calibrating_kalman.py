@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar
 
 from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
 from dualwinch.controllers.parts import Context, Estimator, Measurement
-from dualwinch.model.quantities.quantity import Positive, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Rope, RopeLaw, kelvin_voigt, rope_lengths, stiffness
 from dualwinch.model.scalar import Scalar, clip, exp, where
@@ -42,8 +42,8 @@ class CalibrationGains:
 class RopeKnowledge:
     """What is known of one rope."""
 
-    excess: Annotated[Scalar, Quantity("1", "compliance above the nominal one, as a share")] = 0.0
-    information: Annotated[Scalar, Quantity("1", "inverse variance of the excess, from samples")] = 0.0
+    excess: Annotated[Scalar, Quantity("1", "compliance above the nominal one, as a share"), Mark.LEARNT] = 0.0
+    information: Annotated[Scalar, Quantity("1", "inverse variance of the excess, from samples"), Mark.LEARNT] = 0.0
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,16 @@ def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     assert folded("winch_1.integral, x 2.5 %") == "winch_1.integral, x 2.5 %"
 
 
+def test_what_a_filter_learns_of_the_ropes_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "loop.json"
+    main(["linearise", "--loop", "closed", "--estimator", "calibrating-kalman", "--out", str(out)])
+    said = capsys.readouterr().out
+    assert "and 2 modes of what the estimator learns, decaying within 60.2 s" in said
+    assert "excess" not in said
+    learnt = [row for row in json.loads(out.read_text())["figures"]["modes"]["rows"] if "excess" in row["mode"]]
+    assert [row["time_constant"] for row in learnt] == pytest.approx([60.2, 60.2], rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
