@@ -2,8 +2,9 @@
 
 import {digits} from "./numbers.js";
 
-// structure: of the run; checks: value and limit of each of its idealisations, one after the other.
-export function idealised(structure, checks) {
+// structure: of the run; checks: value and limit of each of its idealisations, one after the other; tension: the smallest
+// one in N that the controller commands, at which they hold.
+export function idealised(structure, checks, tension) {
   const parts = new Map(), told = new Set();
   (checks ? structure.idealised : []).forEach(({part, atLeast, brief}, index) => {
     const [value, limit] = checks.slice(2 * index, 2 * index + 2);
@@ -11,7 +12,7 @@ export function idealised(structure, checks) {
     const family = part + (brief.includes("without") ? "without" : "");
     if (told.has(family)) return;
     told.add(family);
-    const words = brief.replace(/\{(value|limit):\.(\d)g\}/g, (_, name, count) => digits({value, limit}[name], Number(count)));
+    const words = brief.replace(/\{(\w+):(?:\.(\d))?g\}/g, (_, name, count = 6) => digits({value, limit, tension}[name], Number(count)));
     parts.set(words, [...(parts.get(words) ?? []), part]);
   });
   const both = {winch_1: "winches", rope_1: "ropes"};

@@ -103,7 +103,8 @@ function refresh() {
   element("outcome").textContent = ended;
   element("glance").innerHTML = glance();
   element("claims").innerHTML = claims(catalogue, experiment, run);
-  element("idealised").textContent = idealised(structureOf(catalogue, run.experiment), run.checks);
+  element("idealised").textContent = idealised(structureOf(catalogue, run.experiment), run.checks,
+    valueOf(catalogue, run.experiment, "controller.coordination.tension_min"));
   showSignals();
   showMerits(element("merits"), catalogue, run, pinned, paperMetrics());
   showMoment();

@@ -142,7 +142,7 @@ def idealisation_checks(
             words = (
                 f"{lack}: {line.what} weighs {{weight:.3g}} N/m in water, w s/T = {{value:.3g}} > {{limit:g}} {PLACE}"
             )
-            brief, slope = f"{lack} (w s/T = {{value:.3g}})", line.weight * span / tension
+            brief, slope = f"{lack} (w s/T = {{value:.3g}} {AT})", line.weight * span / tension
             found.append(
                 IdealisationCheck("sag", rope, slope, limits.slope, words, brief, "1", keys, facts, at_least=False)
             )
@@ -150,7 +150,7 @@ def idealisation_checks(
             f"{lack}: sag leaves {{value:.2g}} of the stiffness of {line.what} {PLACE} (Ernst's factor, < {{limit:g}})"
         )
         brief, ernst = (
-            f"{lack} (Ernst's factor {{value:.2g}})",
+            f"{lack} (Ernst's factor {{value:.2g}} {AT})",
             ernst_factor(line.weight, span, tension, spring * length),
         )
         check = IdealisationCheck("stiffness under sag", rope, ernst, limits.ernst, words, brief, "1", keys, facts)
@@ -158,7 +158,8 @@ def idealisation_checks(
     return found
 
 
-PLACE = "at {tension:g} N over {span:.3g} m"
+AT = "at {tension:g} N"
+PLACE = f"{AT} over {{span:.3g}} m"
 
 
 class _RopeLine(NamedTuple):

@@ -158,11 +158,11 @@ def test_a_heavy_machine_leaves_as_a_file_that_means_the_same(opened: Opens, tmp
 def test_what_the_plant_leaves_out_is_said_and_ropes_sag_as_the_run_has_it(opened: Opens) -> None:
     lab = opened("#case=4")
     assert lab.page.inner_text("#idealised").startswith(
-        "Idealised: winches of 1.8 kg m² (20 R² = 12.8), ropes without mass and weight (w s/T = 5.09)."
+        "Idealised: winches of 1.8 kg m² (20 R² = 12.8), ropes without mass and weight (w s/T = 5.09 at 200 N)."
     )
     row = lab.page.evaluate(BELOW_ROPES)
     lab.after(lambda: lab.page.click("label[title*=site]"))
-    assert "one transverse mode a span" in lab.page.inner_text("#idealised")
+    assert "one transverse mode a span (Ernst's factor 0.0065 at 200 N)" in lab.page.inner_text("#idealised")
     assert lab.page.evaluate(BELOW_ROPES) > row + 50
 
 

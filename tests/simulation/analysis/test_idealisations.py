@@ -32,7 +32,8 @@ def test_the_papers_plant_has_light_winches_and_ropes_without_mass_and_weight() 
     assert found["sag"].parts == ("rope_1", "rope_2")
     assert set(found["winch inertia"].keys) >= {"plant.winch_1.inertia", "plant.winch_2.rotor_inertia"}
     assert summary(list(found.values())) == (
-        "idealised: winches of 1.8 kg m² (20 R² = 12.8), ropes without mass and weight (w s/T = 5.09); see docs/site.md"
+        "idealised: winches of 1.8 kg m² (20 R² = 12.8), ropes without mass and weight (w s/T = 5.09 at 200 N); "
+        "see docs/site.md"
     )
 
 
@@ -41,6 +42,7 @@ def test_a_machine_as_it_is_built_leaves_out_transverse_modes_alone() -> None:
     stiffness = 4.52e-4 * 80e9
     assert only.value == pytest.approx(1 / (1 + 20.2**2 * stiffness / (12 * 200**3)))
     assert "one transverse mode a span" in only.statement
+    assert only.brief.endswith("with one transverse mode a span (Ernst's factor 0.0065 at 200 N)")
     close = dw.load_ensemble("site").experiment
     close = replace(close, plant=replace(close.plant, track=replace(close.plant.track, roller_spacing=0.05)))
     assert idealisations(close) == []
