@@ -11,7 +11,9 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from rich import box
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -86,6 +88,11 @@ class FigureColumn:
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return measured(self.factor * value, self.form) if number else str(value)
 
+    def cell(self, value: Any) -> "str | Text | CellWords":
+        """The same as a cell of a table, in which words may break."""
+        shown = self.shown(value)
+        return CellWords(shown) if isinstance(shown, str) and not self.unit else shown
+
 
 HEADING_WIDTH = 10
 """Letters of a line of a heading that has a unit below it."""
@@ -94,20 +101,54 @@ NAME_WIDTH = 22
 """Letters of a line of a heading that is a name of the user's, such as a path: two of them leave room for figures."""
 
 
-def folded(words: str | Text) -> str | Text:
-    """Words in which dotted names too long for a line of a table go on in the next one behind a dot."""
-    if not isinstance(words, str):
-        return words
-    return re.sub(r"[^\s]+", lambda found: _folded_name(found[0]), words)
+BETWEEN_WORDS = re.compile(r" (?!\(\d+\)|%|[\d.e+-]+ %)")
+"""Where a line of a cell may break; a number in brackets and a share stay with what they are of."""
+
+WITHIN_NAMES = re.compile(r"(?<=\.)(?=[^\W\d])|(?<= )"), re.compile(r"(?<=_)(?=[^\W\d_])")
+"""Where a name too long for a line may: rather behind a dot than behind an underscore."""
 
 
-def _folded_name(name: str) -> str:
+class CellWords:
+    """Words in a cell of a table: its lines break between words, and in long names behind a dot or an underscore.
+
+    Args:
+        words: in the cell.
+    """
+
+    def __init__(self, words: str) -> None:
+        self.words = words
+
+    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
+        narrow, wide = (max(map(cell_len, self.lines(width)), default=0) for width in (1, 1 << 20))
+        return Measurement(narrow, wide)
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield Text("\n".join(self.lines(options.max_width)))
+
+    def lines(self, width: int) -> list[str]:
+        """The words in lines of a width, longer ones where a name has no place to break."""
+        found = []
+        for line in self.words.splitlines():
+            words = (f"{word} " for word in BETWEEN_WORDS.split(line))
+            found += _filled([piece for word in words for piece in _pieces(word, width, *WITHIN_NAMES)], width)
+        return found
+
+
+def _pieces(word: str, width: int, *places: re.Pattern[str]) -> list[str]:
+    """A word; where it is too long for a line, its pieces by the first of some places, and theirs by the others."""
+    if not places or cell_len(word.rstrip()) <= width:
+        return [word]
+    return [piece for part in places[0].split(word) for piece in _pieces(part, width, *places[1:])]
+
+
+def _filled(pieces: Sequence[str], width: int) -> list[str]:
+    """Lines of as many pieces as have room."""
     lines = [""]
-    for piece in re.findall(r"[^.]*\.|[^.]+", name):
-        if lines[-1] and len(lines[-1]) + len(piece) > NAME_WIDTH:
+    for piece in pieces:
+        if lines[-1] and cell_len((lines[-1] + piece).rstrip()) > width:
             lines.append("")
         lines[-1] += piece
-    return "\n".join(lines)
+    return [line.rstrip() for line in lines]
 
 
 @dataclass(frozen=True)
@@ -138,7 +179,7 @@ class FigureTable:
                 heading, justify="right" if column.unit else "left", no_wrap=bool(column.unit), overflow="fold"
             )
         for row in self.rows:
-            table.add_row(*(folded(column.shown(row[index])) for index, column in printed))
+            table.add_row(*(column.cell(row[index]) for index, column in printed))
         return table
 
     def render_down(self) -> Table:

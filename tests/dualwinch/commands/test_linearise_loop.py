@@ -1,13 +1,13 @@
 """``dualwinch linearise --loop closed`` and ``--loop broken`` as a user runs them."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.output import folded
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
@@ -89,9 +89,37 @@ def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     assert "information" not in table
     names = [row["mode"] for row in rows]
     assert len(set(names)) == len(names)
-    long = "estimator.encoder_1.errors.estimate.0, x (1)"
-    assert folded(long) == "estimator.encoder_1.\nerrors.estimate.0, x (1)"
-    assert folded("winch_1.integral, x 2.5 %") == "winch_1.integral, x 2.5 %"
+
+
+@pytest.mark.parametrize("columns", ["80", "120"])
+def test_names_break_behind_dots_and_underscores_alone(
+    columns: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    out = tmp_path / "loop.json"
+    main(["linearise", "--loop", "closed", "--ensemble", "site", "--out", str(out)])
+    printed = capsys.readouterr().out.partition("\nmodes")[2].partition("\nspectral radius")[0]
+    headings = [
+        "mode",
+        "eigenvalue",
+        "Hz",
+        "damping",
+        "decay",
+        "s",
+        "unstable",
+        "deadbeat",
+        "participation",
+        "of",
+        "the",
+        "states",
+    ]
+    found = json.loads(out.read_text())
+    words = {word.strip(",:") for row in found["figures"]["modes"]["rows"] for word in row["mode"].split()}
+    pieces = [re.findall(r"[^._]+[._]?", word) for word in words.union(found["states"], headings)]
+    parts = {"".join(each[i:j]) for each in pieces for i in range(len(each)) for j in range(i + 1, len(each) + 1)}
+    names = set(re.findall(r"(?<![\w.])[A-Za-z][\w.]*", printed))
+    assert len(names) > 40
+    assert names <= parts
 
 
 def test_what_a_filter_learns_of_the_ropes_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

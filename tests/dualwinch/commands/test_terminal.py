@@ -1,12 +1,15 @@
-"""Names of files, studies and parts are text, on terminals and in figures."""
+"""Names of files, studies and parts are text, on terminals and in figures, and break where they may."""
 
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from rich.console import Console
 
 from dualwinch.cli.app import main
+from dualwinch.cli.output import FigureColumn, FigureTable
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.ensembles.comparison import compare
@@ -42,3 +45,20 @@ def test_names_in_figures_are_no_formulas_and_none_is_left_out() -> None:
         assert set(NAMES) <= set(shown)
         assert not any("$" in word.replace(r"\$", "") for word in words if "first" in word or "second" in word)
     assert any(r"a \$sea\$ of mine" in text.get_text() for text in found.texts)
+
+
+@pytest.mark.parametrize(
+    ("width", "lines"),
+    [
+        (60, "estimator.encoder_1.errors.estimate.0 (1)|observer.e2_previous 97.5 %, x 2.5 %"),
+        (24, "estimator.encoder_1.|errors.estimate.0 (1)|observer.e2_previous|97.5 %, x 2.5 %"),
+        (20, "estimator.encoder_1.|errors.estimate.0|(1)|observer.e2_previous|97.5 %, x 2.5 %"),
+        (10, "estimator.|encoder_1.|errors.|estimate.0|(1)|observer.|e2_|previous|97.5 %,|x 2.5 %"),
+    ],
+)
+def test_names_in_tables_break_behind_dots_and_rather_not_behind_underscores(width: int, lines: str) -> None:
+    rows = [["estimator.encoder_1.errors.estimate.0 (1)"], ["observer.e2_previous 97.5 %, x 2.5 %"]]
+    file = StringIO()
+    Console(width=width + 2, file=file).print(FigureTable("modes", [FigureColumn("mode", "")], rows).render())
+    body = file.getvalue().rpartition("─")[2]
+    assert [line.strip() for line in body.splitlines() if line.strip()] == lines.split("|")
