@@ -5,6 +5,7 @@ from the steady motion go on. In steady motion the rope lengths are frozen at th
 motions that are quick against length/v.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.simulation.analysis.margins import BOTH
 from dualwinch.simulation.analysis.operating_points import (
+    PLANT,
     LoopOperatingPoint,
     loop_operating_point,
     neighbours,
@@ -216,18 +218,29 @@ def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each of the closed loop's states."""
     known = describe_parts(initial_loop_state(point.experiment))
     found = []
-    for state in point.loop.states:
+    for state, name in zip(point.loop.states, _short_names(point.loop.states), strict=True):
         torque = state.startswith("queue.")
-        found.append((_short(state), "N m" if torque else known[state].quantity.unit if state in known else "1"))
+        found.append((name, "N m" if torque else known[state].quantity.unit if state in known else "1"))
     return found
 
 
 def learnt_states(experiment: Experiment) -> frozenset[str]:
     """Names of those states of `linear_closed_loop` that say what the estimator has learnt of the machine."""
     loop = closed_loop(structure_of(experiment))
-    return frozenset(_short(loop.states[index]) for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
+    names = _short_names(loop.states)
+    return frozenset(names[index] for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
+
+
+def _short_names(states: Sequence[str]) -> list[str]:
+    """Names by which states are known: those of the plant, and others without their part where that leaves no doubt."""
+    names = [_short(state) for state in states]
+    count = Counter(names)
+    return [
+        name if count[name] == 1 or state.startswith(PLANT) else state.removeprefix("controller.")
+        for state, name in zip(states, names, strict=True)
+    ]
 
 
 def _short(state: str) -> str:
-    prefixes = ("motion.plant.", "controller.law.", "controller.coordination.", "controller.", "")
+    prefixes = (PLANT, "controller.law.", "controller.coordination.", "controller.", "")
     return state.removeprefix(next(prefix for prefix in prefixes if state.startswith(prefix)))

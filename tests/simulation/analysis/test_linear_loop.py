@@ -8,6 +8,7 @@ import pytest
 import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.modes import modes
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
 from dualwinch.simulation.analysis.operating_points import loop_operating_point, without_round_off
 from dualwinch.simulation.experiment import Experiment
@@ -139,6 +140,14 @@ def test_states_are_the_same_wherever_the_vehicle_is(estimator: str) -> None:
     experiment = override(PAPER, {"controller.estimator": estimator})
     (states,) = {linear_closed_loop(experiment, x, v).states for x in (5.0, 25.0, 45.0) for v in (0.0, 0.5)}
     assert not [name for name in states if name.endswith(("information", "filtered"))]
+
+
+@pytest.mark.parametrize("kind", ["adrc", "eid"])
+def test_a_laws_own_position_and_speed_are_not_called_as_the_vehicles(kind: str) -> None:
+    loop = linear_closed_loop(override(PAPER, {"controller.kind": kind}), 25.0, 0.5)
+    assert len(set(loop.states)) == len(loop.states)
+    assert {"x", "v", "law.x", "law.v", "winch_1.integral"} <= set(loop.states)
+    assert [sum(mode.participation.values()) for mode in modes(loop)] == pytest.approx([1.0] * len(modes(loop)))
 
 
 def test_derivatives_that_are_round_off_are_zero_in_any_unit() -> None:
