@@ -15,7 +15,7 @@ from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum
 from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState, Side, blank_state
-from dualwinch.model.quantities.description import describe, describe_parts
+from dualwinch.model.quantities.description import Leaf, describe, describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import present
@@ -87,6 +87,9 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     swing against each other, or the sag; of friction that settles, where it is. Longitudinal modes of a rope are
     counted from the one in which all of it moves one way, at c/4L where the drum has no inertia; a heavy drum makes
     that its own mode, and the second is near c/2L.
+
+    How much of it is on which side follows from how far the states of that winch and rope participate. Without damping
+    that is their share of the energy; in a closed loop a mode of one gearbox may shake the other further than itself.
     """
     prefix = plant_prefix(system.states)
     x = system.operating_point.get("x")
@@ -109,6 +112,11 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
         mass.energies(drum, moved.vehicle, inside)
         for mass, drum, inside in zip(weights, (moved.drum_1, moved.drum_2), moved.inner, strict=True)
     ]
+    participating = [_side_share(number, shares, known) for number in (1, 2)]
+    factors = _side_factors([sum(energy.values()) for energy in energies], participating)
+    energies = [
+        {kind: factor * of for kind, of in energy.items()} for factor, energy in zip(factors, energies, strict=True)
+    ]
     vehicle = inertia(plant.vehicle) * abs(moved.vehicle) ** 2
     totals = {kind: sum(energy[kind] for energy in energies) for kind in energies[0]}
     kind = max(totals, key=lambda each: totals[each] + (vehicle if each == "drum" else 0.0))
@@ -117,7 +125,25 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     tension = system.operating_point.get
     sides = zip(plant.sides, lengths, ("F1", "F2"), strict=True)
     springs = [side.rope.tangent(tension(name, PRELOAD / 2), length)[0] for side, length, name in sides]
-    return _by_energies(moved, (inertia(plant.vehicle), *(mass.drum + mass.rotor for mass in weights)), springs)
+    masses = [factor * (mass.drum + mass.rotor) for factor, mass in zip(factors, weights, strict=True)]
+    springs = [factor * spring for factor, spring in zip(factors, springs, strict=True)]
+    return _by_energies(moved, (inertia(plant.vehicle), *masses), springs)
+
+
+def _side_share(number: int, shares: Mapping[str, float], known: Mapping[str, Leaf]) -> float:
+    """What the states of a winch and its rope participate in a mode, but for friction that settles."""
+    begins = f"theta_{number}", f"omega_{number}", f"rope_{number}.", f"motor_{number}."
+    return sum(
+        share for key, share in shares.items() if key.startswith(begins) and Mark.SETTLES not in known[key].marks
+    )
+
+
+def _side_factors(energies: Sequence[float], shares: Sequence[float]) -> list[float]:
+    """Factors on the energies of both sides that keep their sum, and make them as the shares are."""
+    if not all(energies) or not sum(shares):
+        return [1.0, 1.0]
+    whole = sum(energies) / sum(shares)
+    return [whole * share / energy for energy, share in zip(energies, shares, strict=True)]
 
 
 def _inside(side: Side, shape: Mapping[str, complex], prefix: str) -> Inside:
@@ -137,7 +163,10 @@ class SideMasses(NamedTuple):
     sag: float
 
     def energies(self, drum: complex, vehicle: complex, inside: Inside) -> dict[str, float]:
-        """Kind of a mode → twice its kinetic energy over the square of its angular frequency."""
+        """Kind of a mode → twice its kinetic energy over the square of its angular frequency.
+
+        That of rotor and drum is that of their centre of mass, the drum's, and of their swing about it, the gear's.
+        """
         moving = {
             "drum": self.drum * abs(drum) ** 2,
             "waves": self.node * sum(abs(node) ** 2 for node in inside.nodes)
@@ -147,10 +176,10 @@ class SideMasses(NamedTuple):
         }
         if inside.rotor is None:
             return moving
-        turning = self.rotor * abs(inside.rotor) ** 2
-        if (inside.rotor * drum.conjugate()).real >= 0:
-            return moving | {"drum": moving["drum"] + turning}
-        return moving | {"drum": 0.0, "gear": moving["drum"] + turning}
+        both = self.drum + self.rotor
+        together = (self.drum * drum + self.rotor * inside.rotor) / both
+        swing = self.drum * self.rotor / both * abs(inside.rotor - drum) ** 2
+        return moving | {"drum": both * abs(together) ** 2, "gear": swing}
 
 
 def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
@@ -169,7 +198,7 @@ def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
 
 MODE_KINDS = {
     "waves": ("rope {}, longitudinal mode {}", "ropes {}, longitudinal mode {}"),
-    "gear": ("gear {}", "both gears {}"),
+    "gear": ("gearbox {}", "both gearboxes {}"),
     "sag": ("sag of rope {}", "sag of both ropes {}"),
 }
 """Kind of a mode within ropes and gearboxes → its name, of one side and of both."""

@@ -49,7 +49,7 @@ def test_the_nominal_machine_of_an_ensemble_has_modes_of_ropes_gears_and_sag(
     said = " ".join(capsys.readouterr().out.split())
     assert "linear while ropes stay taut and teeth in contact, which transmit 1480 N m in gearbox 1" in said
     figures = json.loads(out.read_text())["figures"]["modes"]
-    assert {"rope 1 – drum 1", "gear 1", "sag of rope 1"} <= {row["mode"] for row in figures["rows"]}
+    assert {"rope 1 – drum 1", "gearbox 1", "sag of rope 1"} <= {row["mode"] for row in figures["rows"]}
     assert figures["units"]["natural_frequency"] == "Hz"
     main(["linearise", "--case", "4", "--set", "plant.rope_1.mass_per_length=2.36", "--loop", "closed", "--x", "5"])
     said = capsys.readouterr().out

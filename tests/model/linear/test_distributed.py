@@ -134,5 +134,17 @@ def test_a_small_kick_dies_away_as_the_linear_model_says(v: float) -> None:
 def test_modes_of_the_site_are_followed_along_the_track() -> None:
     systems = [linearise(x, 1.0, 6000.0, SITE) for x in np.arange(5.0, 21.0, 4.0)]
     labels = {track.label for track in track_modes(systems, SITE)}
-    assert {"rope 1 – drum 1", "gear 1", "sag of rope 1", "rigid drift: speed"} <= labels
-    assert {"rope 1, longitudinal mode 2", "gear 2", "sag of rope 2"} <= labels
+    assert {"rope 1 – drum 1", "gearbox 1", "sag of rope 1", "rigid drift: speed"} <= labels
+    assert {"rope 1, longitudinal mode 2", "gearbox 2", "sag of rope 2"} <= labels
+
+
+def test_a_rotor_that_swings_on_its_gearbox_is_the_gears_mode_also_where_the_drum_goes_along() -> None:
+    """Of a soft gearbox on a short, stiff rope: the rotor's mode is the slower one, and drum and rotor move one way."""
+    soft = replace(SITE, winch_2=replace(SITE.winch_2, gear_stiffness=0.5e6))
+    found = modes(linearise(2.0, 0.0, 2000.0, soft), soft)
+    gear, drum = (named(found, label) for label in ("gearbox 2", "rope 2 – drum 2"))
+    assert set(gear.main_states) == {"motor_2.theta", "motor_2.omega"}
+    assert {"theta_2", "omega_2"} == set(drum.main_states[:2])
+    assert (gear.shape["motor_2.theta"] * gear.shape["theta_2"].conjugate()).real > 0
+    rotor = SITE.winch_2.gear_ratio**2 * SITE.winch_2.rotor_inertia
+    assert gear.natural_frequency == pytest.approx(math.sqrt(0.5e6 / rotor), rel=0.1)

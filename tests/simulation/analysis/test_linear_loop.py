@@ -150,6 +150,19 @@ def test_a_laws_own_position_and_speed_are_not_called_as_the_vehicles(kind: str)
     assert [sum(mode.participation.values()) for mode in modes(loop)] == pytest.approx([1.0] * len(modes(loop)))
 
 
+def test_each_gearbox_has_its_own_mode_where_only_one_winch_is_free() -> None:
+    """At 1 m/s winch 2 rests on its limit, and what its gearbox does shakes the other one by the controller."""
+    site = load_ensemble("site").experiment
+    found = {mode.label: mode for mode in modes(linear_closed_loop(site, 25.0, 1.0), site.plant)}
+    for number in (1, 2):
+        first, second, *_ = found[f"gearbox {number}"].main_states
+        assert {first, second} == {f"motor_{number}.theta", f"motor_{number}.omega"}
+    soft = override(site, {"plant.winch_1.gear_stiffness": 1e6})
+    found = {mode.label: mode for mode in modes(linear_closed_loop(soft, 25.0, 1.0), soft.plant)}
+    assert {*found["gearbox 1"].main_states[:2]} == {"motor_1.theta", "motor_1.omega"}
+    assert {*found["sag of rope 2"].main_states[:2]} == {"rope_2.sag.depth", "rope_2.sag.rate"}
+
+
 def test_derivatives_that_are_round_off_are_zero_in_any_unit() -> None:
     here, above, below = (
         np.array([1e-26, 2.0, 0.0, 3e-40]),

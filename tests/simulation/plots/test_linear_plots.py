@@ -89,7 +89,7 @@ def test_shapes_show_who_moves() -> None:
 def test_shapes_show_nodes_rotors_and_sag() -> None:
     site = load_ensemble("site").experiment.plant
     figure = mode_shapes(linearise(10.0, 1.0, 6000.0, site), site)
-    (gear,) = [axes for axes in figure.axes if axes.get_title("left") == "gear 1"]
+    (gear,) = [axes for axes in figure.axes if axes.get_title("left") == "gearbox 1"]
     (sag,) = [axes for axes in figure.axes if axes.get_title("left") == "sag of rope 1"]
     rotor = [float(np.asarray(line.get_ydata())[0]) for line in gear.lines if line.get_marker() == "s"][1]
     deepest = [float(np.asarray(line.get_ydata())[0]) for line in sag.lines if line.get_marker() == "v"][1]
