@@ -341,12 +341,23 @@ def controller_in_words(controller: Controller) -> str:
 
 
 def comparison(tuned: TuningResult) -> str:
-    """How the first objective of the best compares with the paper's, and with the start's."""
-    verdict, name = tuned.verdict, tuned.problem.objectives[0].name
-    words = [times(verdict.improvement(name), "the paper's")]
-    if "start" in verdict.shown:
-        words.append(times(verdict.improvement(name, "start"), "the start's"))
-    return f"{name} is {' and '.join(words)}"
+    """How the first objective of the best compares with the paper's, and with the start's.
+
+    Where test scenarios are infeasible, first in the feasible ones, by which the best was chosen.
+    """
+    verdict, objective = tuned.verdict, tuned.problem.objectives[0]
+    others = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
+
+    def compared(*, feasible: bool) -> str:
+        ratios = [
+            times(verdict.improvement(objective.name, over, feasible=feasible), whose) for over, whose in others.items()
+        ]
+        return " and ".join(ratios)
+
+    words, within, every = f"{objective.name} is {compared(feasible=True)}", verdict.feasible, verdict.scored.scenarios
+    if within in (0, every) or objective.kind == "worst":
+        return words
+    return f"{words} in the {within} feasible test scenarios ({compared(feasible=False)} in all {every})"
 
 
 def times(ratio: float, whose: str) -> str:
@@ -365,13 +376,9 @@ def _digits(ratio: float) -> str:
 
 
 def authority(tuned: TuningResult) -> str:
-    """How many of the scenarios no gains can hold, and what the best is worth in the others; empty for none."""
-    verdict = tuned.verdict
-    beyond = int((~verdict.within_authority).sum())
-    if not (beyond and verdict.has_test_set):
-        return ""
-    within = times(verdict.improvement_within_authority(), "the paper's")
-    return f"{infeasible_words(beyond)}; in the feasible ones the mean MSE is {within}"
+    """How many of the test scenarios are infeasible; empty for none."""
+    beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible
+    return infeasible_words(beyond) if beyond and tuned.verdict.has_test_set else ""
 
 
 def advice(tuned: TuningResult) -> list[str]:

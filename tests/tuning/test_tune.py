@@ -23,6 +23,7 @@ from dualwinch.tuning.result import (
     TuningCost,
     TuningResult,
     advice,
+    authority,
     comparison,
     gains_at_bounds,
     headings,
@@ -300,6 +301,19 @@ def test_there_is_no_advice_where_nothing_is_wrong(tuned: TuningResult) -> None:
     )
     assert list(headings(tuned)) == ["best", "start", "paper"]
     assert "times lower than the paper's and " in comparison(tuned)
+
+
+def test_where_scenarios_are_infeasible_the_feasible_ones_are_compared_first(tuned: TuningResult) -> None:
+    verdict, count = tuned.verdict, tuned.verdict.scored.scenarios
+    best = replace(verdict.scores["best"], evaluation=verdict.scores["start"].evaluation)
+    mixed = replace(
+        verdict, scores=verdict.scores | {"best": best}, within_authority=np.arange(count) != 2, contradiction=""
+    )
+    words = comparison(replace(tuned, verdict=mixed))
+    feasible, _, every = words.partition(f" in the {count - 1} feasible test scenarios (")
+    assert feasible == comparison(tuned)
+    assert every.endswith(f" and as large as the start's in all {count})")
+    assert authority(replace(tuned, verdict=mixed)).startswith("1 of the scenarios is infeasible")
 
 
 @pytest.mark.parametrize(

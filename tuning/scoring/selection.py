@@ -31,7 +31,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.tuning.problem import CHANCE, TEST, TuningProblem
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -103,7 +102,7 @@ def select(
         scores=scores,
         constraints=test.constraints,
         has_test_set=problem.ensemble is not None,
-        within_authority=within_authority(test.scenarios),
+        within_authority=test.within_authority,
         sizes=sizes,
     )
 
@@ -111,9 +110,11 @@ def select(
 def _contradiction(scores: Mapping[str, ControllerScore], chance: ChanceConstraint | None) -> str:
     """In what the test set contradicts the choice or the probability, in words; empty where it does not.
 
-    Violations that are no more frequent than the fresh draws support are expected, and do not speak for the start.
+    Means are those over feasible scenarios, by which the choice was made: where the motors' force is too small, the
+    vehicle falls behind whatever the gains, and a few such scenarios would decide. Violations that are no more frequent
+    than the fresh draws support are expected, and do not speak for the start.
     """
-    best, start = (scores[name].evaluation for name in ("best", "start"))
+    best, start = (scores[name].feasible for name in ("best", "start"))
     if chance:
         least, _ = clopper_pearson(best.violated, best.scenarios, chance.confidence)
         if least > chance.supported:

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
+from dualwinch.simulation.analysis.authority import within_authority
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
@@ -54,11 +55,13 @@ class ControllerScore:
 
     Attributes:
         evaluation: its statistics and violations there.
+        feasible: the same with means over the scenarios within the actuators' authority, as in training and validation.
         result: figures of merit of every scenario, one row.
         attained: name of a stability margin that is bounded → where its worst is.
     """
 
     evaluation: Evaluation
+    feasible: Evaluation
     result: BatchResult
     attained: Mapping[str, MarginLocation] = field(default_factory=dict)
 
@@ -100,6 +103,11 @@ class SelectionResult:
         return not self.obstacle
 
     @property
+    def feasible(self) -> int:
+        """Number of test scenarios within the actuators' authority."""
+        return int(self.within_authority.sum())
+
+    @property
     def scored(self) -> Evaluation:
         """The best in the test set."""
         return self.scores["best"].evaluation
@@ -116,13 +124,14 @@ class SelectionResult:
         start, paper = (self.statistics(name) for name in ("start", "paper"))
         return all(abs(value - paper[name]) <= ALIKE * abs(paper[name]) for name, value in start.items())
 
-    def statistics(self, name: str) -> dict[str, float]:
-        """Name of a statistic → its value for ``best``, ``start`` or ``paper``."""
-        return self.scores[name].evaluation.statistics
+    def statistics(self, name: str, *, feasible: bool = False) -> dict[str, float]:
+        """Name of a statistic → its value for ``best``, ``start`` or ``paper``; means over feasible scenarios alone."""
+        score = self.scores[name]
+        return (score.feasible if feasible else score.evaluation).statistics
 
-    def improvement(self, statistic: str, over: str = "paper") -> float:
+    def improvement(self, statistic: str, over: str = "paper", *, feasible: bool = False) -> float:
         """How many times a statistic of the best is below that of the paper's gains or of the start."""
-        ours, theirs = self.statistics("best")[statistic], self.statistics(over)[statistic]
+        ours, theirs = (self.statistics(name, feasible=feasible)[statistic] for name in ("best", over))
         return theirs / ours if ours else np.inf
 
     def violation_interval(self, confidence: float) -> tuple[float, float]:
@@ -139,26 +148,13 @@ class SelectionResult:
         low, high = found.confidence_interval
         return float(values.mean()), float(low), float(high)
 
-    def improvement_within_authority(self) -> float:
-        """How many times the mean MSE is below the paper's over the scenarios within the actuators' authority.
-
-        NaN without such a scenario that both completed.
-        """
-        results = [self.scores[name].result for name in ("best", "paper")]
-        kept = self.within_authority.copy()
-        for result in results:
-            kept &= result.outcomes[0] == "completed"
-        if not kept.any():
-            return np.nan
-        best, paper = (result.metrics["mse"][0, kept].mean() for result in results)
-        return float(paper / best)
-
 
 class TestSet:
     """Draws of a problem's ensemble from the stream `TEST`, or its experiment.
 
     Attributes:
         scenarios: of the set.
+        within_authority: (scenarios,) whether each is within the actuators' authority.
         constraints: with bounds that are numbers there.
         paper: score of the baseline controller.
     """
@@ -167,6 +163,7 @@ class TestSet:
         """Draw so many scenarios, and run the baseline controller in them."""
         problem, self._scorer = scorer.training.problem, scorer
         self.scenarios = problem.drawn(count, seed)
+        self.within_authority = within_authority(self.scenarios)
         self._machines = scorer.survey(self.scenarios)
         with_paper = problem.drawn(count, seed, problem.paper_experiment)
         result = scorer.run(None, with_paper)
@@ -187,15 +184,25 @@ class TestSet:
     ) -> ControllerScore:
         scorer = self._scorer
         (margins,) = scorer.margins([candidate], machines)
-        evaluation = scorer.evaluation(candidate, result, scenarios, margins=margins, constraints=self.constraints)
+        evaluation, feasible = (
+            scorer.evaluation(candidate, result, each, margins=margins, constraints=self.constraints)
+            for each in (scenarios, self._hard_beyond_authority(scenarios))
+        )
         if not (margins and machines):
-            return ControllerScore(evaluation, result)
+            return ControllerScore(evaluation, feasible, result)
         names = {statistic.margin: statistic.name for statistic in scorer.training.problem.margins}
         attained = {
             names[kind]: MarginLocation(worst, _machine_name(machines.machines[worst.machine]))
             for kind, worst in margins.items()
         }
-        return ControllerScore(evaluation, result, attained)
+        return ControllerScore(evaluation, feasible, result, attained)
+
+    def _hard_beyond_authority(self, scenarios: Sequence[Experiment | Scenario]) -> list[Experiment | Scenario]:
+        """The scenarios, infeasible ones as hard ones, which count in the worst case only; unless all are."""
+        return [
+            replace(scenario, hard=True) if isinstance(scenario, Scenario) and not within else scenario
+            for scenario, within in zip(scenarios, self.within_authority | ~self.within_authority.any(), strict=True)
+        ]
 
 
 def _machine_name(machine: Experiment | Scenario) -> str:

@@ -12,7 +12,7 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.problem import CHANCE, TEST, VALIDATION
-from dualwinch.tuning.scoring import screening, selection
+from dualwinch.tuning.scoring import screening, selection, test_set
 from dualwinch.tuning.scoring.chance import ChanceConstraint
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
@@ -87,7 +87,7 @@ def test_the_best_is_chosen_and_scored_in_scenarios_of_their_own(make_problem: M
     assert verdict.improvement("mean.mse") > 1
     assert verdict.improvement("mean.mse", "start") > 1
     assert verdict.within_authority.all()  # in 0.1 s nothing is asked for
-    assert verdict.improvement_within_authority() == pytest.approx(verdict.improvement("mean.mse"))
+    assert verdict.improvement("mean.mse", feasible=True) == verdict.improvement("mean.mse")
 
 
 def test_a_share_of_the_papers_is_one_of_what_it_reaches_in_the_same_scenarios(make_problem: MakeProblem) -> None:
@@ -276,14 +276,36 @@ def test_without_a_feasible_candidate_the_one_that_violates_bounds_in_the_fewest
 def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem(scenarios=2)))
     scores = select(evaluator, studied(evaluator, 32), SMALL).scores
-    best = scores["best"].evaluation
-    rare = scores | {"best": replace(scores["best"], evaluation=replace(best, violations={LABEL: 0.1}, violated=1))}
+    best = scores["best"].feasible
+    rare = scores | {"best": replace(scores["best"], feasible=replace(best, violations={LABEL: 0.1}, violated=1))}
     chance = ChanceConstraint(0.005, 0.95, 3, 819, 0)
     assert selection._contradiction(rare, None) == CONTRADICTED
     assert selection._contradiction(rare, chance) == ""
-    often = replace(rare["best"].evaluation, violated=best.scenarios // 2)
-    frequent = rare | {"best": replace(scores["best"], evaluation=often)}
+    often = replace(rare["best"].feasible, violated=best.scenarios // 2)
+    frequent = rare | {"best": replace(scores["best"], feasible=often)}
     assert selection._contradiction(frequent, chance) == selection.PROBABILITY_CONTRADICTED
+
+
+def test_means_of_the_choice_and_of_the_first_line_are_those_over_feasible_scenarios(
+    make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scenario that asks for more force than there is counts in the worst case, and in the means over all."""
+    within = np.arange(SMALL.test) != 3
+    monkeypatch.setattr(test_set, "within_authority", lambda scenarios: within[: len(scenarios)])
+    evaluator = Evaluator(prepare(make_problem(scenarios=2)))
+    verdict = select(evaluator, studied(evaluator, 32), SMALL)
+    for score in verdict.scores.values():
+        errors = score.result.metrics["mse"][0]
+        assert score.evaluation.statistics["mean.mse"] == pytest.approx(errors.mean(), rel=1e-12)
+        assert score.feasible.statistics["mean.mse"] == pytest.approx(errors[within].mean(), rel=1e-12)
+        for name in ("worst.peak_tension", "worst.min_tension"):
+            assert score.feasible.statistics[name] == score.evaluation.statistics[name]
+    assert verdict.feasible == SMALL.test - 1
+    best = verdict.scores["best"]
+    worse_in_all = replace(best, evaluation=replace(best.evaluation, objectives=(1.0,)))
+    assert selection._contradiction(verdict.scores | {"best": worse_in_all}, verdict.chance) == ""
+    worse_in_feasible = replace(best, feasible=replace(best.feasible, objectives=(1.0,)))
+    assert selection._contradiction(verdict.scores | {"best": worse_in_feasible}, verdict.chance) == CONTRADICTED
 
 
 def violating(counts: Sequence[int], draws: int) -> Callable[[BatchResult, object], np.ndarray]:
