@@ -366,21 +366,17 @@ def _of_key(scaling: ScaledEnsemble, key: str, size: float) -> ImperfectionSize:
     leaf = scaling.known[key]
     base, ensemble = (leaves(each.experiment).get(key) for each in (scaling.base, scaling.ensemble))
     drawn = scaling.ensemble.distributions.get(key)
-    if drawn is None or base is None or leaf.kind not in {int, float}:
+    if drawn is None or base is None or ensemble is None or leaf.kind not in {int, float}:
         value = between(leaf, base, ensemble, size)
         if isinstance(value, bool | str) or value is None:
             return ImperfectionSize(None, None, "", drawn=False, text=value if isinstance(value, str) else shown(value))
         return ImperfectionSize(value, value, unit_of(leaf.quantity), drawn=False)
-    ends = [between(leaf, *pair, size) - base for pair in _ends(scaling.base.distributions.get(key), drawn, base)]
-    shares = drawn.relative and base != 0
+    ours, there = scaling.base.distributions.get(key), drawn.ends(ensemble)
+    here = ours.ends(base) if ours else ()
+    here = here if len(here) == len(there) else [base] * len(there)
+    ends = [between(leaf, *pair, size) - base for pair in zip(here, there, strict=True)]
+    shares = drawn.relative and base == ensemble != 0
     low, high = min(ends), max(ends)
     if shares:
         return ImperfectionSize(low / abs(base), high / abs(base), SHARE, drawn=True)
     return ImperfectionSize(low, high, unit_of(leaf.quantity), drawn=True, nominal=base)
-
-
-def _ends(ours: Drawn | None, theirs: Drawn, nominal: Any) -> list[tuple[Any, Any]]:
-    """The values of a base that draws, or does not, and of an ensemble at both ends of its distribution."""
-    ends = theirs.ends(nominal)
-    starts = ours.ends(nominal) if ours else ()
-    return list(zip(starts if len(starts) == len(ends) else [nominal] * len(ends), ends, strict=True))

@@ -60,6 +60,14 @@ def test_draws_to_one_side_of_the_nominal_value_are_said_as_values(size: float, 
     assert str(amount_of(scaling, scaling.single[0], size)) == words
 
 
+@pytest.mark.parametrize(("size", "words"), [(1.0, "96 to 144 kg m²"), (0.5, "48.9 to 72.9 kg m²")])
+def test_shares_of_another_nominal_value_are_said_as_values(size: float, words: str) -> None:
+    drawn = '{ uniform = [0.8, 1.2], of = "nominal" }'
+    text = f"[plant.winch_1]\ninertia = 120\n[distributions]\nplant.winch_1.inertia = {drawn}\n"
+    scaling = scaling_of(bare(), of(text, bare()))
+    assert str(amount_of(scaling, scaling.single[0], size)) == words
+
+
 def test_a_drawn_radius_is_unknown_to_the_controller_and_a_set_one_is_not() -> None:
     drawn = SCALING.scenario(0, paper_controller(), {"plant.winch_1.drum_radius": 10.0})
     assert drawn.nominal.winch_1.drum_radius == 0.8
