@@ -57,6 +57,7 @@ BLOCKS = (
     Quoted("docs/rig.md", "exact drums", tuned.exact_drums, 8),
     Quoted("docs/rig.md", "stability margins", tuned.margins, 6),
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
+    Quoted("docs/stress.md", "heavy machines", tuned.heavy_breakdown, 8),
     Quoted("docs/site.md", "resonance", heavy.resonance),
     Quoted("docs/site.md", "preloads", heavy.preloads, 1),
     Quoted("docs/site.md", "leads", heavy.leads, 1),

@@ -21,6 +21,9 @@ SCENARIOS, SEED = 200, 7
 IN_THE_SEA = Path("tests/tuning/stress/tuned_in_the_sea.toml")
 """Gains of a search on exact drums that docs/stress.md breaks."""
 
+HEAVY_ROLLOUTS = 15_000
+"""Of the search in `rig` whose gains docs/stress.md tries on heavy machines."""
+
 RARE: dict[str, Any] = {"sensors.outage_length": 0.5, "sensors.outage_period": 5.0}
 """Longer and more frequent outages."""
 
@@ -199,6 +202,19 @@ def breakdown() -> str:
         for each in headings
     ]
     return markdown(headings, rows).replace("--:|", "---|")
+
+
+def heavy_breakdown() -> str:
+    """Sizes at which what `site` has beyond `rig` breaks gains that were tuned in `rig`, with the default margins."""
+    tuned = dw.tune(dw.tuning_problem(ensemble="rig", seed=1), rollouts=HEAVY_ROLLOUTS)
+    found = dw.stress(tuned.best, ensemble="site", base="rig")
+    rows = [
+        (*row[:2], *row[-2:])
+        for each, row in zip(found.ranking, found.table()[1], strict=True)
+        if each.breaks["given"].size is not None
+    ]
+    table = markdown(["imperfection", "in site", "gains tuned in rig break at", "by"], rows).replace("--:|", "---|")
+    return f"{table}\n\n*{len(found.ranking) - len(rows)} further imperfections break them at no size.*"
 
 
 def learnt() -> str:
