@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.tuning.optimisers import compile_ahead
+from dualwinch.tuning.optimisers import compile_ahead, linearise
 from dualwinch.tuning.optimisers import gradient as steps
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.hybrid import HybridSearch
@@ -69,3 +69,25 @@ def test_a_space_without_derivatives_is_searched_without_steps(ensemble: str | N
     assert method.rollouts == 0
     with pytest.raises(ConfigurationError, match="--method gradient: --space must have a gain that is a continuous"):
         GradientSearch(prepared, 1)
+
+
+GEAR = ("plant.winch_2.rotor_inertia=0.02", "plant.winch_2.gear_stiffness=1.4e6", "plant.winch_2.backlash=9e-4")
+
+
+@pytest.mark.parametrize(
+    ("settings", "guide"),
+    [
+        ((), True),
+        (("plant.vehicle.bristle_stiffness=5e6",), False),
+        (("plant.rope_1.hysteresis=7",), False),
+        (GEAR[:2], True),
+        (GEAR, False),
+    ],
+)
+def test_a_plant_that_sticks_or_rattles_is_searched_without_steps(
+    settings: tuple[str, ...], guide: bool, make_problem: MakeProblem
+) -> None:
+    method = ("simulation.integrator=verlet", "simulation.substeps=8") if settings else ()
+    problem = make_problem(settings=["simulation.duration=0.1", *settings, *method])
+    assert linearise.smooth(problem)
+    assert linearise.gradients_guide(problem) is guide

@@ -57,9 +57,6 @@ METHODS: dict[str, Method] = {
 ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
 """Methods for a single objective."""
 
-WITH_GRADIENTS = ("gradient", "hybrid")
-"""Methods that take exact gradients."""
-
 
 def check_method(method: str, objectives: int) -> None:
     """Find out whether there is a method of a name for so many objectives.
@@ -79,7 +76,7 @@ def compile_ahead(method: str, prepared: TrainingSet) -> None:
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
-    if method in WITH_GRADIENTS:
+    if method == "gradient" or (method == "hybrid" and linearise.gradients_guide(prepared.problem)):
         linearise.compile_ahead(prepared)
 
 

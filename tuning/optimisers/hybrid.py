@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from dualwinch.tuning.optimisers.cma import ALONE, CmaSearch, StagnationRule
 from dualwinch.tuning.optimisers.gradient import GradientSearch
-from dualwinch.tuning.optimisers.linearise import smooth
+from dualwinch.tuning.optimisers.linearise import gradients_guide
 from dualwinch.tuning.scoring.ranking import Evaluation, penalised_first
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
@@ -19,7 +19,7 @@ class HybridSearch:
     Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
     last gradient is its first covariance, which it would have to learn otherwise. Where it finds nothing better there,
     it starts elsewhere. In a single scenario gradient steps come first, down to a minimum: there they cost little.
-    CMA-ES learns from every evaluation, its own or not; where no gain has a derivative it is alone.
+    CMA-ES learns from every evaluation, its own or not; where gradients are no guide it is alone (`gradients_guide`).
 
     Args:
         prepared: the problem with its training scenarios.
@@ -39,7 +39,7 @@ class HybridSearch:
         worthwhile: float = 0.25,
     ) -> None:
         problem, self._around = prepared.problem, around
-        self._polish = GradientSearch(prepared, seed) if smooth(problem) else None
+        self._polish = GradientSearch(prepared, seed) if gradients_guide(problem) else None
         self._search = CmaSearch(prepared, seed, first if self._polish else ALONE)
         self._least = worthwhile if problem.ensemble else 0.0
         self._searched, self._polishing = 0, problem.ensemble is None and self._polish is not None

@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.model.plant import remembers_friction
 from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.model.scalar import present
 from dualwinch.simulation.analysis.margin_survey import WorstMargin
 from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
@@ -208,6 +210,17 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
 def smooth(problem: TuningProblem) -> list[ContinuousDimension]:
     """The dimensions of a problem that have a derivative."""
     return [dimension for dimension in problem.space.dimensions if isinstance(dimension, ContinuousDimension)]
+
+
+def gradients_guide(problem: TuningProblem) -> bool:
+    """Whether gradients guide a search: a dimension has a derivative, and the plant neither sticks nor rattles.
+
+    With LuGre friction, hysteresis or backlash a run is smooth only between contacts. Its exact derivative says little
+    of a step that a search takes, in which contacts change.
+    """
+    plant = problem.experiment.plant
+    rattles = any(present(side.winch.backlash) for side in plant.sides)
+    return bool(smooth(problem)) and not (remembers_friction(plant) or rattles)
 
 
 def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[float]]:
