@@ -1,4 +1,4 @@
-"""Options that several commands share, each of them once."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from dualwinch.simulation.experiment import Experiment
 
 MOST_DIGITS = 18
-"""Digits of a whole number on the command line."""
+"""Most digits of a whole number on the command line."""
 
 
 def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
-    """A whole number as it is written; cyclopts would round 1.5."""
+    """Convert a whole number; cyclopts would round 1.5."""
     text = tokens[0].value.strip()
     digits = text.removeprefix("-").removeprefix("+")
     if not (digits.isascii() and digits.isdecimal() and len(digits) <= MOST_DIGITS):
@@ -37,7 +37,7 @@ def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
 
 
 WHOLE = Parameter(converter=whole)
-"""Beside the type of every option that is a whole number."""
+"""Annotation of every option that is a whole number."""
 
 Priors = Annotated[
     list[str] | None,
@@ -64,11 +64,11 @@ Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative=
 
 
 def own_default(place: str, argument: str = "") -> Any:
-    """A default where it stands: of an argument, or a constant.
+    """The default of an argument, or the value of a constant.
 
     Args:
-        place: a public function such as ``race``, or a class or constant below ``dualwinch`` with its module, such as
-            ``tuning.selection_config:TRIALS``.
+        place: a public function such as ``race``, or module and name of a class or constant below ``dualwinch``, such
+            as ``tuning.selection_config:TRIALS``.
         argument: of that function or class; empty: the constant itself.
     """
     module, _, name = place.rpartition(":")
@@ -77,32 +77,31 @@ def own_default(place: str, argument: str = "") -> Any:
 
 
 def default_of(place: str, argument: str = "", words: str = "{}") -> Parameter:
-    """The default of an option that is None where it is not given, for its help, from where it stands.
+    """Show in an option's help the default of the function that gets it; the option itself is None if not given.
 
-    A command leaves such an option to its function (`stated`). Modules are imported when help is asked for.
+    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone.
 
     Args:
-        place: as of `own_default`.
-        argument: likewise.
-        words: what the help shows, as of `str.format`.
+        place: as in `own_default`.
+        argument: as in `own_default`.
+        words: text of the help, a format string with one field.
     """
     return Parameter(show_default=lambda _: words.format(own_default(place, argument)))
 
 
 def stated(**options: Any) -> dict[str, Any]:
-    """Those of some options that were given; the others keep the defaults of the function that they are for."""
+    """The options that were given, as keyword arguments; the others keep their function's defaults."""
     return {name: value for name, value in options.items() if value is not None}
 
 
 def choice(what: str, more: str = "") -> str:
-    """Help for an option that takes the kind of a part: the registered kinds.
+    """Help of an option for the kind of a part: the registered kinds.
 
-    Commands are read with postponed annotations, so the registries are imported for a command's own options and help,
-    not for the list of commands.
+    Commands have postponed annotations, so that the list of commands imports no registry.
 
     Args:
-        what: the parts, as their registry names them.
-        more: what else the option takes.
+        what: name of the registry.
+        more: further text.
     """
     from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 
@@ -113,7 +112,7 @@ def choice(what: str, more: str = "") -> str:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ExperimentOptions:
-    """The experiment of a command: a case, a file or the defaults, with values set on it."""
+    """The experiment of a command: a case, a file or the defaults, and values that replace its own."""
 
     case: Annotated[int | None, WHOLE, Parameter(help="Case 1 to 4 of the paper.")] = None
     config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None
@@ -138,29 +137,24 @@ class ExperimentOptions:
 
     @property
     def typed(self) -> str:
-        """The options as they would be typed for another command about the same experiment."""
+        """The options as typed for another command about the same experiment."""
         parts = {"--case": [self.case] * (self.case is not None), "--config": [self.config] * bool(self.config)}
         parts |= {"--set": self.assignments, "--plugin": self.plugin or []}
         return shlex.join(str(word) for name, given in parts.items() for value in given for word in (name, value))
-
-    def typed_with(self, ensemble: str | None) -> str:
-        """The same, about the nominal machine of an ensemble (`nominal`), where one is given."""
-        named = [] if ensemble is None else ["--ensemble", ensemble]
-        return " ".join(filter(None, (shlex.join(named), self.typed)))
 
     def use_parts(self) -> None:
         """Register the parts of installed packages, and those of ``--plugin``.
 
         Raises:
-            ConfigurationError: a file or module cannot be imported, or a part not be registered.
+            ConfigurationError: a file or module cannot be imported, or a part cannot be registered.
         """
         use_parts(self.plugin)
 
     def experiment(self, *defaults: str) -> Experiment:
-        """The experiment.
+        """The experiment; print notes on values that may be oversights.
 
         Args:
-            defaults: of the command, as assignments; those of the user come after them.
+            defaults: of the command, as assignments; the user's come after them.
 
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
@@ -191,7 +185,7 @@ class ExperimentOptions:
         return override(drawn.experiment, self.values)
 
     def ensemble(self, name: str) -> Ensemble:
-        """An ensemble: the case or file gives the values that its file lacks, and relative distributions follow.
+        """An ensemble; the case or file supplies values missing from its file, and relative distributions follow.
 
         Raises:
             ConfigurationError: anything wrong with a plugin, the ensemble, a key or a value.
@@ -208,7 +202,7 @@ class ExperimentOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ControllerOptions(ExperimentOptions):
-    """The same, with the parts of the controller as options of their own."""
+    """Experiment options, with further options for the parts of the controller."""
 
     controller: Annotated[str | None, Parameter(help=choice("position law"))] = None
     estimator: Annotated[str | None, Parameter(help=choice("estimator"))] = None
@@ -216,17 +210,22 @@ class ControllerOptions(ExperimentOptions):
 
     @property
     def assignments(self) -> list[str]:
-        """Values to set, those of ``--set`` after the parts of the controller."""
+        """Values to set: the parts of the controller, then those of ``--set``."""
         parts = {"kind": self.controller, "estimator": self.estimator, "coordination.kind": self.coordination}
         return [f"controller.{key}={kind}" for key, kind in parts.items() if kind is not None] + super().assignments
 
 
 EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
-"""Where no option is given."""
+"""Defaults: no option given."""
 
 
 def say_left(experiment: Experiment, own: Collection[str]) -> None:
-    """Print, on standard error, which defaults did not follow keys of one's own, and which values need a look."""
+    """Print notes on defaults that do not follow the user's values, and on unusual values.
+
+    Args:
+        experiment: any; nothing is printed for the default plant.
+        own: keys that the user has set.
+    """
     from dualwinch.simulation.experiment import Experiment
 
     if experiment.plant == Experiment().plant:
@@ -238,7 +237,7 @@ def say_left(experiment: Experiment, own: Collection[str]) -> None:
 
 
 def say_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
-    """Print, on standard error, in what the machine of a file is another than that of an ensemble, and what is not."""
+    """Print notes on differences between the machine of a file and that of an ensemble."""
     if file is None:
         return
     for words in filter(None, (other_machine(file, name, drawn), sizes_of_ensemble(file, name, drawn))):
@@ -246,17 +245,17 @@ def say_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
 
 
 def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
-    """Which sizes of the machine a built-in ensemble sets or draws that do not follow from the machine of a file.
+    """Name the absolute sizes that a built-in ensemble sets or draws, and that do not follow the machine of a file.
 
-    They are in m, N and so on, for the paper's machine or its like; what is a share of something follows.
+    They are in m, N and so on, chosen for machines like the paper's; relative values do follow.
 
     Args:
-        file: an experiment; what it gives itself is left out.
+        file: an experiment; keys that it gives are left out.
         name: of the ensemble, or its file.
-        drawn: the ensemble as it is used.
+        drawn: the ensemble in use.
 
     Returns:
-        A sentence; empty where there is none, for the paper's machine and for ensembles of one's own.
+        A sentence; empty for no such sizes, the paper's machine, and ensembles of the user's own.
     """
     from dualwinch.config.ensemble_file import built_in_ensembles, load_ensemble
     from dualwinch.config.experiment_file import given_keys, load
@@ -289,17 +288,17 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
 
 
 def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
-    """In what the machine that a file gives is another than the nominal one of an ensemble, and what to do about it.
+    """Name the differences between the machine of a file and an ensemble's nominal one, with a remedy.
 
-    Values of the file that are defaults and that the ensemble's own file sets are left out.
+    Default values in the file that the ensemble's own file replaces are left out.
 
     Args:
         file: an experiment, such as one with tuned gains.
         name: of the ensemble, or its file.
-        drawn: the ensemble as it is used.
+        drawn: the ensemble in use.
 
     Returns:
-        A sentence; empty where there is no such difference.
+        A sentence; empty if there is no difference.
     """
     from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.config.experiment_file import given_keys, load
@@ -325,25 +324,25 @@ def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
 
 
 def _first(words: list[str], count: int) -> str:
-    """The first of some words, and how many more there are."""
+    """The first words of a list, and the number of the others."""
     return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
 
 
 def say_other_ensemble(file: Path | None, *names: str) -> None:
-    """Print, on standard error, that the gains of a file were tuned in another ensemble than they are judged in."""
+    """Print a note if the gains of a file were tuned in another ensemble."""
     if file is not None and (words := other_ensemble(file, *names)):
         print_note(words)
 
 
 def other_ensemble(file: Path, *names: str) -> str:
-    """That the gains of a file were tuned in another ensemble than they are judged in, and how to judge them there.
+    """Say that the gains of a file were tuned in another ensemble than they are judged in, with a remedy.
 
     Args:
-        file: an experiment, which says at its head what `dualwinch tune` or `race` has found its gains in.
-        names: of the ensembles that they are judged in; `NO_ENSEMBLE` stands for the experiment itself.
+        file: an experiment; its head names the ensemble in which `dualwinch tune` or `race` found the gains.
+        names: ensembles in which they are judged; `NO_ENSEMBLE` stands for the experiment itself.
 
     Returns:
-        A sentence; empty where they were tuned there, or the file does not say where.
+        A sentence; empty if they were tuned in one of these, or the file names no ensemble.
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN, built_in_ensembles
     from dualwinch.config.toml_text import read_source, said_at_head
@@ -370,16 +369,16 @@ LONGEST_TIME = 1e7
 
 
 def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: float = LONGEST_TIME) -> float:
-    """A time such as ``60s``, ``5min``, ``2h`` or ``90`` in s.
+    """Parse a time such as ``60s``, ``5min``, ``2h`` or ``90`` into s.
 
     Args:
-        text: as it is given.
-        option: that it is given with.
-        least: in s; it is never 0.
-        most: in s.
+        text: value of the option.
+        option: its name, for messages.
+        least: smallest time in s; 0 itself is refused.
+        most: largest time in s.
 
     Raises:
-        ConfigurationError: it is none, or out of range.
+        ConfigurationError: no time, or out of range.
     """
     from dualwinch.model.errors import ConfigurationError
 
@@ -394,10 +393,10 @@ def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: fl
 
 
 def share_from(text: str | None, option: str) -> float | None:
-    """A share such as ``0.5%`` or ``0.005``; ``None`` where none is given.
+    """Parse a share such as ``0.5%`` or ``0.005``; ``None`` if not given.
 
     Raises:
-        ConfigurationError: it is no number between 0 and 1.
+        ConfigurationError: not a number between 0 and 1.
     """
     from dualwinch.model.errors import ConfigurationError
 
@@ -414,12 +413,12 @@ def share_from(text: str | None, option: str) -> float | None:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
-    """Where many runs are computed."""
+    """Options for batches of runs: cluster and reproducibility."""
 
     cluster: Annotated[
         str | None,
         Parameter(
-            help="Dask cluster that computes it: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
+            help="Dask cluster for the runs: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
             "(default: this machine).",
             env_var="DUALWINCH_CLUSTER",
         ),
@@ -427,7 +426,7 @@ class WorkerOptions:
     exact: Annotated[
         bool,
         Parameter(
-            help="The same bits from every compiler and processor; takes somewhat longer.",
+            help="Bit-identical results from every compiler and processor; takes somewhat longer.",
             env_var="DUALWINCH_EXACT",
             negative="",
         ),
@@ -435,7 +434,7 @@ class WorkerOptions:
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
-        """The workers of the cluster, of which a line says where they are; None without one: threads of this machine.
+        """The executor of the cluster, announced on a line; None without a cluster: threads of this machine.
 
         Raises:
             ConfigurationError: `cluster` is neither an address nor a function.
@@ -457,35 +456,35 @@ class WorkerOptions:
                 there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
                 line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
                 if not known:
-                    line.say(f"waiting for workers; one is started by: dask worker {info['address']}")
+                    line.say(f"waiting for workers; to start one: dask worker {info['address']}")
                 yield client.get_executor(pure=False)
         finally:
             EXACT.reset(before)
 
 
 WORKERS = WorkerOptions()
-"""Where no option is given."""
+"""Defaults: no option given."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class KeepingWorkerOptions(WorkerOptions):
-    """Where many runs are computed, and where portions are kept."""
+    """Options for batches of runs: cluster, reproducibility, and a folder for finished portions."""
 
     keep: Annotated[
         Path | None,
         Parameter(
-            help="Folder that keeps what the cluster's workers have finished: the same call, made again after the "
-            "scheduler or this process has ended early, goes on with the rest."
+            help="Folder for portions that the cluster's workers have finished; if the scheduler or this process ends "
+            "early, the same call continues with the rest."
         ),
     ] = None
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
-        """As of `WorkerOptions`.
+        """As in `WorkerOptions`, with finished portions kept.
 
         Raises:
-            ConfigurationError: as there, there is no cluster, or the folder cannot be written to.
+            ConfigurationError: as there, or `keep` without a cluster, or a folder that cannot be written to.
         """
         from concurrent.futures import Executor
 
@@ -500,14 +499,14 @@ class KeepingWorkerOptions(WorkerOptions):
 
 
 KEEPING_WORKERS = KeepingWorkerOptions()
-"""Where no option is given."""
+"""Defaults: no option given."""
 
 
 def use_parts(plugins: list[str] | None) -> None:
     """Register parts that are not built in: those of installed packages, and those of given files and modules.
 
     Raises:
-        ConfigurationError: a file or module cannot be imported, or a part not be registered.
+        ConfigurationError: a file or module cannot be imported, or a part cannot be registered.
     """
     from dualwinch.config.plugins import EntryPointWarning, load_entry_points, load_plugin
 

@@ -1,4 +1,4 @@
-"""The command ``serve``: the plant by the clock on the wall, for controllers in other processes."""
+"""The command ``serve``: the plant in real time, for controllers in other processes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.server.protocols import Protocol
 
 INTERVAL = 0.2
-"""Time in s between two looks at a run."""
+"""Time in s between two updates of the progress line."""
 
 app = App(
     name="serve",
@@ -39,7 +39,7 @@ app = App(
 
 
 SETTINGS = "simulation.server.plant:ServerSettings"
-"""Where the defaults of the options stand."""
+"""Class with the defaults of the options."""
 
 
 @app.default
@@ -51,15 +51,15 @@ def serve(
         bool,
         Parameter(
             negative="--lockstep",
-            help="Keep the time of the clock on the wall; or let each sample wait for the controller's answer.",
+            help="Run in real time; or let each sample wait for the controller's answer.",
         ),
     ] = True,
     rate: Annotated[
         float | None,
         default_of(SETTINGS, "rate"),
-        Parameter(help="How much faster than the clock on the wall the plant's own is."),
+        Parameter(help="Speed of the plant's clock relative to real time."),
     ] = None,
-    host: Annotated[str, Parameter(help="Address to listen at; other machines reach none but a public one.")] = HOST,
+    host: Annotated[str, Parameter(help="Address to listen at; other machines reach only a public one.")] = HOST,
     udp: Annotated[
         int | None,
         WHOLE,
@@ -80,7 +80,7 @@ def serve(
     watchdog: Annotated[
         float | None,
         default_of(SETTINGS, "watchdog"),
-        Parameter(help="Time in s without a command after which the safe torques are in force."),
+        Parameter(help="Time in s without a command after which the safe torques take effect."),
     ] = None,
     safe: Annotated[
         str | None,
@@ -89,24 +89,24 @@ def serve(
     priority: Annotated[
         int | None,
         WHOLE,
-        Parameter(help="Real-time priority of the thread that keeps time, 1 to 99 (default: the usual one)."),
+        Parameter(help="Real-time priority of the sampling thread, 1 to 99 (default: none)."),
     ] = None,
-    runs: Annotated[int | None, WHOLE, Parameter(help="End after so many runs (default: at Ctrl-C).")] = None,
+    runs: Annotated[int | None, WHOLE, Parameter(help="End after this many runs (default: at Ctrl-C).")] = None,
     out: Annotated[
-        Path | None, Parameter(help="File for what happened: .csv, .parquet, .npz or .mat; of later runs, NAME-2, ….")
+        Path | None, Parameter(help="File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, ….")
     ] = None,
     map_: Annotated[
-        Path | None, Parameter(name="--map", help="File for the registers and nodes: .csv, or .md for a page.")
+        Path | None, Parameter(name="--map", help="File for the table of registers and nodes: .csv, or .md for a page.")
     ] = None,
-    lab: Annotated[bool, Parameter(help="Show the run in the lab's page while it is under way.", negative="")] = False,
+    lab: Annotated[bool, Parameter(help="Show each run in the lab's page while it proceeds.", negative="")] = False,
     json: Json = False,
 ) -> None:
-    """Run the plant with ropes and sensors by the clock on the wall, for a controller in another process.
+    """Run the plant with ropes and sensors in real time, for a controller in another process.
 
-    The controller comes by UDP (a sample a datagram), Modbus TCP or OPC UA. A run starts when a client says so, and
-    ends after its duration; Ctrl-C or SIGTERM ends it earlier and keeps it. Where no command comes for the time of the
-    watchdog, safe torques are in force. It listens at this machine's own address only, unless --host names another,
-    and clients may write only with --allow-write.
+    The controller connects by UDP (a sample per datagram), Modbus TCP or OPC UA. A run starts when a client requests
+    it and ends after its duration; Ctrl-C or SIGTERM ends it earlier and keeps its data. If no command arrives within
+    the watchdog's time, safe torques take effect. The server listens at this machine's own address unless --host names
+    another; clients may write only with --allow-write.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
@@ -138,7 +138,7 @@ def serve(
                 result = watched(plant)
                 if result is None:
                     return
-                say_run(plant, result, given.typed_with(ensemble), json=json)
+                say_run(plant, result, json=json)
                 keep(plant, result, out and (out if number == 1 else out.with_stem(f"{out.stem}-{number}")))
                 if plant.closed:
                     return
@@ -147,10 +147,10 @@ def serve(
 
 
 def torques_from(text: str | None) -> tuple[float, ...] | None:
-    """Two torques such as ``22,22``; ``None`` where none are given.
+    """Parse two torques in N m, such as ``22,22``; ``None`` if not given.
 
     Raises:
-        ConfigurationError: they are none.
+        ConfigurationError: not two numbers.
     """
     from dualwinch.model.errors import ConfigurationError
 
@@ -166,10 +166,10 @@ def torques_from(text: str | None) -> tuple[float, ...] | None:
 
 
 def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Protocol]:
-    """Servers of the protocols that have ports.
+    """Servers of the protocols with given ports.
 
     Raises:
-        ConfigurationError: a port that there is not.
+        ConfigurationError: a port out of range.
         MissingExtraError: their libraries are not installed.
     """
     from dualwinch.simulation.server.protocols import Modbus, OpcUa
@@ -179,7 +179,7 @@ def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Proto
 
 @contextmanager
 def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host: str, *, lab: bool) -> Iterator[None]:
-    """Serve a plant by its protocols and in the lab, and say where."""
+    """Serve a plant by its protocols and in the lab, and print the addresses."""
     from threading import Thread
 
     from dualwinch.lab.live import live_rows, live_run
@@ -201,16 +201,16 @@ def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host
 
 
 def say_addresses(addresses: list[str], plant: ServedPlant) -> None:
-    """Print where a plant is served, and whether clients may write."""
+    """Print the addresses of a plant, and whether clients may write."""
     writing = "clients may write" if plant.settings.may_write else "clients may only read"
     words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
     terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
 
 
 def watched(plant: ServedPlant) -> Result | None:
-    """A run of a plant, with a line of where it is, and of every time that its controller falls silent.
+    """Serve one run, with a progress line, and print every silence of the controller.
 
-    Ctrl-C and SIGTERM end it; what happened until then is kept.
+    Ctrl-C and SIGTERM end the run; its data until then are kept. None: none was started.
     """
     silences, was_safe, duration = 0, False, plant.experiment.duration
     with (
@@ -226,7 +226,7 @@ def watched(plant: ServedPlant) -> Result | None:
                 if counts["silences"] > silences:
                     progress.say(silent_words(plant))
                 elif was_safe and not state["safe"] and state["running"]:
-                    progress.say(f"t = {plant.time:.3f} s: commands come again")
+                    progress.say(f"t = {plant.time:.3f} s: commands arrive again")
                 silences, was_safe = counts["silences"], bool(state["safe"])
                 if state["running"]:
                     words = f"{plant.time:.1f} of {duration:g} s, {counts['missed']} samples more than a period late"
@@ -239,7 +239,7 @@ def watched(plant: ServedPlant) -> Result | None:
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """Take SIGTERM, by which service managers end a process, for Ctrl-C; only the main thread may."""
+    """Treat SIGTERM, by which service managers end a process, as Ctrl-C; without effect outside the main thread."""
     import signal
     import threading
 
@@ -254,7 +254,7 @@ def terminated_as_interrupted() -> Iterator[None]:
 
 
 def silent_words(plant: ServedPlant) -> str:
-    """That safe torques have come into force, and which."""
+    """Say that safe torques have taken effect, with their values."""
     tau_1, tau_2 = plant.safe
     return (
         f"t = {plant.time:.3f} s: no command for {plant.settings.watchdog:g} s; "
@@ -263,23 +263,26 @@ def silent_words(plant: ServedPlant) -> str:
 
 
 def wait(run: Any) -> None:
-    """A moment, or until a run has ended."""
+    """Wait for `INTERVAL`, or until a run has ended."""
     from concurrent.futures import wait as wait_for
 
     wait_for([run], timeout=INTERVAL)
 
 
-def say_run(plant: ServedPlant, result: Result, typed: str = "", *, json: bool) -> None:
-    """Print how a run of an experiment typed so went, and how it kept time."""
+def say_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
+    """Print outcome, figures of merit, commands and timing of a run.
+
+    Remarks on the loop of the experiment's own controller, which was not in it, are left out.
+    """
     timing = plant.timing
     if not json:
         terminal().print("torques from outside, in place of the experiment's controller:")
-    print_result(result, typed, json=json, timing=timing)
+    print_result(result, json=json, loop=False, timing=timing)
     if json:
         return
     console = terminal(soft_wrap=True)
     console.print(
-        styled("bold", "commands", f": {timing['accepted']} taken over, {timing['refused']} refused"), highlight=False
+        styled("bold", "commands", f": {timing['accepted']} accepted, {timing['refused']} refused"), highlight=False
     )
     if timing["delay_s"] is not None:
         console.print(
@@ -295,7 +298,7 @@ def say_run(plant: ServedPlant, result: Result, typed: str = "", *, json: bool) 
 
 
 def keep(plant: ServedPlant, result: Result, file: Path | None) -> None:
-    """Write a run to a file, where one is asked for."""
+    """Write a run to a file, if requested."""
     from dualwinch.simulation.results.file_formats import save
 
     if file:

@@ -1,4 +1,4 @@
-"""``dualwinch simulate``: one run, its figures of merit, its data and its figure."""
+"""The command ``simulate``: one run or an ensemble, its figures of merit, data and figure."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.results.result import Result
 
 SCENARIOS, SEED = 100, 0
-"""Of an ensemble."""
+"""Defaults for an ensemble."""
 
 app = App(
     name="simulate",
@@ -81,14 +81,14 @@ def simulate(
     engine: Annotated[
         Literal["compiled", "casadi", "interpreter"] | None,
         Parameter(
-            help="In place of `simulation.engine`: compiled C, C as CasADi's code generator writes it, or CasADi's "
-            "interpreter (slow; by itself only where there is no compiler)."
+            help="Replaces `simulation.engine`: compiled C, C written by CasADi's code generator, or CasADi's "
+            "interpreter (slow; used by default only if there is no compiler)."
         ),
     ] = None,
     statistics_only: Annotated[
         bool,
         Parameter(
-            help="Keep the ensemble's statistics alone, so that memory does not grow with the number of scenarios; "
+            help="Keep only the ensemble's statistics, so that memory does not grow with the number of scenarios; "
             "median and 95 % are within 0.1 %.",
             negative="",
         ),
@@ -148,7 +148,7 @@ def simulate_one(
     *,
     json: bool,
 ) -> None:
-    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    """Check the files, then run, print and write."""
     from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import format_of, save
@@ -179,8 +179,16 @@ def simulate_one(
         wrote(animate)
 
 
-def print_result(result: Result, typed: str = "", *, json: bool, **further: Any) -> None:
-    """Print outcome and figures of merit of a run, of an experiment typed so; in JSON, further facts by name, too."""
+def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
+    """Print outcome, figures of merit and remarks of a run.
+
+    Args:
+        result: the run.
+        typed: options that choose its experiment, for commands in remarks.
+        json: print JSON.
+        loop: as in `simulation.analysis.remarks.remarks`.
+        further: facts for JSON, by name.
+    """
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import in_full, remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
@@ -192,14 +200,14 @@ def print_result(result: Result, typed: str = "", *, json: bool, **further: Any)
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
         facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
-        facts["remarks"] = [in_full(words, typed) for words in remarks(result)]
+        facts["remarks"] = [in_full(words, typed) for words in remarks(result, loop=loop)]
         print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
-    for words in remarks(result):
+    for words in remarks(result, loop=loop):
         console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
     say_idealised(found)
 
@@ -211,10 +219,10 @@ NO_COMPILER = (
 
 
 def engine_here(asked: EngineName) -> EngineName:
-    """The engine asked for; the interpreter in place of ``compiled`` without a compiler, as standard error says then.
+    """The requested engine; the interpreter instead of ``compiled`` if there is no compiler, with a message.
 
     Raises:
-        CompilerNotFoundError: the compiler asked for by name (``DUALWINCH_CC``, ``CC``) is none.
+        CompilerNotFoundError: ``DUALWINCH_CC`` or ``CC`` names a compiler that is not there.
     """
     from dualwinch.codegen.compiler import find_compiler
     from dualwinch.codegen.errors import CompilerNotFoundError
@@ -241,7 +249,7 @@ def simulate_ensemble(
     *,
     json: bool,
 ) -> None:
-    """Run, print, write. Everything that can be wrong with the files is found before the run."""
+    """Check the files, then run, print and write."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.config.folders import check_place
     from dualwinch.simulation.ensembles.result import ensemble_writer, save_ensemble
@@ -271,7 +279,7 @@ def stream_ensemble(
     *,
     json: bool,
 ) -> None:
-    """Run, print, write statistics alone."""
+    """Run, print and write statistics alone."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.simulation.ensembles.streamed import ensemble_statistics
 

@@ -159,7 +159,7 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
     ]
 
 
-def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]:
+def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = True) -> Iterator[str]:
     """Say in words what is wrong with a run's loop (`loop_remarks`), and with the run.
 
     An unstable loop comes first, as the cause of all else; what would help a stable one is left out then. The loop is
@@ -169,12 +169,13 @@ def remarks(result: Result, limits: RemarkLimits | None = None) -> Iterator[str]
     Args:
         result: the run.
         limits: from where on.
+        loop: False for torques from another controller than the experiment's: nothing is said of the loop.
     """
     metrics, limits, experiment = result.metrics, limits or RemarkLimits(), result.experiment
     half = experiment.controller.limits.preload / 2
     chatters = metrics.chatter > limits.chatter * half
     looked_at = chatters or result.outcome != "completed" or experiment.plant != Experiment().plant
-    unstable = list(loop_remarks(experiment)) if looked_at else []
+    unstable = list(loop_remarks(experiment)) if loop and looked_at else []
     yield from unstable
     if metrics.slack_share > 0:
         advice = "" if unstable else ": more preload, or slower"
