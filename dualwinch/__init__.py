@@ -7,9 +7,9 @@ Run and look:
     save(result, "run.parquet")      and load_result
 
 Many runs:
-    rollout, sensitivities           gains side by side in compiled code, and exact derivatives by any number
+    rollout, sensitivities           gains side by side in compiled code; exact derivatives by any parameter
     sweep                            any keys over values
-    run_ensemble, compare            uncertain machines; controllers on the same ones
+    run_ensemble, compare            uncertain machines; controllers in the same scenarios
     Stepper                          a policy of your own, sample by sample
 
 Design:
@@ -20,8 +20,8 @@ Design:
 
 Parts of your own derive from PositionLaw, Estimator, Coordination, RopeLaw, Actuator, Metric or Distribution.
 
-`dir(dualwinch)` lists all names, `help(dualwinch.simulate)` explains one; the command line says the rest:
-`dualwinch --help`. Each name is imported when first used: `import dualwinch` costs nothing.
+`dir(dualwinch)` lists all names, `help(dualwinch.simulate)` explains one, `dualwinch --help` lists the commands.
+Each name is imported when first used: `import dualwinch` costs nothing.
 """
 
 import lazy_loader

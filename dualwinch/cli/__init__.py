@@ -1,6 +1,6 @@
-"""The command line: what can be asked for, one command a file.
+"""The command line, one command a file; the computations are functions of the other packages.
 
-Heavy imports stand inside the commands, so that ``--help`` answers at once; the work is in modules of `dualwinch`.
+Heavy imports stand inside the commands, so that ``--help`` answers at once.
 """
 
 from dualwinch.cli.app import main

@@ -1,4 +1,4 @@
-"""The application: every command, and failures as one line with an exit code."""
+"""The application: all commands, and each failure as one line with an exit code."""
 
 import io
 import os
@@ -84,7 +84,7 @@ COMMANDS = (
 
 
 def _unwrapped(text: str) -> str:
-    """A docstring with each paragraph on a line, for the terminal to wrap; indented examples as they are."""
+    """A docstring with one line per paragraph, which the terminal wraps; indented examples stay as they are."""
     blocks = cleandoc(text).split("\n\n")
     return "\n\n".join(block if block.startswith(" ") else block.replace("\n", " ") for block in blocks)
 
@@ -98,7 +98,7 @@ for module in COMMANDS:
 app.register_install_completion_command()
 
 TRACEBACK = "--traceback"
-"""Option of every command: print the traceback of an unforeseen failure, in place of writing it to a file."""
+"""Option of every command: print the traceback of an unforeseen failure instead of writing it to a file."""
 
 
 def _fail(message: object, code: int) -> NoReturn:
@@ -117,7 +117,7 @@ def _warn(message: Warning | str, *_: object) -> None:
 
 @contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
-    """Warnings without the lines of the program that give them."""
+    """Print each warning in one line, without its place in the program."""
     before, warnings.showwarning = warnings.showwarning, _warn
     try:
         yield
@@ -126,12 +126,12 @@ def _warnings_in_a_line() -> Iterator[None]:
 
 
 def _check_text(words: list[str]) -> None:
-    """Refuse words that are no text, and have output show what a terminal lacks letters for."""
+    """Refuse words that are not UTF-8; make the output escape characters that the terminal cannot show."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     for word in words:
-        # bytes that are none, in the name of a file; and what ends it
+        # surrogates stand for undecodable bytes in a file name, and a NUL would end it
         if any("\ud800" <= letter <= "\udfff" or letter == "\0" for letter in word):
             _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
 
@@ -140,7 +140,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; every failure is one line on standard error.
 
     Args:
-        arguments: default: those of the process.
+        arguments: words of the command line; default: those of the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _check_text(words)

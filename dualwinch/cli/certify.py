@@ -70,11 +70,11 @@ def certify(
 
 
 POINTS = 2000
-"""Points of V(t) a file keeps."""
+"""Most points of V(t) in a file."""
 
 
 def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
-    """Print the verdict on every condition, what V does, and what the search found."""
+    """Print the verdict on every condition, the decrease of V, and the nearby gains."""
     from dualwinch.simulation.analysis.stability import GAPS
 
     console = terminal(soft_wrap=True)
@@ -101,7 +101,7 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
 
 
 def conditions_table(conditions: Sequence[Condition]) -> FigureTable:
-    """Every condition with both of its sides."""
+    """The conditions with both sides and verdict, a row each."""
     verdicts = {True: styled("green", "holds"), False: styled("red", "fails")}
     columns = (
         FigureColumn("condition", ""),

@@ -62,9 +62,9 @@ def compare(
 
     A file is an experiment as `dualwinch config` prints one, or a part of it. Its [controller] tables are compared:
     position law, gains, estimator, coordination and preload; missing keys keep their defaults. Plant, sea and sensors
-    come from the ensemble alone, --case or --config supply the values missing from its file. The paper's gains have the
-    nominal model and the damping of drums of the first file, and its tension limits and preload where the limits are
-    not the paper's.
+    come from the ensemble alone; --case or --config supply the values missing from its file. The paper's gains run with
+    the nominal model and the damping of drums of the first file, and with its tension limits and preload if the limits
+    are not the paper's.
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run
@@ -97,16 +97,16 @@ PAPER = "paper"
 """Name that stands for the paper's gains instead of a file."""
 
 METHOD = "percentile bootstrap, scenarios resampled in pairs"
-"""How the intervals are made, in words."""
+"""Method of the confidence intervals, in words."""
 
 
 def controllers(names: Sequence[str]) -> dict[str, Controller]:
-    """The controllers of files of gains, by the names they were asked for with.
+    """The controllers of files of gains, by the names given on the command line.
 
-    The paper's is that for the machine of the first file.
+    The paper's gains are adapted to the machine of the first file (`paper_controller`).
 
     Raises:
-        ConfigurationError: no file, one twice, or anything wrong with a file.
+        ConfigurationError: no file, the same file twice, or anything wrong with a file.
     """
     from dualwinch.config.experiment_file import load
     from dualwinch.controllers.paper_controller import paper_controller
@@ -123,9 +123,9 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Names of files of gains as tables show them: without folders, or without `best.toml` where all are called that.
+    """Full name → name in tables: the file's without folders, or the folder's if all files have the same name.
 
-    Names that would no longer differ stay as they are.
+    All names stay whole if two would become equal.
     """
     paths = [Path(name) for name in names if name != PAPER]
     alike = len({path.name for path in paths}) == 1 < len(paths)
@@ -134,11 +134,11 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None) -> FigureTable:
-    """A row for every file: statistics of the figures of merit, scenarios with slack, and outcomes.
+    """Statistics of the figures of merit, scenarios with slack, and outcomes, a row per file.
 
     Args:
         result: the comparison.
-        shown: name → as it is shown; default: itself.
+        shown: name → name in the table; default: unchanged.
     """
     from dualwinch.simulation.ensembles.result import SUMMARY
     from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -169,7 +169,7 @@ def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None)
 
 
 def to_record(result: Comparison) -> dict[str, Any]:
-    """Everything the comparison says as plain data."""
+    """The comparison as plain data."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE, RESAMPLES

@@ -30,9 +30,9 @@ def config(
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
-    With --config, keys that the file does not give are marked: still the paper's, or a default. Read again, they stay
-    marked until the mark is taken out of their line.
-    With --plugin, the numbers of its parts follow, including those of parts that are not in use.
+    With --config, keys that the file does not give are marked: still the paper's, or a default. They stay marked when
+    the output is read again, until the mark is deleted from their line.
+    With --plugin, the numbers of its parts follow, including parts that are not in use.
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
     from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml

@@ -1,4 +1,4 @@
-"""What dualwinch finds on this machine."""
+"""The command ``doctor``: versions, compiler, cache and processor of this machine."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ OPTIONAL = {
 
 
 def findings() -> dict[str, str | dict[str, Any]]:
-    """Each part → what was found, in words; a missing part says what would help. Of the cache the figures, too."""
+    """Part → finding in words, or what to install where it is missing; for the cache a mapping with its figures."""
     from importlib.metadata import PackageNotFoundError, version
 
     from dualwinch.codegen.cache import cache_folder, cache_limits, libraries

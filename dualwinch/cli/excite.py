@@ -1,4 +1,4 @@
-"""The command ``excite``: an optimal identification experiment, as a table, a file for other commands, and a figure."""
+"""The command ``excite``: optimal experiment design for identification."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ app = App(
 
 
 EXCITE = "excite"
-"""The function with the defaults of the options."""
+"""Public function whose defaults the options have."""
 
 
 @app.default
@@ -56,7 +56,7 @@ def excite(
     given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[
         str | None,
-        Parameter(help="Ensemble, such as `rig`: identifiable parameters that it draws are estimated, too."),
+        Parameter(help="Ensemble, such as `rig`; identifiable parameters that it draws are estimated, too."),
     ] = None,
     prior: Priors = None,
     duration: Annotated[
@@ -71,7 +71,7 @@ def excite(
     speed: Annotated[float | None, Parameter(help="Largest speed in m/s (default: the reference's).")] = None,
     acceleration: Annotated[
         float | None,
-        Parameter(help="Largest acceleration in m/s^2 (default: by half of the ropes' largest net force)."),
+        Parameter(help="Largest acceleration in m/s^2 (default: that of half the ropes' largest net force)."),
     ] = None,
     torque: Annotated[float | None, Parameter(help="Largest torque of a motor in N m (default: any).")] = None,
     trials: Annotated[
@@ -86,11 +86,11 @@ def excite(
     plot: Figure = None,
     json: Json = False,
 ) -> None:
-    """Design an experiment that identifies parameters of a machine best (D- or A-optimal).
+    """Design the experiment that identifies parameters of a machine best (D- or A-optimal).
 
-    Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop,
-    and the filter of `identify` gives the Fisher information of each log. Prints the standard deviations to expect,
-    beside those of the present motion.
+    Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop;
+    the filter of `identify` gives the Fisher information of each log. Prints the expected standard deviations beside
+    those of the present motion.
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.experiment_design import excite

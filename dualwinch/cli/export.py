@@ -1,4 +1,4 @@
-"""The command ``export`` and the commands below it."""
+"""The command ``export`` and its subcommands."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ app = App(
     name="export",
     help="""Write controller, plant and closed loop as code for other tools.
 
-Everything comes from the functions that `dualwinch simulate` runs, with the values of an experiment.
+The code is generated from the functions that `dualwinch simulate` runs, with the values of an experiment.
 """,
     help_format="plaintext",
     version=__version__,
 )
 
 What = Literal["controller", "plant", "closed-loop"]
-Out = Annotated[Path, Parameter(help="Folder for the files; made where there is none.")]
+Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
 
 
 def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment:
-    """The experiment; a note on standard error says where a controller for another machine makes an unstable loop."""
+    """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
     from dualwinch.simulation.analysis.remarks import in_full, loop_remarks
     from dualwinch.simulation.experiment import Experiment
 
@@ -42,7 +42,7 @@ def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment
 
 
 def wrote_to(folder: Path, files: list[Path]) -> None:
-    """Say which files were written to a folder."""
+    """Print which files were written to a folder."""
     wrote(f"{folder}: {', '.join(path.name for path in files)}")
 
 
@@ -70,11 +70,11 @@ def export_c(
         bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
     ] = False,
     udp: Annotated[
-        bool, Parameter(help="Write a program as well that connects the controller to `dualwinch serve`.", negative="")
+        bool, Parameter(help="Also write a program that connects the controller to `dualwinch serve`.", negative="")
     ] = False,
     generator: Annotated[
         Literal["dualwinch", "casadi"],
-        Parameter(help="What writes the C; casadi: CasADi's own code generator, for `casadi.external`."),
+        Parameter(help="Code generator; casadi: CasADi's own, for `casadi.external`."),
     ] = "dualwinch",
     header: Annotated[bool, Parameter(help="CasADi's option: write a header file, too.")] = True,
     main: Annotated[bool, Parameter(help="CasADi's option: write a `main` function, too.", negative="")] = False,
@@ -97,7 +97,7 @@ def export_c(
         return
     if freeze or udp or precision == "float":
         raise ConfigurationError(
-            "--generator casadi: writes double precision with parameters as an argument, and no program"
+            "--generator casadi: writes double precision with parameters as an argument, without a program"
         )
     blocks: list[BlockName] = [what or own_default("export_c", "what")]
     wrote_to(out, generate_c(asked, out, blocks=blocks, header=header, main=main, mex=mex))
@@ -125,7 +125,7 @@ def export_st(
         Literal["iec", "codesys", "twincat", "siemens-scl"] | None,
         default_of("export_st", "flavour"),
         Parameter(
-            help="Whose text; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a "
+            help="Dialect; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a "
             "project; siemens-scl: external sources of TIA Portal."
         ),
     ] = None,
@@ -133,13 +133,13 @@ def export_st(
         int | None,
         WHOLE,
         default_of("export_st", "most_operations"),
-        Parameter(help="Refuse what has more operations a call; they are counted in the README."),
+        Parameter(help="Refuse a block with more operations per call; the README states their number."),
     ] = None,
     given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
 
-    The operations of the C package in their order. The instance's parameters are those of the experiment.
+    It performs the operations of the C package in their order, with the experiment's parameters.
     """
     from dualwinch.export import export_st as run
     from dualwinch.model.errors import ConfigurationError

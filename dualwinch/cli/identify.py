@@ -1,4 +1,4 @@
-"""The command ``identify``: a machine's numbers from its logs, as tables, files for other commands, and drawn."""
+"""The command ``identify``: parameters of a machine from its logs, as tables, files and a figure."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ app = App(
 
 
 IDENTIFY = "identify"
-"""The function with the defaults of the options."""
+"""Public function whose defaults the options have."""
 
 
 @app.default
@@ -72,28 +72,28 @@ def identify(
     ensemble: Annotated[
         str | None,
         Parameter(
-            help="Ensemble, such as `rig`: parameters that it draws are estimated, too, with its distributions as "
+            help="Ensemble, such as `rig`; parameters that it draws are estimated, too, with its distributions as "
             "priors, where logs can identify them."
         ),
     ] = None,
     prior: Priors = None,
     column: Annotated[
         list[str] | None,
-        Parameter(help="Where a reading is found, F1=load_cell_left:kN; may be repeated.", negative=""),
+        Parameter(help="Column and unit of a reading, F1=load_cell_left:kN; may be repeated.", negative=""),
     ] = None,
     csv: Annotated[
-        str, Parameter(help="Separator and decimal mark of CSV files, such as ';,'; default: as each file shows.")
+        str, Parameter(help="Separator and decimal mark of CSV files, such as ';,'; default: detected in each file.")
     ] = "",
     hold_out: Annotated[
         str | None,
         default_of(IDENTIFY, "hold_out", "{:.0%}"),
-        Parameter(help="Share of each log, its end, that is held out and predicted."),
+        Parameter(help="Share at the end of each log that is held out and predicted."),
     ] = None,
     starts: Annotated[
         int | None,
         WHOLE,
         default_of(IDENTIFY, "starts"),
-        Parameter(help="Searches from different starts, which find distinct optima."),
+        Parameter(help="Searches from different starting points, to find distinct optima."),
     ] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
     profile: Annotated[
@@ -102,14 +102,14 @@ def identify(
     ] = None,
     disturbance: Annotated[
         Path | None,
-        Parameter(help="File for what acted on the vehicle, .csv or .parquet; disturbance.force.file takes it."),
+        Parameter(help="File for the force on the vehicle, .csv or .parquet, for disturbance.force.file."),
     ] = None,
     unrecorded: Annotated[
         str | None,
         default_of("identification.options:DEFAULTS.plausibility.unrecorded", words="{:.0%}"),
         Parameter(
-            help="RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused as "
-            "one of another machine."
+            help="Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of "
+            "another machine."
         ),
     ] = None,
     out: Annotated[
@@ -176,10 +176,10 @@ def identify(
 
 
 def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
-    """Write the force on the vehicle in each log, as ``disturbance.force.file`` takes it.
+    """Write the force on the vehicle in each log, for ``disturbance.force.file``.
 
     Returns:
-        The files: the one, or of several logs NAME-1, NAME-2, ...
+        The files: one, or NAME-1, NAME-2, ... for several logs.
     """
     from dualwinch.simulation.results.file_formats import format_of
 
@@ -206,10 +206,10 @@ def _share(option: str, text: str | None) -> float | None:
 
 
 def prior_from(text: str) -> tuple[str, tuple[float, float]]:
-    """A key with mean and deviation, from a text such as ``plant.vehicle.mass=1e4±500``.
+    """Parse ``key=mean±sd``, such as ``plant.vehicle.mass=1e4±500``, into key, mean and standard deviation.
 
     Raises:
-        ConfigurationError: anything else.
+        ConfigurationError: another form.
     """
     from dualwinch.model.errors import ConfigurationError
 

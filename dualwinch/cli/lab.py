@@ -1,4 +1,4 @@
-"""``dualwinch lab``: the lab in a browser, and ``dualwinch show``: the same with a run of one's own."""
+"""The command ``lab``: the lab's page written or served; ``show`` and ``serve`` use its functions."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ PAGES = (".html", ".htm")
 
 
 def page_of(own: dict[str, Any] | None = None) -> str:
-    """The lab as one page, with a run of one's own if given."""
+    """Assemble the lab's page, with the user's own run if given."""
     from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.lab.assemble import assemble
     from dualwinch.lab.content import content
@@ -79,7 +79,7 @@ def page_of(own: dict[str, Any] | None = None) -> str:
 
 
 def write_page(page: str, out: Path) -> None:
-    """Write the page, and say how large it is."""
+    """Write the page, and print its size."""
     from dualwinch.codegen.files import write_whole
 
     write_whole(out, page)
@@ -87,12 +87,12 @@ def write_page(page: str, out: Path) -> None:
 
 
 def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | None = None) -> ThreadingHTTPServer:
-    """A server of one page on this machine alone.
+    """An HTTP server of one page at this machine's loopback address.
 
     Args:
-        page: what is at its root.
-        port: where; 0: any that is free.
-        live: what answers requests for further rows (`lab.live.live_rows`), from the numbers in their queries.
+        page: at the root.
+        port: 0: any that is free.
+        live: (numbers in the query) → JSON of further rows (`lab.live.live_rows`).
 
     Raises:
         ConfigurationError: the port is taken.
@@ -106,7 +106,7 @@ def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | N
     text = page.encode()
 
     class Handler(BaseHTTPRequestHandler):
-        """Answer every request at the root with the page."""
+        """Answer with the page at the root, and with further rows of a live run."""
 
         def do_GET(self) -> None:
             """Answer a request."""

@@ -1,6 +1,6 @@
 """The command ``linearise``: plant, closed loop or broken loop at an operating point or along a sweep.
 
-Every figure that is printed stands in the file, too, in its entry ``figures``: both come from the same tables.
+The entry ``figures`` of the file holds every printed number: both come from the same tables.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ def linearise(
     sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
     loop: Annotated[
         Literal["open", "closed", "broken"],
-        Parameter(help="What to linearise: plant alone, closed loop over a sample, or that loop cut open."),
+        Parameter(help="What to linearise: the plant alone, the closed loop over a sample, or that loop cut open."),
     ] = "open",
     cut: Annotated[
         Literal["u", "tau_1", "tau_2", "torques"] | None,
         Parameter(
-            help="broken: where the loop is cut, at the force command (default), at a winch's torque, or at both "
+            help="broken: where the loop is cut: at the force command (default), at a winch's torque, or at both "
             "torques, which then change alike."
         ),
     ] = None,
@@ -96,13 +96,12 @@ def linearise(
 ) -> None:
     """Linearise the plant at an operating point or along a sweep; print its modes and the sample rate they need.
 
-    At rest the operating point is an equilibrium, else steady motion with constant tensions. Every derivative is
-    exact. Ropes with mass and sag, and gearboxes that give, add their modes; ropes are taken as taut and teeth as in
-    contact.
+    At rest the operating point is an equilibrium, else steady motion with constant tensions. Derivatives are exact.
+    Ropes with mass and sag, and elastic gearboxes, add their modes; ropes are assumed taut and teeth in contact.
 
-    The closed loop is that of one sample of plant and controller, the broken one is it cut open at a signal; of it,
-    gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed error. Both come
-    with the rule for the drums' resonance on their ropes.
+    The closed loop maps the states of plant and controller over one sample. The broken loop is the same, cut open at
+    a signal: its gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed
+    error. With either loop, the rule for the drums' resonance on their ropes is checked.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer
@@ -143,13 +142,13 @@ def linearise(
 SWEPT = ("x", "v", "preload")
 
 FIGURES = {"open": ("bode", "modes", "poles", "shapes"), "closed": ("poles",), "broken": ("bode", "amplitude")}
-"""What is linearised → its figures, the default of one point first."""
+"""Loop → its figures, the default of one point first."""
 
 
 def _check(
     loop: str, cut: str | None, dt: float | None, swept: str | None, figure: str | None, plot: Path | None
 ) -> None:
-    """Raise `ConfigurationError` where options do not go together."""
+    """Raise `ConfigurationError` where options contradict each other."""
     from dualwinch.model.errors import ConfigurationError
 
     if figure and not plot:
@@ -172,9 +171,9 @@ def grid(given: dict[str, float | None], sweep: str | None, experiment: Experime
     """Values of x, v and preload at every point.
 
     Args:
-        given: those given on the command line.
+        given: name → value on the command line, or None.
         sweep: ``name=first:last:step``, the last one included; None: one point.
-        experiment: gives the preload where it is not given.
+        experiment: its track and preload give the defaults.
 
     Raises:
         ConfigurationError: an unknown name, no range, or a name both given and swept.
@@ -214,10 +213,10 @@ def _with_preload(experiment: Experiment, preload: float) -> Experiment:
 def linear_systems(
     experiment: Experiment, values: Values, loop: str, cut: str, dt: float | None
 ) -> tuple[list[LinearSystem], list[OperatingPoint]]:
-    """The linear system at every point, and the plant's operating points; of a broken loop there are none.
+    """The linear system at every point, and the plant's operating points (empty for a broken loop).
 
     Raises:
-        ConfigurationError: a point where the plant cannot be.
+        ConfigurationError: a point without an operating point of the plant.
     """
     import numpy as np
 
@@ -251,7 +250,7 @@ def _drawn(
     cut: str,
     figure: str | None,
 ) -> Any:
-    """The figure that is asked for, or the default one."""
+    """Draw the requested figure, or the default one."""
     from dualwinch.simulation.analysis.describing_function import amplitude_sweep
     from dualwinch.simulation.analysis.margins import margins
     from dualwinch.simulation.plots import linear
@@ -280,7 +279,7 @@ def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[Fig
 
     Args:
         names: of the numbers.
-        point: which has them; default: the points that every system has.
+        point: the operating point; default: the fields that all plants have.
     """
     from dualwinch.model.linear.operating_point import OperatingPoint
     from dualwinch.model.quantities.description import describe, describe_parts
@@ -291,7 +290,7 @@ def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[Fig
 
 
 PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Amplitudes of the speed error in m/s that are printed."""
+"""Printed amplitudes of the speed error in m/s."""
 
 MARGIN_COLUMNS = (
     FigureColumn("gain"),
@@ -303,11 +302,11 @@ MARGIN_COLUMNS = (
     FigureColumn("disk"),
     FigureColumn("stable", "", "", words={True: "", False: "UNSTABLE"}),
 )
-"""Of `Margins`: how they are printed and written."""
+"""Columns of `Margins`, printed and written."""
 
 
 def _margin_row(found: Margins) -> list[float | bool]:
-    """Margins as `MARGIN_COLUMNS` have them; those of an unstable loop mean nothing, and are NaN."""
+    """The row of `MARGIN_COLUMNS`; margins of an unstable loop are meaningless, and NaN."""
     values = [getattr(found, each.name) / (2 * math.pi if each.unit == "Hz" else 1) for each in MARGIN_COLUMNS[:-1]]
     return [*(values if found.stable else [math.nan] * len(values)), found.stable]
 
@@ -315,7 +314,7 @@ def _margin_row(found: Margins) -> list[float | bool]:
 def print_broken(
     systems: Sequence[LinearSystem], experiment: Experiment, values: Values, swept: str | None, cut: str
 ) -> list[FigureTable]:
-    """Print margins of broken loops and, of a single one of a sliding-mode law, how they depend on the amplitude."""
+    """Print margins of broken loops and, for one point of a sliding-mode law, their dependence on the amplitude."""
     from dualwinch.model.linear.operating_point import contact
     from dualwinch.simulation.analysis.describing_function import amplitude_sweep
     from dualwinch.simulation.analysis.linear_loop import CUTS
@@ -328,7 +327,7 @@ def print_broken(
     console.print(styled("bold", f"margins of the loop cut at {cut}", ratio))
     if not any(system.B.any() for system in systems):
         returned = " and ".join(LOOP_OPENINGS[signal] for signal in CUTS[cut])
-        console.print(f"nothing comes back: {returned} rests on its limit or answers to nothing here")
+        console.print(f"no loop gain: {returned} rests on its limit or does not respond here")
     rows = [[*([values[swept][k]] if swept else []), *_margin_row(margins(system))] for k, system in enumerate(systems)]
     first = _point_columns(swept) if swept else []
     tables = [FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)]
@@ -347,11 +346,11 @@ def print_broken(
 
 
 def resonance_tables(experiment: Experiment, x: float | None = None) -> list[FigureTable]:
-    """The rule for the drums' resonance on their ropes, and its limits; nothing of a law that it is not about.
+    """The rule for the drums' resonance on their ropes, and its limits; empty for laws other than sliding-mode ones.
 
     Args:
         experiment: plant and gains.
-        x: position in m; default: amid the track.
+        x: position in m; default: the middle of the track.
     """
     from dualwinch.model.quantities.description import describe
     from dualwinch.model.quantities.tables import readable_unit
@@ -382,7 +381,7 @@ def print_resonance(tables: Sequence[FigureTable]) -> None:
     console.print(styled("bold", "drums' resonance on their ropes", " (loop gain there)"))
     console.print(tables[0].render())
     console.print(
-        f"at most {threshold:g} where both drums swing alike, amid the track, {of_one:g} where one does; "
+        f"at most {threshold:g} where both drums swing alike, in the middle of the track, {of_one:g} where one does; "
         f"from {low:g} to {high:g} look at the eigenvalues"
     )
 
@@ -413,13 +412,13 @@ def print_closed_sweep(
 
 
 PRINTED_STATES = 8
-"""Systems of up to so many states are printed whole."""
+"""Largest number of states of a system whose matrices are printed."""
 
 
 def print_point(
     system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool, learnt: frozenset[str] = frozenset()
 ) -> list[FigureTable]:
-    """Print operating point, matrices (of a small system), modes, DC gains, sufficient sensors; stability of a loop."""
+    """Print operating point, matrices (small systems), modes, DC gains, sufficient sensors, and a loop's stability."""
     import numpy as np
 
     from dualwinch.model.linear.modes import modes, plant_prefix
@@ -446,7 +445,7 @@ def print_point(
             console.print(_matrix(name, "", system.states, map(FigureColumn, inputs), getattr(system, name)).render())
     tables += _print_modes(listed(modes(system, plant), closed=closed), system.dt, closed=closed, learnt=learnt)
     if small and plant_prefix(system.states) is not None:
-        console.print(styled("bold", "DC gains", ": lasting change of an output for each unit of an input"))
+        console.print(styled("bold", "DC gains", ": steady-state change of an output per unit of an input"))
         inputs = (FigureColumn(name, f"output/({system.units[name]})") for name in system.inputs)
         tables.append(_matrix("dc_gains", "output", system.outputs, inputs, dc_gains(system)))
         console.print(tables[-1].render())
@@ -460,9 +459,9 @@ def print_point(
 
 
 def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learnt: frozenset[str]) -> list[FigureTable]:
-    """Print modes and which states participate in them.
+    """Print modes and the participation of the states.
 
-    Those of learnt states, some hundred, are printed in one line unless they are unstable; the tables have them all.
+    Stable modes of learnt states, some hundred, are printed as one line; the tables have them all.
     """
     from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 
@@ -487,7 +486,7 @@ def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learn
     if slow:
         longest = max(mode.time_constant for mode in slow)
         modes = "1 mode" if len(slow) == 1 else f"{len(slow)} modes"
-        console.print(f"and {modes} of what the estimator learns, decaying within {longest:.3g} s")
+        console.print(f"and {modes} of states that the estimator learns, decaying within {longest:.3g} s")
     if not closed:
         console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
     console.print(styled("bold", "\nparticipation of the states"))
@@ -500,20 +499,20 @@ def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learn
 
 
 MOST_COLUMNS = 6
-"""Columns of a sweep's table of modes."""
+"""Most modes beside each other in a sweep's table."""
 
 
 def print_sweep(
     systems: Sequence[LinearSystem], points: Sequence[OperatingPoint], plant: Plant, swept: str
 ) -> list[FigureTable]:
-    """Print natural frequency and damping of every mode at every point, and limits that are not respected."""
+    """Print natural frequency and damping of every mode at every point, and violated limits."""
     from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, track_modes
 
     console, tracks = terminal(), track_modes(systems, plant)
     values = [getattr(point, swept) for point in points]
     (first,) = _point_columns(swept)
     console.print("natural frequency in Hz (damping ratio)")
-    wide = len(tracks) > MOST_COLUMNS  # modes stand below each other then, at the ends and in the middle
+    wide = len(tracks) > MOST_COLUMNS  # then a row per mode, at the ends and in the middle of the sweep
     shown = sorted({0, (len(points) - 1) // 2, len(points) - 1}) if wide else range(len(points))
     cells = [
         [
@@ -555,9 +554,9 @@ def print_sweep(
 
 
 def _mode_columns(dt: float | None, *, closed: bool = False) -> tuple[FigureColumn, ...]:
-    """Of a mode; eigenvalues of a sampled system are those of a sample, and both parts are printed as one.
+    """Columns of a mode; eigenvalues of a sampled system are those over a sample.
 
-    A closed loop has a sample rate: that which a mode needs is in files alone.
+    The sample rate that a mode needs is printed for the plant alone: a closed loop has a sample rate.
     """
     unit = "1/s" if dt is None else "1"
     return (
@@ -576,19 +575,19 @@ def _mode_columns(dt: float | None, *, closed: bool = False) -> tuple[FigureColu
 
 
 UNSTABLE = "unstable"
-"""Remark on a mode of the closed loop that grows."""
+"""Remark on an unstable mode of the closed loop."""
 
-GROWS = 1e-6
-"""Rate in 1/s from which on a mode grows: what is less is the eigenvalues' accuracy."""
+LEAST_GROWTH = 1e-6
+"""Growth rate in 1/s above which a mode is unstable; smaller ones are within the eigenvalues' accuracy."""
 
 
 def is_unstable(mode: Mode) -> bool:
     """Whether a mode grows."""
-    return mode.rate.real > GROWS
+    return mode.rate.real > LEAST_GROWTH
 
 
 def listed(found: Sequence[Mode], *, closed: bool) -> list[Mode]:
-    """Modes in the order in which they are listed, several of one name with a number; unstable ones of a loop first."""
+    """Modes in the order of the tables, unstable ones of a closed loop first; equal names get numbers."""
     each = sorted(found, key=lambda mode: closed and not is_unstable(mode))
     names = [mode.label for mode in each]
     return [

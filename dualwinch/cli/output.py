@@ -1,4 +1,4 @@
-"""What commands print and write: tables of named figures with units, which the terminal and files show alike."""
+"""Output of commands: tables of named figures with units, for terminal and files alike."""
 
 import json
 import math
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
-    """A console for which brackets in the names of files, studies and parts mean nothing."""
+    """A console without markup, so that brackets in names of files, studies and parts are printed."""
     return Console(stderr=stderr, soft_wrap=soft_wrap, markup=False)
 
 
 def styled(style: str, words: str, *plain: str) -> Text:
-    """Words in a style such as ``bold`` or ``red``, and plain ones behind them."""
+    """Words in a style such as ``bold`` or ``red``, followed by plain ones."""
     return Text.assemble((words, style), *plain)
 
 
 def measured(value: float, form: str = ".4g") -> str:
-    """A figure of merit in a format: a dash where there was nothing to measure, ∞ where nothing limits it."""
+    """Format a figure of merit: NaN (nothing to measure) as a dash, infinity as ∞."""
     return "–" if math.isnan(value) else f"{value:{form}}".replace("inf", "∞")
 
 
@@ -46,10 +46,10 @@ class FigureColumn:
         name: of the figure, in files.
         unit: of the value in files; "1": a pure number, "": words.
         heading: on the terminal; default: the name.
-        factor: from the file's value to the printed one, e.g. 1e3 where seconds are printed in ms.
+        factor: printed value over the file's, e.g. 1e3 for seconds printed in ms.
         form: format of the printed number; empty: the column is in files alone.
-        words: what is printed instead of some values.
-        shown_unit: of the printed number, below the heading; default: that of the value, which is not printed.
+        words: value → text printed instead.
+        shown_unit: of the printed number, below the heading; empty: no unit is printed there.
         meaning: of the figure.
     """
 
@@ -64,12 +64,12 @@ class FigureColumn:
 
     @classmethod
     def of(cls, name: str, quantity: "Quantity", form: str = ".4g", heading: str | None = None) -> "FigureColumn":
-        """The column of a field, from its metadata, printed in its own unit."""
+        """The column of a field, from its metadata, in its own unit."""
         return cls(name, quantity.unit, heading, form=form, meaning=quantity.meaning)
 
     @classmethod
     def of_metric(cls, name: str, quantity: "MetricQuantity", heading: str = "", form: str = "") -> "FigureColumn":
-        """The column of a figure of merit, from its metadata, printed in the unit in which people read it.
+        """The column of a figure of merit, from its metadata, printed in its customary unit.
 
         Args:
             name: of the figure of merit.
@@ -82,34 +82,34 @@ class FigureColumn:
         return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=shown, meaning=quantity.meaning)
 
     def shown(self, value: Any) -> str | Text:
-        """A value as the terminal shows it."""
+        """A value as text for the terminal."""
         if value in self.words:
             return self.words[value]
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         return measured(self.factor * value, self.form) if number else str(value)
 
     def cell(self, value: Any) -> "str | Text | CellWords":
-        """The same as a cell of a table, in which words may break."""
+        """A value as a cell of a table, in which words may break."""
         shown = self.shown(value)
         return CellWords(shown) if isinstance(shown, str) and not self.unit else shown
 
 
 HEADING_WIDTH = 10
-"""Letters of a line of a heading that has a unit below it."""
+"""Characters per line of a heading with a unit below it."""
 
 NAME_WIDTH = 22
-"""Letters of a line of a heading that is a name of the user's, such as a path: two of them leave room for figures."""
+"""Characters per line of a heading with a user's name, such as a path: two of them leave room for figures."""
 
 
 BETWEEN_WORDS = re.compile(r" (?!\(\d+\)|%|[\d.e+-]+ %)")
-"""Where a line of a cell may break; a number in brackets and a share stay with what they are of."""
+"""Line breaks between words; a number in brackets and a percentage stay with the word before them."""
 
 WITHIN_NAMES = re.compile(r"(?<=\.)(?=[^\W\d])|(?<= )"), re.compile(r"(?<=_)(?=[^\W\d_])")
-"""Where a name too long for a line may: rather behind a dot than behind an underscore."""
+"""Line breaks within a name too long for a line, in order of preference: behind a dot, behind an underscore."""
 
 
 class CellWords:
-    """Words in a cell of a table: its lines break between words, and in long names behind a dot or an underscore.
+    """Words in a cell of a table, whose lines break between words, or in long names behind a dot or an underscore.
 
     Args:
         words: in the cell.
@@ -126,7 +126,7 @@ class CellWords:
         yield Text("\n".join(self.lines(options.max_width)))
 
     def lines(self, width: int) -> list[str]:
-        """The words in lines of a width, longer ones where a name has no place to break."""
+        """Break the words into lines of a width; a name without a place to break makes a longer line."""
         found = []
         for line in self.words.splitlines():
             words = (f"{word} " for word in BETWEEN_WORDS.split(line))
@@ -135,14 +135,14 @@ class CellWords:
 
 
 def _pieces(word: str, width: int, *places: re.Pattern[str]) -> list[str]:
-    """A word; where it is too long for a line, its pieces by the first of some places, and theirs by the others."""
+    """Split a word that is too long for a line at the first places, and its pieces that still are at the next ones."""
     if not places or cell_len(word.rstrip()) <= width:
         return [word]
     return [piece for part in places[0].split(word) for piece in _pieces(part, width, *places[1:])]
 
 
 def _filled(pieces: Sequence[str], width: int) -> list[str]:
-    """Lines of as many pieces as have room."""
+    """Join pieces into lines, as many as fit in each."""
     lines = [""]
     for piece in pieces:
         if lines[-1] and cell_len((lines[-1] + piece).rstrip()) > width:
@@ -153,7 +153,7 @@ def _filled(pieces: Sequence[str], width: int) -> list[str]:
 
 @dataclass(frozen=True)
 class FigureTable:
-    """Figures that a command prints, and writes to its file: both are made of this table.
+    """Figures that a command prints and writes to its file.
 
     Attributes:
         name: of the table, in files.
@@ -168,7 +168,7 @@ class FigureTable:
     title: str | None = None
 
     def render(self) -> Table:
-        """The table on a terminal; words stand left, numbers right."""
+        """The table for the terminal; words are aligned left, numbers right."""
         table = Table(title=self.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
         printed = [(index, column) for index, column in enumerate(self.columns) if column.form]
         for _, column in printed:
@@ -183,9 +183,9 @@ class FigureTable:
         return table
 
     def render_down(self) -> Table:
-        """The same with a line for every figure: name, the value in each row, unit and meaning.
+        """The transposed table, a line per figure: name, the value in each row, unit and meaning.
 
-        A first column of words heads the values.
+        A first column of words becomes the heading.
         """
         from dualwinch.model.quantities.tables import readable_unit
 
@@ -218,7 +218,7 @@ class FigureTable:
 
 
 def records(tables: Sequence[FigureTable]) -> dict[str, Any]:
-    """Tables as plain data, by their names."""
+    """Name → table as plain data."""
     return {table.name: table.record() for table in tables}
 
 
@@ -227,7 +227,7 @@ FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_file(file: Path | None, *suffixes: str) -> None:
-    """Find out now whether a file can be written.
+    """Check before a computation that a file can be written.
 
     Raises:
         ConfigurationError: a suffix other than these, or a folder that cannot be written to.
@@ -244,11 +244,11 @@ def check_file(file: Path | None, *suffixes: str) -> None:
 
 
 LIBRARIES = ("casadi", "numpy", "scipy", "matplotlib", "optuna", "pyarrow")
-"""What results depend on."""
+"""Libraries on which results depend."""
 
 
 def versions() -> dict[str, str]:
-    """Versions of this product, of Python and of what results depend on."""
+    """Versions of dualwinch, Python and the libraries on which results depend."""
     import platform
     from importlib.metadata import version
 
@@ -258,12 +258,12 @@ def versions() -> dict[str, str]:
 
 
 def version_notes() -> dict[str, str]:
-    """The same as notes of a file, ``version_numpy`` and so on."""
+    """Versions as notes of a file, ``version_numpy`` and so on."""
     return {f"version_{name}": version for name, version in versions().items()}
 
 
 def wrote(file: object) -> None:
-    """Say on standard error that a file was written."""
+    """Print on standard error that a file was written."""
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
 
 
@@ -280,7 +280,7 @@ def print_json(facts: Mapping[str, Any]) -> None:
 
 
 def say_idealised(found: "Sequence[Idealisation]") -> None:
-    """Print what a plant leaves out, in one line; nothing where it leaves out nothing."""
+    """Print a plant's idealisations in one line, if any."""
     from dualwinch.simulation.analysis.idealisations import summary
 
     if words := summary(found):
@@ -288,7 +288,7 @@ def say_idealised(found: "Sequence[Idealisation]") -> None:
 
 
 def write_text(file: Path | None, text: Callable[[], str]) -> None:
-    """Write a file that is asked for, whole or not at all, and say so."""
+    """Write a requested file, whole or not at all, and print its name."""
     from dualwinch.codegen.files import write_whole
 
     if file:
@@ -297,17 +297,17 @@ def write_text(file: Path | None, text: Callable[[], str]) -> None:
 
 
 def write_json(file: Path | None, facts: Callable[[], Mapping[str, Any]]) -> None:
-    """Write a file of JSON that is asked for, and say so."""
+    """Write a requested JSON file, and print its name."""
     write_text(file, lambda: json_text(facts()))
 
 
 def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -> None:
-    """Draw and write a figure that is asked for, and say so.
+    """Draw and write a requested figure, and print its name.
 
     Args:
         file: for the figure; None: nothing is drawn.
-        figure: what draws it, or the name of a function of `simulation.plots`.
-        of: arguments of that function.
+        figure: function that draws it, or name of a function of `simulation.plots`.
+        of: arguments of the latter.
     """
     if file:
         from dualwinch.simulation import plots
@@ -318,15 +318,15 @@ def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -
 
 
 MOST = 10_000
-"""Numbers of a range."""
+"""Most numbers of a range."""
 
 
 def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
-    """The numbers of ``first:last:step`` or ``first:last:count:log``; whole ones where all of the first three are.
+    """The numbers of ``first:last:step`` or ``first:last:count:log``; integers if first, last and step are.
 
     Args:
         text: the range.
-        wrong: what a message begins with where it is none.
+        wrong: beginning of the error message.
 
     Raises:
         ConfigurationError: no range, or one of too many numbers.
@@ -347,7 +347,7 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
         raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
     if not math.isfinite((last - first) / step):
-        raise ConfigurationError(f"{wrong}; these are too many points, must be <= {MOST}")
+        raise ConfigurationError(f"{wrong}; too many points, must be <= {MOST}")
     count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
     if count > MOST:
         raise ConfigurationError(f"{wrong}; these are {count:.12g} points, must be <= {MOST}")

@@ -1,4 +1,4 @@
-"""``dualwinch preload``: what preload costs, constant, scheduled, and at the least."""
+"""The command ``preload``: motor load of constant, scheduled and least preload."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def preload(
         Literal["load", "peak", "energy"],
         Parameter(help="What to minimise: continuous load, largest tension, or work of the motors."),
     ] = "load",
-    error: Annotated[float, Parameter(help="Optimum: largest distance from the reference in m that is allowed.")] = 0.0,
+    error: Annotated[float, Parameter(help="Optimum: largest allowed distance from the reference in m.")] = 0.0,
     torque_rate: Annotated[
         float | None, Parameter(help="Optimum: largest rate of each motor torque in N m/s (default: any).")
     ] = None,
@@ -55,9 +55,9 @@ def preload(
 ) -> None:
     """Compare a scheduled preload with constant ones and with the least possible.
 
-    Runs the experiment with its preload kept constant, with the best constant preload of the same error and no smaller
-    tensions, with the preload scheduled, and solves for the tensions over time that load the motors least. Prints for
-    each of them load, tensions, work and error.
+    Runs the experiment with its own constant preload, with the best constant preload that has no larger error and no
+    smaller tensions than the schedule, and with the preload scheduled, and solves for the tensions over time that load
+    the motors least. Prints load, tensions, work and error of each.
     """
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads
@@ -76,11 +76,11 @@ PRINTED = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter"
 """Figures of merit that are printed."""
 
 FILE_POINTS = 1000
-"""Points over time a file keeps of every run."""
+"""Most points over time of each run in a file."""
 
 
 def preloads_table(found: Preloads) -> FigureTable:
-    """A row for every preload: its smallest and largest value, and the figures of merit of the run with it."""
+    """Smallest and largest value of each preload, and figures of merit of its run, a row each."""
     merits = found.scheduled.metrics.quantities
     columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
     columns += [FigureColumn.of_metric(name, merits[name]) for name in PRINTED]
@@ -94,7 +94,7 @@ def preloads_table(found: Preloads) -> FigureTable:
 
 
 def print_preloads(found: Preloads, typed: str) -> None:
-    """Print a row for every preload, what the schedule saves, and what is wrong with its run.
+    """Print a row for every preload, the saving of the schedule, and remarks on its run.
 
     Args:
         found: the preloads.
@@ -105,7 +105,7 @@ def print_preloads(found: Preloads, typed: str) -> None:
     console = terminal()
     console.print(preloads_table(found).render())
     if found.best is None:
-        console.print("No constant preload has an error as small and keeps both ropes as taut as the schedule.")
+        console.print("No constant preload has an error as small as the schedule's and keeps both ropes as taut.")
     else:
         _print_saved(found)
     for words in remarks(found.scheduled):
@@ -113,7 +113,7 @@ def print_preloads(found: Preloads, typed: str) -> None:
 
 
 def _print_saved(found: Preloads) -> None:
-    """Print what the schedule saves over the best constant preload, and how much of what can be saved that is."""
+    """Print the saving of the schedule over the best constant preload, also as a share of the largest possible."""
     over_best = _over_best(found)
     words = found.measure.replace("_", " ")
     saved = f"{100 * found.saved:.3g} % of what can be saved is saved" if found.saved > 0 else "nothing is saved"
@@ -140,7 +140,7 @@ def _least_metrics(least: LeastPreload) -> dict[str, float]:
 
 
 def _over_best(found: Preloads) -> dict[str, float]:
-    """The measure of schedule and least preload, over that of the best constant preload."""
+    """The measure of schedule and least preload over that of the best constant preload."""
     if found.best is None:
         return {}
     theirs = found.best.metrics[found.measure]
@@ -153,7 +153,7 @@ def _ends(preload: Any) -> list[float]:
 
 
 def _extremes(run: Result) -> list[float]:
-    """Smallest and largest sum of tensions that a run asks for, in N."""
+    """Smallest and largest preload of a run, the commanded sum of tensions, in N."""
     return _ends(run["preload"]) if "preload" in run.columns else [run.experiment.controller.limits.preload] * 2
 
 
@@ -162,7 +162,12 @@ def _sums(extremes: list[float]) -> str:
 
 
 def to_record(found: Preloads, typed: str) -> dict[str, Any]:
-    """Everything as plain data, of an experiment that these options choose."""
+    """The preloads as plain data.
+
+    Args:
+        found: the preloads.
+        typed: options that choose the experiment, for remarks.
+    """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.simulation.analysis.remarks import in_full, remarks
 

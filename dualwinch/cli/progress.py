@@ -1,6 +1,6 @@
-"""How far a command is: one line on a terminal that is there at once, or a line now and then in a log.
+"""Progress of a command: one line on a terminal, or occasional lines in a log.
 
-Nothing is imported here that takes long, so that the first line is there before the rest of the program is.
+Imports are light, so that the line appears before the rest of the program is loaded.
 """
 
 import time
@@ -18,23 +18,23 @@ INTERVAL = 10.0
 """Time in s between two lines of a phase in a log."""
 
 BAR_WIDTH = 40
-"""Columns of a terminal."""
+"""Width of the bar in characters."""
 
 
 class ProgressLine:
-    """A `simulation.progress.PhaseProgress` on standard error, while it is used as a context.
+    """A `simulation.progress.PhaseProgress` on standard error, used as a context manager.
 
-    On a terminal it is a line that disappears at the end: phase, and status or a bar with the time left. Elsewhere a
-    command with a name writes a line for each phase, and every ten seconds one with the status, or with the share that
-    is done and the time left; others write nothing.
+    On a terminal it is a line that disappears at the end: phase, and status or a bar with the time left. In a log, a
+    command with a name writes a line for each phase, and every ten seconds one with the status, or with the share
+    done and the time left; others write nothing.
     """
 
     def __init__(self, phase: str = "", *, command: str = "", console: Console | None = None) -> None:
         """Begin with a phase.
 
         Args:
-            phase: what is done first.
-            command: begins the lines of a log; empty: there are none.
+            phase: name of the first phase.
+            command: beginning of the lines of a log; empty: no lines.
             console: default: standard error.
         """
         self.console = console or Console(stderr=True, markup=False)
@@ -57,11 +57,11 @@ class ProgressLine:
         self.stop()
 
     def stop(self) -> None:
-        """Take the line away, for what is printed from now on."""
+        """Remove the line, before other output."""
         self._live.stop()
 
     def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
-        """Report progress, as `simulation.progress.PhaseProgress` says."""
+        """Report progress (`simulation.progress.PhaseProgress`)."""
         new = bool(phase) and phase != self._phase
         self._fraction, self._status = fraction, status
         if new:
@@ -90,7 +90,7 @@ class ProgressLine:
         return line
 
     def _left(self) -> str:
-        """The time left, from what the phase took so far."""
+        """The time left, extrapolated from the time of the phase so far."""
         done = self._fraction - self._first
         if not done >= 0.01 or self._fraction >= 1:
             return ""

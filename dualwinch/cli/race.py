@@ -1,6 +1,6 @@
-"""The command ``race``: progress, table, JSON, figures, report, and the gains of each entry as a configuration.
+"""The command ``race``: every law tuned on one budget, as table, JSON, figures, report and configurations.
 
-The module does not bear the command's name: that is the function ``dualwinch.race``, which does the work.
+The benchmark itself is the function ``dualwinch.race``.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ app = App(
 
 
 RACE = "race"
-"""The function with the defaults of the options."""
+"""Public function whose defaults the options have."""
 
 
 @Parameter(name="*")
@@ -63,21 +63,21 @@ class BenchmarkEntries:
     estimator: Annotated[
         list[str] | None,
         Parameter(
-            help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as of `dualwinch tune`"),
+            help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
             negative="",
         ),
     ] = None
     coordination: Annotated[
         list[str] | None,
         Parameter(
-            help=choice("coordination", ", or all; may be repeated. Default: the ensemble's, as of `dualwinch tune`"),
+            help=choice("coordination", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
             negative="",
         ),
     ] = None
 
 
 ENTRIES = BenchmarkEntries()
-"""Where no option is given."""
+"""Defaults: no option given."""
 
 
 @app.default
@@ -86,7 +86,7 @@ def race(
     ensemble: Annotated[
         str | None,
         default_of(RACE, "ensemble"),
-        Parameter(help="Ensemble of scenarios: `rig`, `sea`, or a TOML file."),
+        Parameter(help="Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file."),
     ] = None,
     entries: BenchmarkEntries = ENTRIES,
     ablations: Annotated[
@@ -94,7 +94,7 @@ def race(
     ] = False,
     plugin: Plugins = None,
     config: Annotated[
-        Path | None, Parameter(help="Machine to race on, TOML: values that the ensemble's file lacks.")
+        Path | None, Parameter(help="Machine to race on, TOML: values missing from the ensemble's file.")
     ] = None,
     rollouts: Annotated[
         int | None, WHOLE, default_of(RACE, "rollouts"), Parameter(help="Rollouts of each search.")
@@ -103,7 +103,7 @@ def race(
         int | None,
         WHOLE,
         default_of(RACE, "searches"),
-        Parameter(help="Searches per entry, each with its own seed: several show how much is luck."),
+        Parameter(help="Searches per entry, each with its own seed; several show how much is luck."),
     ] = None,
     scenarios: Annotated[
         int | None,
@@ -112,28 +112,34 @@ def race(
         Parameter(help="Scenarios of the training set, in which a candidate is tried."),
     ] = None,
     test_scenarios: Annotated[
-        int | None, WHOLE, default_of(RACE, "test_scenarios"), Parameter(help="Scenarios of the test set, which score.")
+        int | None,
+        WHOLE,
+        default_of(RACE, "test_scenarios"),
+        Parameter(help="Scenarios of the test set, which decide the scores."),
     ] = None,
     set_: Assignments = None,
     constraint: Annotated[
         list[str] | None,
-        Parameter(help="As of `dualwinch tune`, for all; may be repeated; none: no constraint.", negative=""),
+        Parameter(help="As in `dualwinch tune`, for all entries; may be repeated; none: no constraint.", negative=""),
     ] = None,
-    method: Annotated[str | None, Parameter(help="Optimiser, as of `dualwinch tune`.")] = None,
+    method: Annotated[str | None, Parameter(help="Optimiser, as in `dualwinch tune`.")] = None,
     seed: Annotated[
         int | None, WHOLE, default_of(RACE, "seed"), Parameter(help="Seed of all scenarios and searches.")
     ] = None,
     stress: Annotated[
         bool,
-        Parameter(help="Also find which imperfection breaks the best of each first (`dualwinch stress`).", negative=""),
+        Parameter(
+            help="Also find which imperfection breaks the best gains of each entry first (`dualwinch stress`).",
+            negative="",
+        ),
     ] = False,
-    out: Annotated[Path, Parameter(help="Folder that keeps the race, to be continued.")] = Path("race"),
+    out: Annotated[Path, Parameter(help="Folder of the race, from which it can be continued.")] = Path("race"),
     where: WorkerOptions = WORKERS,
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same test set.
 
-    Same seeds, constraints and scenarios for all; errors are compared scenario by scenario with those of the paper's
-    gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
+    All entries have the same seeds, constraints and scenarios; errors are compared scenario by scenario with those of
+    the paper's gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
     continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
     and the gains of each entry as a configuration.
     """
@@ -203,7 +209,7 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
 
 
 def to_record(found: BenchmarkResult) -> dict[str, Any]:
-    """The result as plain data, also in the terms in which it is printed, with units."""
+    """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
     from dualwinch.config.ensemble_file import loads_ensemble
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -226,7 +232,7 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
 
 
 def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
-    """The best gains of an entry as TOML; empty where its parts are not known here, as those of an earlier call."""
+    """The best gains of an entry as TOML; empty if its parts are not registered, as those of an earlier call may be."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import TUNED_IN, loads_ensemble
     from dualwinch.config.experiment_file import to_toml

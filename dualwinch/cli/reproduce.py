@@ -73,7 +73,7 @@ FIGURE_21 = 21
 
 
 def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: bool) -> None:
-    """The same, once everything is checked and there are folders."""
+    """Run, draw, write and print, once options and folders are checked."""
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.reports.claims import claims
     from dualwinch.simulation.paper import FIGURES, case
@@ -154,7 +154,7 @@ def _progress(steps: int) -> Iterator:
 
 
 def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> bytes:
-    """Write one figure as PNG and SVG; the SVG's bytes are for the report."""
+    """Write one figure as PNG and SVG, and return the SVG for the report."""
     from dualwinch.simulation import plots
 
     figure = getattr(plots, content)(results)
@@ -196,11 +196,11 @@ def _write_metrics(
 
 
 OTHER_GAINS = (2.5, 50.0)
-"""Gains L₀ = K_f in 1/s beside the assumed ones (A9), to say what rests on them."""
+"""Gains L₀ = K_f in 1/s beside the assumed ones (A9), to show how the results depend on them."""
 
 
 def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, float]:
-    """Gain of an observer in Case 4 → change of the steady mean error by it."""
+    """Gain of the observer in Case 4 → relative change of the steady mean error against no observer."""
     from dualwinch.simulation.paper import case
     from dualwinch.simulation.settings import override
     from dualwinch.simulation.simulate import simulate
@@ -217,11 +217,11 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
 TRACKING = ("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse")
 ROPE_METRICS = ("saturated_share", "peak_tension", "min_tension", "chatter")
 FURTHER_METRICS = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension", "energy")
-"""Figures of merit of the tables."""
+"""Figures of merit in the tables."""
 
 
 def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> FigureTable:
-    """Figures of merit of runs; runs that were not completed say how they ended.
+    """Figures of merit of runs, with the outcome of those not completed.
 
     Args:
         title: of the table.
@@ -241,9 +241,9 @@ def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[
 
 
 def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
-    """Figures of merit, Figure 21's reductions where there are the runs for them, and the variants.
+    """Figures of merit, Figure 21's reductions if their runs are there, and the variants.
 
-    A coordination stands for the paper's position law with it, a position law for itself with the paper's coordination.
+    A variant is named by the part that differs from the paper's: position law or coordination.
     """
     from dualwinch.simulation.metrics.metrics import metric_quantities
     from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, reductions
@@ -271,7 +271,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
 
 
 def print_claims(console: Console, found: list[Claim]) -> None:
-    """Print the paper's claims and what became of them."""
+    """Print the paper's claims with the verdicts of these runs."""
     colours = {"holds": "green", "partly": "yellow", "does not hold": "red"}
     verdicts = {verdict: styled(colour, verdict) for verdict, colour in colours.items()}
     columns = (
@@ -288,7 +288,7 @@ PAPERS_LAW, PAPERS_COORDINATION = "fando-nftsm", "differential-tension"
 
 
 def variants_beyond_paper() -> list[tuple[str, str]]:
-    """Position law and coordination of each run."""
+    """Position law and coordination of each variant."""
     from dualwinch.controllers.controller import POSITION_LAWS
     from dualwinch.controllers.registry import COORDINATIONS
 
@@ -297,12 +297,12 @@ def variants_beyond_paper() -> list[tuple[str, str]]:
 
 
 def run_variants(numbers: list[int], step: Callable[[str], None], engine: EngineName) -> Variants:
-    """Run all variants with the gains they come with.
+    """Run all variants with their default gains.
 
     Args:
         numbers: cases of the paper.
         step: called with the name of each run.
-        engine: that runs them.
+        engine: of the simulation.
     """
     from dualwinch.simulation.paper import case
     from dualwinch.simulation.settings import override

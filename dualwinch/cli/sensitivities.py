@@ -1,4 +1,4 @@
-"""The command ``sensitivities``: how a run changes with its numbers, as tables, data and a figure."""
+"""The command ``sensitivities``: derivatives of a run by parameters, as tables, data and a figure."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ app = App(
 @app.default
 def sensitivities(
     *keys: Annotated[
-        str, Parameter(help="Keys of continuous numbers, also separated by commas; * stands for anything.")
+        str, Parameter(help="Keys of continuous parameters, also separated by commas; * stands for anything.")
     ],
     given: ControllerOptions = CONTROLLER,
     metric: Annotated[
@@ -59,7 +59,7 @@ def sensitivities(
     ] = None,
     column: Annotated[
         list[str] | None,
-        Parameter(help="Column of the result, over the time (default e); may be repeated.", negative=""),
+        Parameter(help="Column of the result over time (default e); may be repeated.", negative=""),
     ] = None,
     out: Annotated[
         Path | None,
@@ -70,10 +70,9 @@ def sensitivities(
 ) -> None:
     """Differentiate a run by parameters of plant, sensors, disturbance and controller, exactly.
 
-    Any key of `dualwinch config` that is a continuous number of these may be given, and nominal.* for the controller's
-    nominal model of the plant, which plant.* alone leaves as it is. Random signals are the same draws throughout, and
-    sensors that read in steps are taken to read without them. Tables and figure show the changes to first order, for
-    one more percent of each number.
+    Any continuous parameter of these in `dualwinch config` may be given, and nominal.* for the controller's nominal
+    model of the plant, which plant.* leaves unchanged. Random signals keep their draws, and quantised sensors are
+    taken as continuous. Tables and figure show first-order changes for one more percent of each parameter.
     """
     from dualwinch.simulation.batch.sensitivities import sensitivities
     from dualwinch.simulation.prepare import check_memory
@@ -104,10 +103,10 @@ def sensitivities(
 
 
 def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
-    """Key → value of the numbers that some words name; those without a derivative are left to be refused by name.
+    """Key → value of the parameters that words name; `sensitivities` refuses those without a derivative.
 
     Raises:
-        ConfigurationError: none, or a word that names nothing.
+        ConfigurationError: no key, or a pattern that matches none.
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.batch.sensitivities import differentiable_numbers
@@ -119,7 +118,7 @@ def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
         key = current(word)
         matching = [name for name in known if fnmatchcase(name, key)] if "*" in key else [key]
         if not matching:
-            raise ConfigurationError(f"{word}: no number that runs can be differentiated by has such a key")
+            raise ConfigurationError(f"{word}: matches no parameter that runs can be differentiated by")
         found |= {name: known.get(name, 0.0) for name in matching}
     if not found:
         raise ConfigurationError('give keys to differentiate by, e.g. plant.vehicle.mass or "plant.rope_*.modulus"')
@@ -127,17 +126,17 @@ def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
 
 
 SHARE = 0.01
-"""Of a number: the step by which tables and figures show what it changes, to first order."""
+"""Relative step of a parameter for the first-order changes in tables and figures."""
 
 
 @dataclass(frozen=True)
 class Effects:
-    """How a run changes with its numbers.
+    """Sensitivities of one run, and first-order changes by steps of its parameters.
 
     Attributes:
-        experiment: what was run.
-        values: key → value of the numbers.
-        found: their sensitivities, of the one run.
+        experiment: of the run.
+        values: key → value of the parameters.
+        found: sensitivities of the one run.
     """
 
     experiment: Experiment
@@ -154,7 +153,7 @@ class Effects:
 
     @cached_property
     def steps(self) -> dict[str, float]:
-        """Key → one more percent of its value; of one that is zero, a percent of its range, or 1."""
+        """Key → step: a percent of the value; of a zero value, a percent of its largest bound, or 1."""
         import numpy as np
 
         from dualwinch.simulation.batch.sensitivities import described
@@ -166,15 +165,15 @@ class Effects:
         return steps
 
     def by_step(self, slopes: Iterable[float]) -> dict[str, float]:
-        """Key → change by its step, to first order, of what has these slopes."""
+        """Key → first-order change by its step, from the derivatives (parameters,)."""
         return {key: float(slope) * self.steps[key] for key, slope in zip(self.values, slopes, strict=True)}
 
     def asked(self, key: str) -> tuple[str, str]:
-        """A key, and its step in words, e.g. ``+100 kg``."""
+        """A key and its step in words, e.g. ``+100 kg``."""
         return key, _cell(self.steps[key], self.units[key], sign="+")
 
     def largest(self, column: str) -> list[tuple[str, float, float]]:
-        """Of every key, the derivative of a column that is largest, and its time in s; NaN where there is none."""
+        """The largest derivative of a column by each key, with its time in s; NaN if there is none."""
         import numpy as np
 
         slopes = self.found.column_slopes[column][0, 0]
@@ -184,7 +183,7 @@ class Effects:
         return list(zip(self.values, found.tolist(), times.tolist(), strict=True))
 
     def changes(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Column → key with its step → change of the column over the time (samples,)."""
+        """Column → key with its step → first-order change of the column over time (samples,)."""
         import numpy as np
 
         labels, steps = [" ".join(self.asked(key)) for key in self.values], np.array(list(self.steps.values()))
@@ -195,7 +194,7 @@ class Effects:
 
 
 def content_of(effects: Effects) -> FileContent:
-    """What a file holds: time, columns, and the derivatives of each, ``COLUMN by KEY``."""
+    """Content of the data file: time, columns, and their derivatives, ``COLUMN by KEY``."""
     import numpy as np
 
     from dualwinch.model.quantities.quantity import Quantity
@@ -215,7 +214,7 @@ def content_of(effects: Effects) -> FileContent:
 
 
 def to_record(effects: Effects) -> dict[str, Any]:
-    """Outcome, numbers, figures of merit with their gradients, and the largest slopes of columns."""
+    """Outcome, parameters, figures of merit with gradients, and largest slopes of columns, as plain data."""
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     found, merits = effects.found, metric_quantities(effects.experiment.metrics)
@@ -249,7 +248,7 @@ def to_record(effects: Effects) -> dict[str, Any]:
 
 
 def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
-    """Print how figures of merit change, and how far columns do at most."""
+    """Print derivatives and changes of figures of merit, and the largest ones of columns."""
     from dualwinch.model.quantities.tables import readable
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
@@ -288,7 +287,7 @@ def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
 
 
 def per(unit: str, other: str) -> str:
-    """The unit of a derivative."""
+    """The unit of a derivative, `unit` over `other`."""
     if other == "1":
         return unit
     return f"{unit}/({other})" if any(sign in other for sign in " /") else f"{unit}/{other}"

@@ -1,4 +1,4 @@
-"""The command ``show``: the lab's page with a run of one's own."""
+"""The command ``show``: the lab's page with the user's own run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -27,7 +27,7 @@ def show(
     out: Annotated[Path | None, Parameter(help="The page (.html; default: beside the run).")] = None,
     browser: Annotated[bool, Parameter(help="Open the page in a browser.")] = False,
 ) -> None:
-    """Write the lab's page with a run of your own in it, as run A to compare with."""
+    """Write the lab's page with a run of your own, as run A to compare with."""
     from dualwinch.lab.assemble import own_run
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import load_result

@@ -1,6 +1,6 @@
-"""The command ``stress``: robustness margins of gains, as a table, as JSON, as a figure and in the report of a study.
+"""The command ``stress``: robustness margins of gains, as table, JSON and figure, and in the report of a study.
 
-The module does not bear the command's name: that is the function ``dualwinch.stress``, which does the work.
+The computation itself is the function ``dualwinch.stress``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ app = App(
 
 
 STRESS = "stress"
-"""The function with the defaults of the options."""
+"""Public function whose defaults the options have."""
 
 
 @app.default
@@ -70,9 +70,9 @@ def stress(
     constraint: Annotated[
         list[str] | None,
         Parameter(
-            help="Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (what the paper's gains "
-            "reach in the base); may be repeated; none: only that runs are completed. Default: those of the study "
-            "beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.",
+            help="Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (a multiple of the value of the "
+            "paper's gains in the base); may be repeated; none: only that runs are completed. Default: those of the "
+            "study beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.",
             negative="",
         ),
     ] = None,
@@ -85,16 +85,16 @@ def stress(
     seed: Annotated[int | None, WHOLE, default_of(STRESS, "seed"), Parameter(help="Seed of the draws.")] = None,
     out: Annotated[
         Path | None,
-        Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there shows them."),
+        Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them."),
     ] = None,
     where: KeepingWorkerOptions = KEEPING_WORKERS,
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
 
-    Everything that the ensemble draws or sets and the base does not is an imperfection. Each is scaled, alone and with
-    all others, from a thousandth of its size in the ensemble to a hundred times it, until the worst scenario breaks a
-    constraint.
+    Everything that the ensemble draws or sets and the base does not is an imperfection. Each is scaled, alone and
+    together with all others, from a thousandth to a hundred times its size in the ensemble, until the worst scenario
+    violates a constraint.
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, load_ensemble
     from dualwinch.config.folders import made_folder
@@ -140,11 +140,11 @@ def stress(
 
 
 STUDY = "study.json"
-"""File of a study, beside its best gains, that notes their constraints."""
+"""File of a study, beside its best gains, with their constraints."""
 
 
 def noted_constraints(file: Path, experiment: Experiment) -> list[str]:
-    """Constraints of the study that lies beside a file, if the file has the gains that were found in it."""
+    """Constraints of the study beside a file, if the file has the study's best gains."""
     from dualwinch.model.quantities.tree import leaves
 
     try:
@@ -157,7 +157,7 @@ def noted_constraints(file: Path, experiment: Experiment) -> list[str]:
 
 
 def write_stress(out: Path, found: RobustnessResult) -> list[str]:
-    """Write ``stress.json`` and ``stress.svg``; a report of a study that lies there shows them from now on.
+    """Write ``stress.json`` and ``stress.svg``, and add them to a study's report in the folder.
 
     Returns:
         Names of the files that were written.

@@ -1,6 +1,6 @@
-"""The command ``sweep``: an experiment over values of one or two keys, its tables, its data and its figure.
+"""The command ``sweep``: an experiment over values of one or two keys, as tables, data and a figure.
 
-The module does not bear the command's name: that is the function ``dualwinch.sweep``, which does the work.
+The computation itself is the function ``dualwinch.sweep``.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def sweep(
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.
 
-    Any key of `dualwinch config` can be varied, including those that choose parts or shape the compiled code. The
+    Any key of `dualwinch config` can be varied, including those that choose parts or change the compiled code. The
     figure is a line over one key, a heat map over two.
     """
     from dualwinch.simulation.results.file_formats import FORMATS, MIXED
@@ -94,7 +94,7 @@ def sweep(
 
 
 def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:
-    """The names of figures of merit that ``--metric`` gives.
+    """Check the names of figures of merit that ``--metric`` gives, and return them.
 
     Raises:
         ConfigurationError: an unknown name.
@@ -111,18 +111,18 @@ def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:
 
 
 MOST_KEYS = 2
-"""Keys that a table or a figure can show."""
+"""Most keys that a table or a figure can show."""
 
 
 def axes_from(texts: Sequence[str]) -> dict[str, list[Any]]:
-    """Key → values of some texts.
+    """Parse the axes of a sweep: key → values.
 
     Args:
         texts: each ``key=value,value``, ``key=first:last:step``, ``key=first:last:count:log`` or, as in TOML,
             ``key=[value, value]``.
 
     Raises:
-        ConfigurationError: none, more than two, one key twice, or a text that is none of these.
+        ConfigurationError: no axis, more than two, one key twice, or a text of another form.
     """
     from dualwinch.model.errors import ConfigurationError
 
@@ -159,7 +159,7 @@ def _values(key: str, text: str) -> list[Any]:
 
 
 def content_of(found: Sweep) -> FileContent:
-    """What a file holds: a row for each run, with the values of the keys, outcome, end and figures of merit."""
+    """Content of the data file: a row per run, with the values of the keys, outcome, end and figures of merit."""
     from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.results.file_formats import FileContent
@@ -178,7 +178,7 @@ def content_of(found: Sweep) -> FileContent:
 
 
 def _column(values: Sequence[Any]) -> np.ndarray:
-    """Values as a column; of any but numbers their texts, lists without a comma, which CSV cannot hold."""
+    """Values as a column; other values than numbers as text, without commas for CSV."""
     import numpy as np
 
     if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
@@ -195,7 +195,7 @@ def to_record(found: Sweep) -> dict[str, Any]:
 
 
 def print_sweep(found: Sweep, metrics: Sequence[str]) -> None:
-    """Print figures of merit over one key, or each of them over two."""
+    """Print one table of figures of merit over one key, or one for each over two keys."""
     console = terminal()
     if len(found.keys) == 1:
         columns = [FigureColumn(found.keys[0], "", _named(found.keys[0], found.quantities[found.keys[0]]))]
@@ -218,13 +218,13 @@ def print_sweep(found: Sweep, metrics: Sequence[str]) -> None:
 
 
 def _cell(found: Sweep, metric: str, index: tuple[int, ...]) -> float | str:
-    """A figure of merit, or how the run ended."""
+    """A figure of merit, or the outcome of a run that was not completed."""
     outcome = str(found.outcomes[index])
     return float(found.metrics[metric][index]) if outcome == "completed" else outcome.replace("_", " ")
 
 
 def shown(value: Any) -> str:
-    """A value of a key."""
+    """A value of a key as text, as in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""``dualwinch tune``: words into a tuning problem and its budget, a study into files and a few printed lines."""
+"""The command ``tune``: a study from options, its result as files and a few printed lines."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from dualwinch.tuning.storage.parts import PartRecord
 
 METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
-"""Names of `tuning.optimisers.METHODS`, which help does not load."""
+"""Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
 
 app = App(
     name="tune",
@@ -61,7 +61,7 @@ app = App(
 
 
 def usual_methods(_: object) -> str:
-    """The methods of one objective and of several where none is given."""
+    """The default methods for one and for several objectives, for help."""
     from dualwinch.tuning.selection_config import default_method
 
     return f"{default_method(1)}; of several objectives {default_method(2)}"
@@ -70,7 +70,7 @@ def usual_methods(_: object) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """How to search, and where the study is kept."""
+    """Options of a study: method, budget and storage."""
 
     method: Annotated[
         str | None,
@@ -88,10 +88,10 @@ class StudyOptions:
         Parameter(help="Trials of the search."),
     ] = None
     time: Annotated[
-        str | None, Parameter(help="Time of the search, e.g. 60s, 5min; all ends within 1.3 times that and 10 s.")
+        str | None, Parameter(help="Time of the search, e.g. 60s, 5min; the command ends within 1.3 times that + 10 s.")
     ] = None
     rollouts: Annotated[
-        int | None, WHOLE, Parameter(help="Rollouts of the search, so that slow laws are tried as often as fast ones.")
+        int | None, WHOLE, Parameter(help="Rollouts of the search: the same budget for slow laws and fast ones.")
     ] = None
     storage: Annotated[
         str | None,
@@ -104,7 +104,7 @@ class StudyOptions:
     shared: Annotated[
         bool,
         Parameter(
-            help="Let processes on other machines join a study in a journal file in a folder that they share "
+            help="Let processes on other machines join a study whose journal file is in a shared folder "
             "(`dualwinch worker`).",
             negative="",
         ),
@@ -113,7 +113,8 @@ class StudyOptions:
     out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results")
     where: WorkerOptions = WORKERS
     stress: Annotated[
-        bool, Parameter(help="Afterwards find what breaks the best first (`dualwinch stress`), for the report.")
+        bool,
+        Parameter(help="Afterwards find which imperfection breaks the best gains first (`dualwinch stress`)."),
     ] = False
 
     @property
@@ -128,11 +129,11 @@ class StudyOptions:
 
 
 STUDY = StudyOptions()
-"""Where no option is given."""
+"""Defaults: no option given."""
 
 
 SELECTION = "tuning.selection_config:SelectionConfig"
-"""Where the defaults of the chance constraint stand."""
+"""Class with the defaults of the chance constraint."""
 
 
 @app.default
@@ -151,7 +152,7 @@ def tune(
     space: Annotated[
         list[str] | None,
         Parameter(
-            help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` if not its own; "
+            help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` to replace its own; "
             "controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. "
             "May be repeated. Default: all gains in use.",
             negative="",
@@ -167,7 +168,7 @@ def tune(
         list[str] | None,
         Parameter(
             help="e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%, "
-            "worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Beside the default ones: no slack, "
+            "worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Added to the defaults: no slack, "
             "no peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.",
             negative="",
         ),
@@ -180,7 +181,7 @@ def tune(
     confidence: Annotated[
         str | None,
         default_of(SELECTION, "confidence", "{:.0%}"),
-        Parameter(help="Confidence with which fresh draws support that, e.g. 99%."),
+        Parameter(help="Confidence with which fresh draws must support that, e.g. 99%."),
     ] = None,
     seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
     options: StudyOptions = STUDY,
@@ -188,8 +189,8 @@ def tune(
     """Search for better gains, and score the best in a test set.
 
     The first trials are the paper's gains and the experiment's own. All candidates run in the same scenarios; Ctrl-C
-    ends the search and keeps the best so far. The result is never worse than the start: if nothing is better, the start
-    is kept and remedies are listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
+    ends the search and keeps the best so far. If nothing is better than the start, the start is kept and remedies are
+    listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
     """
     with ProgressLine("reading the problem", command="tune") as line:
         check_options(options)
@@ -219,7 +220,7 @@ def tune(
 
 
 def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
-    """The command that judges the best gains on the machine that they were tuned for."""
+    """The command that evaluates the best gains on the machine they were tuned for."""
     if ensemble is None:
         return f"dualwinch simulate {ExperimentOptions(config=best, plugin=given.plugin).typed}"
     own = best if given.config or given.case or given.assignments else None
@@ -228,23 +229,23 @@ def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str
 
 
 REPORT_SECONDS = 5.0
-"""Time in s that the files take, report and figures among them, and the program to start."""
+"""Time in s reserved for starting the program and writing files, report and figures."""
 
 LEAST_SECONDS = 0.05
-"""A shorter time in s is not said of what a study took."""
+"""Shorter times in s are not printed among the cost of a study."""
 
 PREPARING_SECONDS = 600.0
-"""Time in s after which workers give a study up whose first process has not begun to search."""
+"""Time in s after which workers give up a study whose first process has not begun to search."""
 
 STORAGE_VARIABLE = "DUALWINCH_STORAGE"
-"""Environment variable with the URL of a storage, so that a password need not stand on a command line."""
+"""Environment variable with the URL of a storage, which keeps a password off the command line."""
 
 
 def recall_parts(options: StudyOptions) -> None:
-    """Have the parts registered that the study to go on with was begun with.
+    """With ``--resume``, register the parts that the study was begun with.
 
     Raises:
-        ConfigurationError: there is no such study; a part is not there, or another one than it was.
+        ConfigurationError: no such study, or a part that is missing or has changed.
         DualwinchError: the storage cannot be used.
     """
     from dualwinch.model.errors import ConfigurationError
@@ -265,13 +266,13 @@ def recall_parts(options: StudyOptions) -> None:
 def run_study(
     problem: TuningProblem, options: StudyOptions, line: ProgressLine, plugins: list[str] | None = None
 ) -> TuningResult:
-    """Search, choose, score, write and print. What can be wrong with words and files is found before the search.
+    """Check options and files, then search, select, score, write and print.
 
     Args:
-        problem: what is tuned.
-        options: how, and where the study is kept.
-        line: shows how far it is.
-        plugins: files with parts of one's own, which commands about the best gains need, too.
+        problem: space, scenarios, objectives and constraints.
+        options: method, budget and storage.
+        line: shows the progress.
+        plugins: files with the user's own parts, for printed commands about the best gains.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
@@ -365,7 +366,7 @@ def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
 
 
 def compared(tuned: TuningResult) -> dict[str, Any]:
-    """The best beside the paper's gains and the start, as it is printed; pure numbers."""
+    """Printed comparisons of the best with the paper's gains and the start; pure numbers."""
     from dualwinch.simulation.results.file_formats import plain
 
     verdict, names = tuned.verdict, list(tuned.verdict.scored.statistics)
@@ -388,7 +389,7 @@ def compared(tuned: TuningResult) -> dict[str, Any]:
 
 
 def check_options(options: StudyOptions) -> None:
-    """Raise `ConfigurationError` where options alone are wrong, before anything is read."""
+    """Raise `ConfigurationError` for options that are wrong whatever the problem, before anything is read."""
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.tuning.storage.connection import check_storage, is_database
 
@@ -418,10 +419,15 @@ def _check_sources(parts: Sequence[PartRecord]) -> None:
 
 
 def forecast(search: float, whole: float) -> str:
-    """How long a study takes whose search may take so many seconds."""
+    """Announce the duration of a study.
+
+    Args:
+        search: longest time of the search in s.
+        whole: of all phases in s.
+    """
     return (
         f"ends within {whole:.0f} s: up to {search:g} s of search, the rest for preparing, choosing, scoring and the "
-        "report; what has to be compiled comes on top"
+        "report; compiling adds to that"
     )
 
 
@@ -444,7 +450,7 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
 
 @contextmanager
 def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
-    """Further processes on this machine that work on the study, ended at the end."""
+    """Start further processes on this machine that work on the study, and end them afterwards."""
     words = [sys.executable, "-m", "dualwinch", "worker", "--study", options.study]
     environment = os.environ | {STORAGE_VARIABLE: storage}
     started = [
@@ -462,7 +468,12 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
 
 
 def print_study(tuned: TuningResult, typed: str) -> None:
-    """Print what was found, what it is worth, what would help and what it took; `typed` chooses the best gains."""
+    """Print result, scores, advice and cost of a study.
+
+    Args:
+        tuned: the result.
+        typed: options that choose the best gains, for commands in remarks.
+    """
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import in_full
     from dualwinch.tuning.result import (
@@ -512,7 +523,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     say(
         f"{rollouts}; {cost.preparing:.1f} s preparing, {cost.searching:.1f} s searching "
         f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
-        f"{f'; of all that {among}' if among else ''}"
+        f"{f'; of that, {among}' if among else ''}"
     )
 
 

@@ -11,9 +11,9 @@ from dualwinch.codegen.text import without_secrets
 
 
 def unforeseen(error: Exception, *, printed: bool) -> str:
-    """What to say of a failure. Its traceback is printed, or written to a new file that only its owner can read.
+    """Print a failure's traceback, or write it to a new file that only its owner can read; return the message.
 
-    Neither holds the words of the command line, for passwords may be among them.
+    Neither contains the command line, which may hold passwords.
     """
     where = f"dualwinch {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
     text = without_secrets(where + "".join(traceback.format_exception(error)))
@@ -26,5 +26,5 @@ def unforeseen(error: Exception, *, printed: bool) -> str:
         with os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(text)
     except OSError:
-        return f"{what}; a fault of dualwinch, please report it with what --traceback prints"
+        return f"{what}; a fault of dualwinch, please report it with the output of --traceback"
     return f"{what}; a fault of dualwinch, please report it with {path} to your supplier of dualwinch"

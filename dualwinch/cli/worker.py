@@ -1,4 +1,4 @@
-"""``dualwinch worker``: join a study in a database or a shared file, and evaluate candidates until it is over."""
+"""The command ``worker``: join a study in a database or a shared file, and evaluate candidates until it is over."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def worker(
 ) -> None:
     """Join a study that `dualwinch tune` has started in a database or a shared file, and work on it until it ends.
 
-    Your own parts are imported from where they were when the study was started. On another machine, or if they have
-    moved, --plugin says where they are; they must be unchanged.
+    Your own parts are imported from their place when the study was started. On another machine, or if they have moved,
+    give their place with --plugin; they must be unchanged.
     """
     with ProgressLine("joining the study", command="worker") as line:
         from dualwinch.model.errors import ConfigurationError

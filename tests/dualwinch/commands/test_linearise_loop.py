@@ -84,7 +84,7 @@ def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     table = said.partition("\nmodes")[2].partition("\nparticipation")[0]
     assert table.count("unstable") == sum(unstable)
     # what a filter learns has some hundred modes, in the file; of them one line is printed
-    assert "modes of what the estimator learns, decaying within" in said
+    assert "modes of states that the estimator learns, decaying within" in said
     assert any("information" in row["mode"] for row in rows)
     assert "information" not in table
     names = [row["mode"] for row in rows]
@@ -126,7 +126,7 @@ def test_what_a_filter_learns_of_the_ropes_is_one_line(tmp_path: Path, capsys: p
     out = tmp_path / "loop.json"
     main(["linearise", "--loop", "closed", "--estimator", "calibrating-kalman", "--out", str(out)])
     said = capsys.readouterr().out
-    assert "and 2 modes of what the estimator learns, decaying within 60.2 s" in said
+    assert "and 2 modes of states that the estimator learns, decaying within 60.2 s" in said
     assert "excess" not in said
     learnt = [row for row in json.loads(out.read_text())["figures"]["modes"]["rows"] if "excess" in row["mode"]]
     assert [row["time_constant"] for row in learnt] == pytest.approx([60.2, 60.2], rel=1e-3)

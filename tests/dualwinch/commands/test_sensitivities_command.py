@@ -78,7 +78,9 @@ def test_keys_by_patterns_and_by_their_old_names() -> None:
     assert {MASS, BIAS, "nominal.vehicle.mass", "controller.observer.l0"} <= everything.keys()
     nothing_to_scale = {"sensors.position_noise", "disturbance.current_sigma", "disturbance.force.scale"}
     assert everything.keys().isdisjoint({*nothing_to_scale, "simulation.sample_time", "controller.nftsm.p"})
-    with pytest.raises(ConfigurationError, match=r"plant\.x\*: no number that runs can be differentiated by"):
+    with pytest.raises(
+        ConfigurationError, match=r"plant\.x\*: matches no parameter that runs can be differentiated by"
+    ):
         values_of(["plant.x*"], experiment)
 
 
