@@ -1,4 +1,4 @@
-"""``dualwinch export``: controller, plant and closed loop as files for other people's tools."""
+"""Export of controller, plant and closed loop as files for other tools."""
 
 import hashlib
 import os
@@ -42,7 +42,7 @@ from dualwinch.simulation.server.registers import udp_client
 
 
 def provenance(experiment: Experiment) -> Provenance:
-    """Where an export of an experiment comes from; the date is that of ``SOURCE_DATE_EPOCH`` where it is set."""
+    """Version, configuration digest and date of an export; the date is ``SOURCE_DATE_EPOCH``'s if that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     now = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)
     digest = hashlib.sha256(to_toml(experiment).encode()).hexdigest()[:16]
@@ -50,16 +50,16 @@ def provenance(experiment: Experiment) -> Provenance:
 
 
 def symbol(made: Block) -> str:
-    """What every C symbol of a block begins with."""
+    """Prefix of every C symbol of a block."""
     return f"dualwinch_{made.name}"
 
 
 def write(files: Mapping[str, str | bytes], folder: str | PathLike[str]) -> list[Path]:
-    """Write files to a folder, made where there is none; their paths.
+    """Write files to a folder, made if missing, and return their paths.
 
     Raises:
-        ConfigurationError: the folder cannot be made or written to, or has a folder where a file is to be; nothing is
-            written.
+        ConfigurationError: the folder cannot be made or written to, or has a folder with the name of a file; nothing
+            is written.
     """
     folder = path_of("folder", folder)
     make_folder(folder)
@@ -84,24 +84,24 @@ def export_c(
 
     Args:
         experiment: structure and values.
-        out: folder, made where there is none.
+        out: folder, made if missing.
         what: ``controller``, ``plant`` or ``closed-loop``.
         precision: ``double`` or ``float``, of every number.
         freeze: write the parameters as constants instead of an argument.
-        udp: of a controller, write a program as well that connects it to ``dualwinch serve``: ``udp.c``.
+        udp: for a controller, also write a program that connects it to ``dualwinch serve``: ``udp.c``.
 
     Returns:
         The files.
 
     Raises:
-        ConfigurationError: an unknown block, one that is no controller, or a folder that cannot be written to.
+        ConfigurationError: an unknown block, `udp` without a controller, or a folder that cannot be written to.
         CodegenError: a controller with inputs that a served plant does not send.
     """
     made, origin = block(what, experiment), provenance(experiment)
     files = c_package(made, symbol(made), origin, precision, freeze=freeze)
     if udp:
         if what != "controller":
-            raise ConfigurationError(f"udp: must be off for the {what}; a controller is what can be connected")
+            raise ConfigurationError(f"udp: must be off for the {what}; only a controller can be connected")
         files["udp.c"] = udp_client(frozen(made) if freeze else made, symbol(made), origin)
     return write(files, out)
 
@@ -119,11 +119,11 @@ def export_st(
 
     Args:
         experiment: structure and values.
-        out: folder, made where there is none.
+        out: folder, made if missing.
         what: ``controller``, ``plant`` or ``closed-loop``.
         precision: ``double`` (LREAL) or ``float`` (REAL), of every number.
         flavour: ``iec``, ``codesys``, ``twincat`` or ``siemens-scl``.
-        most_operations: how many operations a call may have.
+        most_operations: largest number of operations of a call.
 
     Returns:
         The files.
@@ -146,19 +146,19 @@ def generate_c(
     main: bool = False,
     mex: bool = False,
 ) -> list[Path]:
-    """Generate C by CasADi's own code generator, ready for ``casadi.external``.
+    """Generate C with CasADi's own code generator, ready for ``casadi.external``.
 
-    Of an experiment: ``dualwinch.c`` with ``controller_step``, ``plant_step``, ``closed_loop_step``, each block's
+    For an experiment: ``dualwinch.c`` with ``controller_step``, ``plant_step``, ``closed_loop_step``, each block's
     ``initial`` and, where it has them, ``output`` and ``derivative``, and ``variables.json``, which names the elements
-    of every vector. Of a function ``f``: ``f.c``.
+    of every vector. For a function ``f``: ``f.c``.
 
     Args:
         what: an experiment, or any CasADi function.
-        folder: for the files; made where there is none.
-        blocks: of an experiment, the parts.
+        folder: for the files; made if missing.
+        blocks: parts of an experiment.
         header: CasADi's option: a header file, too.
-        main: likewise: a ``main`` that reads arguments from a file.
-        mex: likewise: a gateway for MATLAB and Octave.
+        main: CasADi's option: a ``main`` that reads arguments from a file.
+        mex: CasADi's option: a gateway for MATLAB and Octave.
 
     Returns:
         The files.
@@ -181,7 +181,7 @@ def export_casadi(experiment: Experiment, out: str | PathLike[str]) -> list[Path
 
     Args:
         experiment: structure and values.
-        out: folder, made where there is none.
+        out: folder, made if missing.
 
     Returns:
         The files.
@@ -194,7 +194,7 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
 
     Args:
         experiment: structure and values; its reference is that of the closed loop.
-        out: folder, made where there is none.
+        out: folder, made if missing.
 
     Returns:
         The files.
@@ -205,11 +205,11 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
 
 
 SAMPLE_TIME = "simulation.sample_time"
-"""A constant of every FMU: FMI has no way to change it."""
+"""A constant in every FMU, as FMI has no way to change it."""
 
 
 def platforms_of(text: str | None) -> tuple[Platform, ...]:
-    """The platforms of a list with commas; default: this machine's own.
+    """Parse a list of platforms, separated by commas; None: this machine's own.
 
     Raises:
         ConfigurationError: an unknown platform.
@@ -237,19 +237,19 @@ def export_fmu(
     platforms: str | None = None,
     progress: PhaseProgress = no_progress,
 ) -> str:
-    """Write an FMU. Everything that can be wrong with the request is found before anything is compiled.
+    """Write an FMU; the request is checked before anything is compiled.
 
     Args:
         experiment: structure and values.
         out: the file, ``.fmu``.
         what: ``controller``, ``plant`` or ``closed-loop``.
         fmi: version, 2 or 3.
-        kind: which interfaces; default: all there can be.
-        platforms: names with commas, or ``all``; default: this machine's.
-        progress: receives the fraction of the platforms that are done, and what is being compiled.
+        kind: interfaces; default: all that the block can have.
+        platforms: names separated by commas, or ``all``; default: this machine's.
+        progress: receives the fraction of finished platforms, and the platform being compiled.
 
     Returns:
-        What was written, in words.
+        A summary of the file in words.
 
     Raises:
         ConfigurationError: an unknown block or platform, an interface that the block cannot have, or a file that

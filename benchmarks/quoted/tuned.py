@@ -114,11 +114,11 @@ def tuning() -> str:
     slack = {name: int(np.sum(each["slack_share"] > 0)) for name, each in metrics.items()}
     load = np.nanmean(metrics["tuned"]["continuous_load"]) / np.nanmean(metrics["paper"]["continuous_load"])
     return f"""\
-- **What tuning gains.** [`site`](docs/site.md) is an ensemble of machines as they are built: ropes that weigh something
-  and sag, heavy winches whose gearboxes give, inexact drums, sensors and drives. The paper's gains are lost there; with
-  damping of the drums they come to a root mean square error of {sqrt(drawn.paper):.1f} mm, and a rope goes slack on
+- **What tuning gains.** [`site`](docs/site.md) is an ensemble of realistic machines: ropes with mass and sag, heavy winches
+  with elastic gearboxes, inexact drums, sensors and drives. The paper's gains are lost there; with
+  damping of the drums they leave a root mean square error of {sqrt(drawn.paper):.1f} mm, and a rope goes slack on
   {slack["paper"]} of {SCENARIOS} machines. Gains that `dualwinch tune` finds in a minute
-  take that to {sqrt(drawn.tuned):.2f} mm and
+  reduce that to {sqrt(drawn.tuned):.2f} mm and
   {slack["tuned"]} slack ropes, for {load:.2f} times the motors' load; if the position sensor never falls silent, from
   {sqrt(without.paper):.1f} to {sqrt(without.tuned):.2f} mm. That is in simulation, on machines the search never saw,
   where the motors can deliver the force the reference needs; a second simulation, written by hand around the exported

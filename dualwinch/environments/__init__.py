@@ -1,7 +1,6 @@
-"""Environments of Gymnasium: steppers for reinforcement learning. Needs the extra ``gymnasium``.
+"""Gymnasium environments for reinforcement learning. Needs the extra ``gymnasium``.
 
-Its import gives them their names in Gymnasium; ``gymnasium.make("dualwinch.environments:dualwinch/Case4-v0")`` imports
-it by itself.
+Importing this package registers them; ``gymnasium.make("dualwinch.environments:dualwinch/Case4-v0")`` imports it.
 """
 
 from dualwinch.environments.registration import register

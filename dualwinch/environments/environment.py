@@ -1,4 +1,4 @@
-"""A vehicle between two winches as an environment, or many side by side: a step of all is one call of compiled code."""
+"""Gymnasium environments of one run, or of many side by side, which one call of compiled code steps together."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -21,15 +21,15 @@ from dualwinch.simulation.stepper.stepper import SENSED
 Flags = NDArray[np.bool_]
 
 HOLD = 20
-"""Samples that an action is held: 50 actions a second at 1 kHz."""
+"""Samples for which an action is held: 50 actions a second at 1 kHz."""
 
 
 class Environment(gymnasium.Env[Floats, Any]):
-    """A single run after the other; see `VectorEnvironment` for its arguments.
+    """A Gymnasium environment of single runs; for its arguments see `VectorEnvironment`.
 
-    ``reset(seed=s)`` begins scenario 0 of the seed s, each further ``reset()`` the next one. An episode is terminated
-    where the vehicle left the track or the run diverged, truncated at the run's end; then ``info`` holds ``outcome``
-    and, of a completed run, its mean square error over all samples, ``mse`` in m².
+    ``reset(seed=s)`` begins scenario 0 of seed s, each further ``reset()`` the next one. An episode is terminated if
+    the vehicle leaves the track or the run diverges, and truncated at the run's end; then ``info`` holds ``outcome``
+    and, for a completed run, its mean square error over all samples, ``mse`` in m².
 
     Attributes:
         observed: names of the elements of an observation.
@@ -75,7 +75,7 @@ class Environment(gymnasium.Env[Floats, Any]):
         return deepcopy(self)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin the next episode, of a seed the first; there are no options."""
+        """Begin the next episode, or the first one of a given seed; there are no options."""
         super().reset(seed=seed, options=options)
         self._episode += 1
         if seed is not None:
@@ -86,7 +86,7 @@ class Environment(gymnasium.Env[Floats, Any]):
         return self._task.observation[0], {}
 
     def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Hold an action; an action beyond the space is limited to it."""
+        """Apply an action for `hold` samples; an action beyond the space is limited to it."""
         rewards, lost, ended = self._task.step(self._task.commands(action))
         terminated, truncated = bool(lost[0]), bool(ended[0])
         info = self._task.infos([0])[0] if terminated or truncated else {}
@@ -94,12 +94,12 @@ class Environment(gymnasium.Env[Floats, Any]):
 
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
-    """Lanes of a stepper as a vector environment; each is what `Environment` is.
+    """A Gymnasium vector environment; each lane is an `Environment`, all are stepped together.
 
-    A lane whose episode has ended begins the next one with the next step: its action is not looked at, its reward is 0.
-    With ``autoreset_mode="SameStep"`` it does so at once: the observation is the next episode's first, the last one is
-    ``final_obs`` of the infos, beside ``final_info``. ``reset(seed=s)`` gives lane k the seed s + k, as Gymnasium's own
-    vector environments do; a list gives each lane its own.
+    A lane whose episode has ended begins the next one with the next step, which ignores its action and has reward 0.
+    With ``autoreset_mode="SameStep"`` it begins at once: the observation is the next episode's first, and the infos
+    hold the last one as ``final_obs``, beside ``final_info``. ``reset(seed=s)`` gives lane k the seed s + k, as
+    Gymnasium's own vector environments do; a list gives each lane its own.
 
     Attributes:
         observed: names of the elements of an observation.
@@ -128,15 +128,15 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
 
         Args:
             num_envs: number of lanes.
-            experiment: what is run: an experiment; an ensemble, of which each episode is a scenario; ``case-1`` to
-                ``case-4``; or the name of an ensemble, such as ``sea``, or its file.
-            command: ``force``: what the ropes are to give together, in N; ``torques``: of both motors, in N m.
-            hold: samples that an action is held.
-            normalised: actions are vectors of numbers between −1 and 1, the limits of the command. Else a force is a
-                number in N, torques are a dictionary of ``tau_1`` and ``tau_2`` in N m.
+            experiment: an experiment; an ensemble, with a scenario per episode; ``case-1`` to ``case-4``; or the name
+                of an ensemble, such as ``sea``, or its file.
+            command: ``force``: net force of the ropes in N; ``torques``: of both motors in N m.
+            hold: samples for which an action is held.
+            normalised: actions are vectors of numbers between −1 and 1, the limits of the command. Otherwise a force
+                is a number in N, torques are a dictionary of ``tau_1`` and ``tau_2`` in N m.
             reward: its weights (`environments.task.Reward`).
             exact: with the operations of `simulate`, at a quarter of the speed; see `Stepper`.
-            render_mode: there is none; results have figures.
+            render_mode: must be None; results have figures.
             autoreset_mode: when a lane begins its next episode, ``NextStep`` or ``SameStep``.
 
         Raises:
@@ -146,8 +146,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         given = str(getattr(autoreset_mode, "value", autoreset_mode))
         if given not in allowed:
             raise ConfigurationError(
-                f'autoreset_mode = "{given}": must be "NextStep" or "SameStep"; for others make environments one by '
-                'one: gymnasium.make_vec(..., vectorization_mode="sync")'
+                f'autoreset_mode = "{given}": must be "NextStep" or "SameStep"; for others make separate '
+                'environments: gymnasium.make_vec(..., vectorization_mode="sync")'
             )
         self._same_step = allowed[given] == AutoresetMode.SAME_STEP
         vars(self)["metadata"] = self.metadata | {"autoreset_mode": allowed[given]}
@@ -176,7 +176,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begin the next episode in every lane, of a lane that is given a seed its first; there are no options.
+        """Begin the next episode in every lane, or the first one of a given seed; there are no options.
 
         Raises:
             ConfigurationError: not as many seeds as lanes.
@@ -205,7 +205,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         return self._task.observation, {}
 
     def step(self, actions: Any) -> tuple[Floats, Floats, Flags, Flags, dict[str, Any]]:
-        """Hold an action in every lane; what is beyond the space is limited to it."""
+        """Apply an action in every lane for `hold` samples; actions beyond the space are limited to it."""
         stepper, infos = self._task.stepper, {}
         begin = np.flatnonzero(~stepper.running) if stepper.under_way < stepper.batch else np.zeros(0, np.int64)
         rewards, lost, ended = self._task.step(self._task.commands(actions))

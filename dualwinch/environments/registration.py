@@ -1,15 +1,15 @@
-"""Names by which Gymnasium makes the environments."""
+"""Registration of the environments with Gymnasium."""
 
 from dualwinch.model.errors import MissingExtraError
 
 ENVIRONMENT_NAMES = {f"dualwinch/Case{number}-v0": f"case-{number}" for number in (1, 2, 3, 4)} | {
     "dualwinch/Sea-v0": "sea"
 }
-"""Name in Gymnasium → what is run."""
+"""Name in Gymnasium → experiment or ensemble."""
 
 
 def register() -> None:
-    """Give the environments their names, once.
+    """Register the environments that are not yet registered.
 
     Raises:
         MissingExtraError: Gymnasium is not installed.

@@ -1,4 +1,4 @@
-"""A task for a policy: what it observes, what it commands, what a step is worth, in physical units."""
+"""Task of a policy: observations, commands and rewards, in physical units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -20,24 +20,24 @@ from dualwinch.simulation.stepper.stepper import SENSED, Observation, Stepper
 Floats = NDArray[np.float64]
 
 BEHIND = ("e", "F1", "F2", "tau_1", "tau_2")
-"""Columns that the reward takes, which a policy does not get."""
+"""Columns for the reward, which a policy does not observe."""
 
 FASTEST, STRONGEST, SPIN, TURNS, JOLT = 100.0, 1e7, 1e4, 1e5, 1e4
-"""Bounds of what is observed, far beyond what the plant does: m/s, N, rad/s, rad, m/s²."""
+"""Bounds of observations, far beyond the plant's range: m/s, N, rad/s, rad, m/s²."""
 
 
 @dataclass(frozen=True)
 class Reward:
-    """Minus the squared tracking error at a step's end in m², and minus what is weighted beside it.
+    """Minus the squared tracking error at a step's end in m², minus weighted penalties.
 
-    With the default weights the rewards of a run that is completed add up to minus its steps times its mean square
-    error at their ends.
+    With the default weights the rewards of a completed run add up to minus its steps times its mean square error at
+    their ends.
 
     Attributes:
         torque_change: weight of the squared change of both motor torques from step to step, in m²/(N m)².
-        slack: of each rope that is slack at a step's end, in m².
-        lost: error in m that counts in every step that is missing where the vehicle left the track, or the run
-            diverged; at least what the run could have brought, so that nobody leaves early to be spared the rest.
+        slack: penalty for each rope that is slack at a step's end, in m².
+        lost: error in m for every step that is missing after the vehicle left the track or the run diverged; large
+            enough that an early end never pays.
     """
 
     torque_change: float = 0.0
@@ -51,11 +51,11 @@ class Reward:
                 raise ConfigurationError(f"reward.{name} = {value}: must be a finite number >= 0")
 
     def of(self, now: Observation, before: Observation) -> Floats:
-        """The rewards (batch,) in m² of a step, where no run was lost.
+        """The rewards (batch,) in m² of a step, without `lost`.
 
         Args:
-            now: what is observed at its end: e, F1, F2, tau_1 and tau_2.
-            before: likewise, at its beginning.
+            now: observation at its end: e, F1, F2, tau_1 and tau_2.
+            before: observation at its beginning.
         """
         total = now["e"] ** 2
         if self.torque_change:
@@ -68,10 +68,10 @@ class Reward:
 
 
 def weighted(weights: Mapping[str, float]) -> Reward:
-    """A reward by the names of its weights.
+    """The reward with given weights, by name.
 
     Raises:
-        ConfigurationError: there is no such weight, or one is out of range.
+        ConfigurationError: an unknown weight, or one out of range.
     """
     if not isinstance(weights, Mapping):
         raise ConfigurationError(f"reward: must be a Reward, or weights by name, not {type(weights).__name__}")
@@ -83,12 +83,12 @@ def weighted(weights: Mapping[str, float]) -> Reward:
 
 
 class Task:
-    """Runs of an experiment or an ensemble as a policy has them, in so many lanes.
+    """Spaces, rewards and stepping of the environments, for runs of an experiment or ensemble in several lanes.
 
     Attributes:
-        stepper: what moves them on.
-        bounds: name → lowest and highest value of each element of an observation; what is beyond is limited.
-        limits: name → lowest and highest value of each number of a command; what is beyond is limited.
+        stepper: simulates the lanes.
+        bounds: name → lowest and highest value of each element of an observation, which is limited to them.
+        limits: name → lowest and highest value of each number of a command, which is limited to them.
         action_space, observation_space: of one lane. An action is a number in the command's unit, a dictionary of
             such, or, normalised, a vector of numbers between −1 and 1.
         units: name → unit of each element of an observation.
@@ -106,7 +106,7 @@ class Task:
         normalised: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        """Make the stepper; arguments as those of the environments.
+        """Make the stepper; arguments as in `VectorEnvironment`.
 
         Raises:
             ConfigurationError: an unknown experiment, or a number out of range.
@@ -146,10 +146,10 @@ class Task:
             (self.action_space,) = boxes.values()
 
     def commands(self, actions: Any) -> Floats:
-        """The commands (lanes, numbers) that actions of all lanes stand for.
+        """Convert the actions of all lanes into commands (lanes, numbers), in physical units.
 
         Raises:
-            ConfigurationError: they are none.
+            ConfigurationError: not one action per lane.
         """
         lanes = self.stepper.batch
         try:
@@ -161,20 +161,20 @@ class Task:
         return self._lower + (given + 1) / 2 * (self._upper - self._lower) if self._normalised else given
 
     def start(self, lanes: NDArray[np.int64], seeds: Sequence[int], episodes: Sequence[int]) -> None:
-        """Begin episodes: each lane runs the scenario of its episode's number, drawn by its seed."""
+        """Begin episodes: each lane runs the scenario with the number of its episode, drawn with its seed."""
         source = self.stepper.source.ensemble
         drawn = source.chosen(episodes, seeds) if source else [0] * len(episodes)
         self._last = self.stepper.reset(lanes=lanes, scenarios=drawn)
 
     def step(self, commands: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Move all lanes under way on.
+        """Step all running lanes.
 
         Args:
             commands: (lanes, numbers of a command), limited here.
 
         Returns:
-            Rewards, whether each lane was lost, whether each came to its end, all (lanes,); of a lane that was not
-            under way: 0, false, false.
+            Rewards, whether each lane was lost, whether each was completed, all (lanes,); 0, false and false for a
+            lane that was not running.
         """
         stepper, before, running = self.stepper, self._last, self.stepper.running
         limited = np.minimum(np.maximum(commands, self._lower), self._upper)
@@ -192,12 +192,12 @@ class Task:
 
     @property
     def observation(self) -> Floats:
-        """(lanes, elements) as they are, within their bounds."""
+        """The last observation (lanes, elements), within its bounds."""
         sensed = self._last.array[: len(SENSED)]
         return np.ascontiguousarray(np.minimum(np.maximum(sensed, self._low), self._high).T)
 
     def infos(self, lanes: Sequence[int]) -> list[dict[str, Any]]:
-        """What is known at the end of lanes' episodes: outcome and, where a run was completed, its MSE in m²."""
+        """Infos at the end of lanes' episodes: outcome and, for completed runs, the MSE in m²."""
         outcomes, errors = self.stepper.outcomes, self.stepper.metrics["mse"]
         found: list[dict[str, Any]] = [{"outcome": str(outcomes[lane])} for lane in lanes]
         return [
@@ -207,17 +207,17 @@ class Task:
 
 
 def named(name: str) -> Experiment | Ensemble:
-    """``case-1`` to ``case-4``, an ensemble by its name, or the file of one.
+    """The experiment ``case-1`` to ``case-4``, or an ensemble by its name or file.
 
     Raises:
-        ConfigurationError: there is no such case, ensemble or file.
+        ConfigurationError: no such case, ensemble or file.
     """
     cases = {f"case-{number}": number for number in CASES}
     return case(cases[name]) if name in cases else load_ensemble(name)
 
 
 def with_fresh_noise(given: Experiment | Ensemble) -> Experiment | Ensemble:
-    """An experiment with random signals as an ensemble that draws their seed, so that no two episodes are alike."""
+    """An ensemble that draws the seed of an experiment's random signals, if it has any, so that episodes differ."""
     if isinstance(given, Ensemble):
         return given
     sensors, sea = given.sensors, given.disturbance

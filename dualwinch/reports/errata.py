@@ -11,13 +11,13 @@ class Note:
     Attributes:
         id: E1 to E11 for errata, A1 to A15 for assumptions; code and configuration refer to it.
         kind: ``erratum`` (the paper prints something wrong) or ``assumption`` (it leaves something open).
-        subject: what it is about, in a few words.
-        paper: what the paper prints or leaves open, with its section.
-        here: what dualwinch does.
-        keys: configuration keys, or the tables of keys, that hold it.
-        modules: source files that hold it.
+        subject: in a few words.
+        paper: text or gap of the paper, with its section.
+        here: solution in dualwinch.
+        keys: configuration keys, or tables of keys, of that solution.
+        modules: source files of that solution.
         effect: in numbers, where it matters.
-        page: of the documents that has them.
+        page: page of the documents with these numbers.
     """
 
     id: str
@@ -45,8 +45,8 @@ NOTES = (
         "E2",
         "erratum",
         "sign of friction and drag",
-        "Friction μ F_N and drag ½ C_d ρ A ẋ² are printed without a sign (2.3), so that they would push a vehicle "
-        "that moves backwards. The A of the drag is the symbol of the rope's cross-section.",
+        "Friction μ F_N and drag ½ C_d ρ A ẋ² are printed without a sign (2.3), so that they would accelerate a "
+        "vehicle that moves backwards. The drag's A is also the symbol of the rope's cross-section.",
         "Both oppose the motion: friction follows tanh(v / friction_velocity), drag follows v |v|. The drag has an "
         "area of its own.",
         keys=("plant.vehicle.drag_area", "plant.vehicle.friction_velocity"),
@@ -56,7 +56,7 @@ NOTES = (
         "E3",
         "erratum",
         "drum radius lost",
-        "With the tensions put in, the winch equations (2.4) lose the drum radius: a force stands among torques.",
+        "When the tensions are inserted, the winch equations (2.4) lose the drum radius: a force is added to torques.",
         "The rope's torque on the drum is R F, as in the equation the paper starts from.",
         keys=("plant.winch_1.drum_radius", "plant.winch_2.drum_radius"),
         modules=("model/winch.py",),
@@ -65,9 +65,10 @@ NOTES = (
         "E4",
         "erratum",
         "phase of the vortices",
-        "The vortex force is a sine of 2π f t with the frequency f of this moment's speed (4.3). While the speed "
-        "changes, that is not the frequency the force has.",
-        "The paper's form is the default, so that results compare. With integrated_phase the frequency is integrated.",
+        "The vortex force is a sine of 2π f t with the frequency f of the present speed (4.3). While the speed "
+        "changes, the force's own frequency differs from f.",
+        "The paper's form is the default, so that results are comparable. With integrated_phase the frequency is "
+        "integrated.",
         keys=("disturbance.integrated_phase",),
         modules=("model/disturbance.py",),
     ),
@@ -77,7 +78,7 @@ NOTES = (
         "jump in the reference",
         "The constant-speed piece of the profile is printed as 1.8 t + 9 (4.1): the reference would jump by 25.2 m "
         "at 18 s, past the track's end, and back at 29 s.",
-        "The piece is 1.8 t − 16.2, the only constant that joins its neighbours.",
+        "The piece is 1.8 t − 16.2, the only constant for which the profile is continuous.",
         keys=("reference.kind",),
         modules=("model/reference.py",),
     ),
@@ -85,9 +86,9 @@ NOTES = (
         "E6",
         "erratum",
         "acceleration in the observer",
-        "The disturbance observer (3.1.3) takes in the acceleration error ė₂, which nothing measures.",
-        "The speed error's difference over a sample stands for it, and with it the acceleration the last command "
-        "asked for: the observer needs no acceleration sensor.",
+        "The disturbance observer (3.1.3) uses the acceleration error ė₂, which is not measured.",
+        "The difference of the speed error over a sample replaces it, together with the acceleration of the last "
+        "command: the observer needs no acceleration sensor.",
         modules=("controllers/laws/observer.py",),
     ),
     Note(
@@ -104,8 +105,8 @@ NOTES = (
         "E8",
         "erratum",
         "one γ, two units",
-        "The same γ weighs the anti-saturation state in the sliding surface and in the force (3.1.2); it cannot have "
-        "both units.",
+        "The same γ multiplies the anti-saturation state in the sliding surface and in the force (3.1.2); it cannot "
+        "have both units.",
         "Two gains: gamma in m/(N s²) for the surface, gamma_force in 1/s for the force.",
         keys=("controller.auxiliary.gamma", "controller.auxiliary.gamma_force"),
         modules=("controllers/laws/auxiliary.py",),
@@ -115,7 +116,7 @@ NOTES = (
         "erratum",
         "algebraic loop in the winch control",
         "The feedforward torque (3.3) contains the drum's acceleration, which the same torque causes.",
-        "The acceleration of the reference, divided by the drum radius, stands for it.",
+        "The acceleration of the reference, divided by the drum radius, replaces it.",
         modules=("controllers/coordinations/winch_pid.py", "controllers/controller.py"),
     ),
     Note(
@@ -132,7 +133,7 @@ NOTES = (
         "E11",
         "erratum",
         "limit of the wrong winch",
-        "One condition of winch 2's saturation names winch 1's upper limit (3.2).",
+        "One condition for the saturation of winch 2 uses the upper limit of winch 1 (3.2).",
         "Both winches have the limits tension_min and tension_max, each used for its own winch.",
         keys=("controller.coordination.tension_min", "controller.coordination.tension_max"),
         modules=("controllers/coordinations/differential_tension.py",),
@@ -140,9 +141,9 @@ NOTES = (
     Note(
         "A1",
         "assumption",
-        "rope that never ends",
+        "rope of zero length",
         "The stiffness E A / x of rope 2 (2.2) is infinite at the start, where x = 0.",
-        "Each rope has a dead length between winch and rail that stays at the rail's end.",
+        "Each rope has a further length between its winch and the rail's end.",
         keys=("plant.track.rope_offset",),
         modules=("model/ropes.py",),
     ),
@@ -151,8 +152,8 @@ NOTES = (
         "assumption",
         "slack ropes",
         "The tension equations (2.2) let a rope push, although the text says that ropes only pull.",
-        "Spring and damper together never go below zero; a rope shorter than its rest length gives nothing. With "
-        "rope_slack = false the rope is the paper's two-sided one.",
+        "The sum of spring and damper force is never negative; a rope shorter than its rest length has no tension. "
+        "With rope_slack = false the rope is the paper's two-sided one.",
         keys=("plant.rope_slack",),
         modules=("model/ropes.py",),
     ),
@@ -161,7 +162,7 @@ NOTES = (
         "assumption",
         "rail friction",
         "The friction coefficient μ is not in Table 1.",
-        "0.1, with a change of sign smoothed over 0.01 m/s.",
+        "0.1, with the change of sign smoothed over 0.01 m/s.",
         keys=("plant.vehicle.friction_coefficient", "plant.vehicle.friction_velocity"),
         modules=("model/vehicle.py",),
     ),
@@ -170,7 +171,7 @@ NOTES = (
         "assumption",
         "area of the drag",
         "The area A_v of the drag is not given.",
-        "6 m²: diameter times height of the vehicle.",
+        "6 m², diameter times height of the vehicle.",
         keys=("plant.vehicle.drag_area",),
         modules=("model/vehicle.py",),
     ),
@@ -194,7 +195,7 @@ NOTES = (
         "added mass",
         "The water that moves with the vehicle is neglected; for a full cylinder of its size it would be about "
         "9.4 × 10³ kg, as much as the vehicle.",
-        "None by default; added_mass adds it.",
+        "None by default; added_mass sets it.",
         keys=("plant.vehicle.added_mass",),
         modules=("model/vehicle.py",),
     ),
@@ -212,14 +213,14 @@ NOTES = (
         "assumption",
         "fuzzy rules",
         "Labels, membership functions, rules and scales of the fuzzy system (3.1.3) are not given.",
-        "Five triangular labels an input, product inference, a symmetric table of rules; two scales and a low-pass "
-        "filter bring the inputs to it.",
+        "Five triangular labels per input, product inference, a symmetric table of rules; the inputs are scaled and "
+        "low-pass filtered.",
         keys=(
             "controller.observer.error_scale",
             "controller.observer.rate_scale",
             "controller.observer.filter_time",
         ),
-        modules=("controllers/laws/observer.py", "controllers/laws/observer.py"),
+        modules=("controllers/laws/observer.py",),
     ),
     Note(
         "A9",
@@ -235,7 +236,7 @@ NOTES = (
         "assumption",
         "gains of the anti-saturation system",
         "γ and k_a (3.1.2) are not given.",
-        "10⁻⁵ for both gammas, 1 1/s for k_a.",
+        "10⁻⁵ for both γ, 1 1/s for k_a.",
         keys=("controller.auxiliary",),
         modules=("controllers/laws/auxiliary.py",),
     ),
@@ -253,8 +254,8 @@ NOTES = (
         "assumption",
         "structure of the PID cascade",
         "The baseline is described by four numbers (4.1).",
-        "A position loop gives a speed, a speed loop an acceleration, which the mass turns into a force; the "
-        "integrals are held while they would push the force further beyond its limit. Coordination and winch "
+        "A position loop commands a speed, a speed loop an acceleration, which is multiplied by the mass; the "
+        "integrals are held while they would drive the force further beyond its limit. Coordination and winch "
         "controllers are the same as for the other controllers.",
         keys=("controller.pid_cascade",),
         modules=("controllers/laws/pid_cascade.py",),
@@ -263,7 +264,7 @@ NOTES = (
         "A13",
         "assumption",
         "window of the steady state",
-        "The stretch of time behind the steady-state figures (4.3) is not given.",
+        "The time interval of the steady-state figures (4.3) is not given.",
         "The constant-speed phase of the reference: 18 to 29 s of the profile, the last fifth of a uniform run "
         "(20 to 25 s).",
         keys=("reference.accelerate_until", "reference.cruise_until"),
@@ -275,8 +276,8 @@ NOTES = (
         "mass and weight of ropes, winches",
         "Ropes have neither mass nor weight (2.2), gearboxes are rigid (2.4), and a drum of 1.6 m diameter has an "
         "inertia of 1.8 kg m² (Table 1). The rail is level, and friction on it the same at all speeds (2.3).",
-        "So by default. Mass, sag on rollers, drag, hysteresis, rotors and gearboxes that give, Stribeck's friction "
-        "with LuGre's bristles and a sloping rail can be set, and the ensemble `site` has them.",
+        "The same by default. Mass, sag on rollers, drag, hysteresis, rotors and elastic gearboxes, Stribeck friction "
+        "with LuGre bristles and a sloping rail can be set; the ensemble `site` has them.",
         keys=(
             "plant.rope_1.mass_per_length",
             "plant.rope_1.submerged_weight",
@@ -289,23 +290,25 @@ NOTES = (
             "plant.track.tilt",
         ),
         modules=("model/heavy_ropes.py", "model/winch.py", "model/friction.py", "model/vehicle.py"),
-        effect="On an independent plant, gains tuned on this one leave 0.028 mm; with ropes of 2.36 kg/m all of 12 "
-        "machines go slack for long and 3 are lost, with 30 kg m² more on the drums all 12 are, with sag on "
-        "rollers every 1 m a rope goes slack on 10. The paper's gains leave 0.323 mm, 0.326 mm, 0.326 mm and "
-        "0.322 mm, and are lost with 220 kg m².",
+        effect="Gains tuned on this plant leave an error of 0.028 mm on an independent one. With ropes of 2.36 kg/m, "
+        "ropes go slack for long on 12 of 12 machines and 3 are lost; with 30 kg m² more on the drums, all 12 are "
+        "lost; with sag on rollers every 1 m, a rope goes slack on 10. The paper's gains leave 0.323 mm, and 0.326 mm, "
+        "0.326 mm and 0.322 mm in these three cases; on drums of 220 kg m² they are lost.",
         page="rig.md",
     ),
     Note(
         "A15",
         "assumption",
         "damping of the drums",
-        "The winch controllers (3.3) act on the tension alone; a heavy drum on its rope is then hardly damped.",
-        "So by default; damping makes the motor oppose what the drum turns faster or slower than the reference, "
-        "down to no torque, and less, like kp, on a rope shorter than a twentieth of the track.",
+        "The winch controllers (3.3) act on the tension alone; the oscillation of a heavy drum on its rope is then "
+        "hardly damped.",
+        "The same by default. With damping, the motor also opposes the drum's deviation from the reference speed; its "
+        "torque may fall to zero. On a rope shorter than a twentieth of the track, damping and kp decrease with its "
+        "length.",
         keys=("controller.winch_1.damping",),
         modules=("controllers/coordinations/winch_pid.py",),
-        effect="On drums of 220 kg m² the paper's gains are lost on 12 of 12 machines; on the heavy winches of `site` "
-        "that are damped, on none.",
+        effect="The paper's gains are lost on 12 of 12 machines with drums of 220 kg m², but on none with the heavy "
+        "winches of `site` and damping.",
         page="rig.md",
     ),
 )
@@ -314,8 +317,8 @@ NOTES = (
 INTRODUCTION = """\
 The paper is Wu et al., "Motion Control of a Flexible-Towed Underwater Vehicle Based on Dual-Winch Differential
 Tension Coordination Control", J. Mar. Sci. Eng. 2025, 13(6), 1120, doi:10.3390/jmse13061120. Its sections are given
-in parentheses. An erratum (E) is something it prints that cannot be meant; an assumption (A) is something it leaves
-open and a simulation needs.
+in parentheses. An erratum (E) is a printed statement that cannot be meant; an assumption (A) fills a gap that a
+simulation must fill.
 """
 
 
