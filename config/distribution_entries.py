@@ -1,7 +1,7 @@
-"""Entries of the table ``[distributions]``: how a file says what a value is drawn from.
+"""Entries of the table ``[distributions]`` of ensemble files.
 
-Every distribution can be written by its kind and its numbers, ``{ kind = "uniform", low = 0.9, high = 1.1 }``; the
-built-in ones are shorter as ``{ uniform = [0.9, 1.1] }``.
+Every distribution can be written by its kind and its numbers, ``{ kind = "uniform", low = 0.9, high = 1.1 }``;
+built-in ones also have a short form, ``{ uniform = [0.9, 1.1] }``.
 """
 
 import math
@@ -31,32 +31,32 @@ SHAPES = ("uniform", "normal", "choice")
 """Distributions with a short form; an entry has one of these keys, or a kind."""
 
 OPTIONS = ("of", "together")
-"""What else any entry may have."""
+"""Further keys of any entry."""
 
 
 def is_entry(value: Any) -> bool:
-    """Whether a table of a file is an entry, and not a table of entries."""
+    """Whether a table of a file is an entry, not a table of entries."""
     return isinstance(value, dict) and (isinstance(value.get("kind"), str) or not set(SHAPES).isdisjoint(value))
 
 
 def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
-    """How a key is drawn, from its entry in a file, e.g. ``{"uniform": [0.9, 1.1], "of": "nominal"}``.
+    """Read the distribution of a key from its entry, e.g. ``{"uniform": [0.9, 1.1], "of": "nominal"}``.
 
     Raises:
-        ConfigurationError: the key names nothing or cannot be drawn, or the entry is no distribution of its values.
+        ConfigurationError: the key is unknown or cannot be drawn, or the entry is no distribution of its values.
     """
     leaf = leaf_of(key, experiment)
     _check_leaf(leaf, experiment)
     try:
         distribution = _distribution(entry)
-    except (ConfigurationError, ValueError) as error:  # either by a distribution of a user's own
+    except (ConfigurationError, ValueError) as error:  # a user's own distribution may raise either
         raise ConfigurationError(f"{key}: {error}") from error
     if isinstance(distribution, Choice):
         distribution = _checked(leaf, distribution, relative="of" in entry)
     drawn = Drawn(distribution, relative="of" in entry, together=entry.get("together"))
     numbers = all(type(end) in {int, float} for end in drawn.distribution.ends)
     if drawn.relative and not numbers:
-        raise ConfigurationError(f'{key}: of = "nominal": must stand beside numbers')
+        raise ConfigurationError(f'{key}: of = "nominal": needs a distribution of numbers')
     if leaf.kind is not float and (drawn.relative or isinstance(distribution, (Uniform, LogUniform, Normal))):
         raise ConfigurationError(f"{key}: is no decimal number, must be a choice, e.g. {{ choice = [...] }}")
     check_range(key, drawn, experiment)
@@ -69,9 +69,11 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
             f"{leaf.key}: cannot be drawn, it shapes the compiled code; run one ensemble for each value"
         )
     if Mark.TIMING in leaf.marks:
-        raise ConfigurationError(f"{leaf.key}: cannot be drawn, all scenarios share their instants; set it outside")
+        raise ConfigurationError(
+            f"{leaf.key}: cannot be drawn, all scenarios share their sample times; set it outside [distributions]"
+        )
     if leaf.key not in leaves(experiment):
-        raise ConfigurationError(f"{leaf.key}: cannot be drawn, no part of this experiment has such a number")
+        raise ConfigurationError(f"{leaf.key}: cannot be drawn, no part of this experiment has this key")
 
 
 def _distribution(entry: Any) -> Distribution:
@@ -91,13 +93,13 @@ def _distribution(entry: Any) -> Distribution:
 
 
 def _of_kind(part: Any, entry: Mapping[str, Any]) -> Distribution:
-    """A distribution from its numbers."""
+    """A distribution from its kind and numbers."""
     hints, given = get_type_hints(part, include_extras=True), {}
     for field in fields(part):
         if field.name in entry:
             given[field.name] = _number(field.name, hints[field.name], entry[field.name])
         elif field.default is MISSING and field.default_factory is MISSING:
-            raise ConfigurationError(f"kind = \"{part.kind}\": must have '{field.name}' beside it")
+            raise ConfigurationError(f"kind = \"{part.kind}\": needs '{field.name}' beside it")
     made = part(**given)
     for rule in getattr(made, "rules", ()):
         if not rule.holds(made):
@@ -107,7 +109,7 @@ def _of_kind(part: Any, entry: Mapping[str, Any]) -> Distribution:
 
 
 def _number(name: str, hint: Any, value: Any) -> Any:
-    """A number of a distribution, of its field's type and within its bounds; a list as a tuple."""
+    """Validate a number of a distribution by its field's type and bounds; a list becomes a tuple."""
     kind, *metadata = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     if kind not in {float, int, bool, str}:
         return tuple(value) if isinstance(value, list) else value
@@ -116,7 +118,7 @@ def _number(name: str, hint: Any, value: Any) -> Any:
 
 
 def _checked(leaf: Leaf, choice: Choice, *, relative: bool) -> Choice:
-    """A choice whose values are those of a key; factors are not."""
+    """Validate the values of a choice by their key; factors on the nominal value are left as they are."""
     if not isinstance(choice.values, tuple) or not choice.values:
         raise ConfigurationError(f"{leaf.key}: choice = {choice.values}: must be a list of one value or more")
     return choice if relative else Choice(tuple(validated(leaf, value) for value in choice.values))
@@ -125,7 +127,7 @@ def _checked(leaf: Leaf, choice: Choice, *, relative: bool) -> Choice:
 def _in_short(entry: Mapping[str, Any]) -> Distribution:
     """A built-in distribution from its short form."""
     if "within" in entry and "normal" not in entry:
-        raise ConfigurationError("within: must stand beside normal only")
+        raise ConfigurationError("within: goes with normal only")
     if "choice" in entry:
         values = entry["choice"]
         return Choice(tuple(values) if isinstance(values, list) else values)
@@ -136,10 +138,10 @@ def _in_short(entry: Mapping[str, Any]) -> Distribution:
         raise ConfigurationError(f"normal = [{mean:g}, {sigma:g}]: the standard deviation must be > 0")
     if "within" not in entry:
         around = f"[{mean - 2 * sigma:g}, {mean + 2 * sigma:g}]"
-        raise ConfigurationError(f"normal: must have bounds beside it, e.g. within = {around}")
+        raise ConfigurationError(f"normal: needs bounds beside it, e.g. within = {around}")
     low, high = _bounds("within", entry["within"])
     if not low <= mean <= high:
-        raise ConfigurationError(f"within = [{low:g}, {high:g}]: must hold the mean {mean:g}")
+        raise ConfigurationError(f"within = [{low:g}, {high:g}]: must contain the mean {mean:g}")
     return Normal(mean, sigma, low, high)
 
 
@@ -158,7 +160,7 @@ def _bounds(word: str, value: Any) -> tuple[float, float]:
 
 
 def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
-    """Raise `ConfigurationError` where a draw may leave the range of its key."""
+    """Raise `ConfigurationError` if a draw may leave the range of its key."""
     nominal, leaf = leaves(experiment)[key], leaf_of(key, experiment)
     if drawn.relative and nominal is None:
         raise ConfigurationError(f'{key}: has no nominal value of its own; give bounds without of = "nominal"')
@@ -168,9 +170,7 @@ def check_range(key: str, drawn: Drawn, experiment: Experiment) -> None:
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: its distribution reaches a value that is not allowed: {error}") from error
     if Mark.SHAPES_CODE_AT_ZERO in leaf.marks and 0 in {nominal, *drawn.ends(nominal)}:
-        raise ConfigurationError(
-            f"{key}: must be above 0, outside [distributions] too: whether it is 0 shapes the compiled code"
-        )
+        raise ConfigurationError(f"{key}: must be > 0, in [distributions] and outside: zero shapes the compiled code")
 
 
 def entry_of(key: str, drawn: Drawn) -> str:
@@ -190,7 +190,7 @@ def entry_of(key: str, drawn: Drawn) -> str:
 def _words(key: str, distribution: Distribution) -> list[str]:
     if DISTRIBUTIONS.get(distribution.kind) is not type(distribution):
         raise ConfigurationError(
-            f"{key}: a distribution of type {type(distribution).__name__} cannot stand in a file, it is not "
+            f"{key}: a distribution of type {type(distribution).__name__} cannot be written to a file, it is not "
             f"registered; must be one of {', '.join(DISTRIBUTIONS)}"
         )
     match distribution:

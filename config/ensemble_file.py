@@ -1,4 +1,4 @@
-"""Ensemble files: an experiment with a table of distributions, read with errors that name key, file and line."""
+"""Ensemble files: an experiment and a table of distributions, read with errors that name key, file and line."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -19,20 +19,20 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import current, from_folder, known_keys, override
 
 TUNED_IN, NO_ENSEMBLE = "ensemble", "none"
-"""Name behind which a file of tuned gains says at its head where they were tuned, and what it says of a single run."""
+"""Key of the ensemble at the head of a file of tuned gains, and its value for gains tuned in a single run."""
 
 
 def built_in_ensembles() -> dict[str, Path]:
-    """Name → file of the ensembles that come with the product."""
+    """Name → file of the built-in ensembles."""
     with as_file(files("dualwinch.simulation") / "ensembles") as folder:
         return {file.stem: file for file in sorted(folder.glob("*.toml"))}
 
 
 def find_ensemble(name: str | PathLike[str]) -> Path:
-    """The file of an ensemble: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
+    """The file of an ensemble, from the name of a built-in one (``sea``, ``rig``, ``site``) or the path of a TOML file.
 
     Raises:
-        ConfigurationError: it is neither.
+        ConfigurationError: neither.
     """
     known = built_in_ensembles()
     if str(name) in known:
@@ -47,12 +47,12 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
     """Read an ensemble.
 
     Args:
-        name: of one that comes with the product, ``sea`` or ``rig``, or the path of a TOML file.
-        base: what the file's experiment keys are set on (default: ``Experiment()``).
+        name: of a built-in one (``sea``, ``rig``, ``site``), or the path of a TOML file.
+        base: experiment with the values missing from the file (default: ``Experiment()``).
 
     Raises:
-        ConfigurationError: there is no such ensemble, its file cannot be read or is no TOML, a key names nothing, a
-            value or a distribution is out of range.
+        ConfigurationError: no such ensemble, a file that cannot be read or is no TOML, an unknown key, or a value or
+            distribution out of range.
     """
     load_entry_points()
     path = find_ensemble(name)
@@ -60,10 +60,15 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
 
 
 def loads_ensemble(text: str, base: Experiment | None = None, name: str = "ensemble") -> Ensemble:
-    """An ensemble from a TOML text, as `load_ensemble` reads one from a file; messages, and it itself, have its name.
+    """Read an ensemble from a TOML text, as `load_ensemble` does from a file.
+
+    Args:
+        text: TOML.
+        base: as in `load_ensemble`.
+        name: of the text in messages, and of the ensemble if the text gives none.
 
     Raises:
-        ConfigurationError: it is no TOML, a key names nothing, a value or a distribution is out of range.
+        ConfigurationError: not valid TOML, an unknown key, or a value or distribution out of range.
     """
     return _from_source(Source(name, text), base, name)
 
@@ -86,7 +91,7 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
 
 
 def _located(key: str, entry: Any, source: Source) -> Any:
-    """An entry with the files among its choices relative to the ensemble's own."""
+    """An entry in which paths among the choices are relative to the ensemble's file."""
     if not isinstance(entry, dict):
         return entry
     lists = {word: entry[word] for word in ("choice", "values") if isinstance(entry.get(word), list)}
@@ -96,11 +101,11 @@ def _located(key: str, entry: Any, source: Source) -> Any:
 
 
 def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
-    """A copy of an ensemble with some nominal values set; relative distributions follow.
+    """A copy of an ensemble with other nominal values; relative distributions follow.
 
     Raises:
-        ConfigurationError: an unknown key, a value out of range, a key whose distribution does not follow the nominal
-            value, or a distribution that would leave its key's range.
+        ConfigurationError: an unknown key, a value out of range, a key whose distribution is not relative to the
+            nominal value, or a distribution that would leave its key's range.
     """
     for key in values:
         drawn = ensemble.distributions.get(current(key))
@@ -120,7 +125,7 @@ def ensemble_to_toml(ensemble: Ensemble) -> str:
     """The complete ensemble as TOML: name, distributions and every key of the experiment.
 
     Raises:
-        ConfigurationError: a distribution that no file can hold.
+        ConfigurationError: a distribution that is not registered.
     """
     lines = ["[ensemble]", f"name = {toml_value(ensemble.name)}", f"description = {toml_value(ensemble.description)}"]
     lines += ["", "[distributions]"]
@@ -136,7 +141,7 @@ def _check_heading(key: str, value: Any) -> None:
 
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted key and content of every distribution, however the tables are nested."""
+    """Dotted key and entry of every distribution, from tables of any nesting."""
     known = known_keys()
     for name, value in table.items():
         key = prefix + name

@@ -1,4 +1,4 @@
-"""Experiments as annotated TOML, read back with errors that name key, file and line."""
+"""Experiments as annotated TOML: written with comments, read with errors that name key, file and line."""
 
 import math
 import re
@@ -37,14 +37,14 @@ def load(
     """Read an experiment from a TOML file.
 
     Args:
-        path: the file; keys it does not have keep their defaults. It may hold gains of several position laws,
-            estimators and coordinations; those of the chosen ones count. Parts that are not built in come from
-            installed packages, or have been registered (`dualwinch.register`).
-        base: what the keys are set on (default: ``Experiment()``).
-        settings: dotted key → value, set on top of the file's.
+        path: the file; missing keys keep their defaults. It may hold gains of several position laws, estimators and
+            coordinations, of which only the chosen parts' are used. Parts that are not built in come from installed
+            packages, or must be registered first (`dualwinch.register`).
+        base: experiment with the defaults (default: ``Experiment()``).
+        settings: dotted key → value, which replace the file's.
 
     Raises:
-        ConfigurationError: the file cannot be read, is no TOML, or holds an unknown key or a value out of range.
+        ConfigurationError: the file cannot be read, is no TOML, or has an unknown key or a value out of range.
     """
     load_entry_points()
     source = read_source(path)
@@ -52,10 +52,10 @@ def load(
 
 
 def loads(text: str, base: Experiment | None = None, name: str = "configuration") -> Experiment:
-    """An experiment from a TOML text, as `load` reads one from a file; messages call it by a name.
+    """Read an experiment from a TOML text, as `load` does from a file; `name` stands for the file in messages.
 
     Raises:
-        ConfigurationError: it is no TOML, or holds an unknown key or a value out of range.
+        ConfigurationError: not valid TOML, an unknown key, or a value out of range.
     """
     source = Source(name, text)
     return from_table(source.table(), source, base or Experiment())
@@ -67,7 +67,7 @@ def experiment_from(
     controller: str | None = None,
     assignments: Sequence[str] | None = None,
 ) -> Experiment:
-    """The experiment of options: a case of the paper or a TOML file, else the defaults, with some values set on top.
+    """The experiment of command-line options: a case of the paper, a TOML file or the defaults, with values set.
 
     Raises:
         ConfigurationError: both a case and a file, or anything wrong with a key or value.
@@ -84,7 +84,7 @@ def experiment_from(
 def from_table(
     table: Mapping[str, Any], source: Source, base: Experiment, settings: Mapping[str, Any] | None = None
 ) -> Experiment:
-    """The experiment of a TOML table, as `load` gives it."""
+    """The experiment of a TOML table, with arguments and errors as in `load`."""
     with source.located("metrics"):
         table = with_metric_kinds(table, tuple(base.metrics))
     for key in empty_tables({name: value for name, value in table.items() if not name.startswith("metrics")}):
@@ -93,15 +93,15 @@ def from_table(
             with source.located(key):
                 raise ConfigurationError(unknown("table", key, sorted(known)))
     values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
-    with_settings(base, values, source.located)  # what is wrong with the file is said of the file
+    with_settings(base, values, source.located)  # first alone, so that errors name the file's line
     experiment, _ = with_settings(base, without_digests(values) | settings)
     return override(experiment, settings)
 
 
 def with_metric_kinds(table: Mapping[str, Any], known: tuple[Metric, ...] = ()) -> Mapping[str, Any]:
-    """The table of a file whose key ``metrics`` is a list of kinds, with the numbers of each below its name.
+    """Normalise the key ``metrics`` of a file's table to a list of kinds, with the numbers of each below its name.
 
-    In a file it is a kind, a list of kinds and of tables with a kind and numbers, or a table of tables, such as
+    A file may give a kind, a list of kinds and of tables with a kind and numbers, or a table of tables such as
     ``[metrics.overshoot]``. Known metrics need not be registered.
     """
     if "metrics" not in table:
@@ -120,7 +120,7 @@ def with_metric_kinds(table: Mapping[str, Any], known: tuple[Metric, ...] = ()) 
 
 
 def _metric_entries(metrics: Any) -> list[tuple[str, Mapping[str, Any]]]:
-    """Name and numbers of each."""
+    """Name and numbers of each metric."""
     if isinstance(metrics, Mapping):
         for name, numbers in metrics.items():
             if not isinstance(numbers, Mapping):
@@ -142,18 +142,18 @@ def _metric_entries(metrics: Any) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 WIDEST = 60
-"""Characters of an entry, such as a long list, that the comments beside the others still stand back for."""
+"""Largest width of the column of entries, in characters; comments of longer entries start further right."""
 
 
 def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str:
-    """The complete experiment as TOML; each key with unit, meaning, source and range as a comment.
+    """The complete experiment as TOML, with unit, meaning, source and range of each key as a comment.
 
-    A value that is taken from elsewhere stands as a comment with the value it takes, one that is not given without.
-    Paths of files are absolute, and digests say what was read from them.
+    A key without a value of its own is commented out, with the value that it takes from elsewhere, if any. Paths of
+    files are absolute, with digests of their content.
 
     Args:
         experiment: to be written.
-        given: keys that a file of one's own gives (`own_keys`); all others are marked: still the paper's, or a default.
+        given: keys given in the user's file (`own_keys`); all others are marked: still the paper's, or a default.
     """
     instance("experiment", experiment, Experiment)
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]
@@ -163,22 +163,22 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
 
 
 def given_keys(path: Path) -> frozenset[str]:
-    """Keys of a file of an experiment, as they stand there."""
+    """All keys in an experiment's file."""
     return frozenset(key for key, _ in flattened(read_source(path).table()))
 
 
 MARKED = re.compile(r"^\s*[\w.-]+\s*=.*[^\s\[,]\s*#\s*(PAPER|DEFAULT): .*$", re.MULTILINE)
-"""A line of `to_toml` whose value nobody has given."""
+"""A line that `to_toml` has marked as not given."""
 
 
 def own_keys(path: Path) -> frozenset[str]:
-    """Keys that a file of an experiment gives, without those that `to_toml` has completed and marked."""
+    """Keys given in an experiment's file, without those that `to_toml` has added and marked."""
     source = read_source(path)
     return frozenset(key for key, _ in flattened(replace(source, text=MARKED.sub("", source.text)).table()))
 
 
 def own_parts_to_toml(experiment: Experiment) -> str:
-    """Further tables: those of registered parts of your own that an experiment does not have, with their defaults."""
+    """Tables of the user's registered parts that an experiment does not contain, with their defaults."""
     there = {key.rpartition(".")[0] for key in describe_parts(experiment)}
     there |= {leaf.key.rpartition(".")[0] for owner, leaf in every_leaf(Experiment) if built_in(owner)}
     lines: list[str] = []
@@ -196,7 +196,7 @@ def own_parts_to_toml(experiment: Experiment) -> str:
 
 
 def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
-    """Lines of some keys of an experiment, table by table."""
+    """Lines of the described keys of an experiment, table by table."""
     values, taken, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment, described)
     tables: dict[str, list[tuple[str, str]]] = {}
     headings: dict[str, Quantity] = {}
@@ -240,7 +240,7 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
 
 
 def _unused(experiment: Experiment, described: Mapping[str, Leaf]) -> set[str]:
-    """Keys of the paper's motions that say nothing where a motion of one's own takes their place."""
+    """Keys of the paper's motions that have no effect with the user's own motion."""
     kind = experiment.reference.kind
     if kind in {"uniform", "profile"}:
         return set()
@@ -255,7 +255,7 @@ def _unused(experiment: Experiment, described: Mapping[str, Leaf]) -> set[str]:
 
 
 def _origin(leaf: Leaf) -> str:
-    """The source of a key's default; tables are the paper's."""
+    """The source of a key's default; tables are named as the paper's."""
     return leaf.quantity.source.replace("Table", "paper's Table")
 
 

@@ -1,4 +1,4 @@
-"""Folders that files are to be written to, checked before anything is computed."""
+"""Folders for output files, checked before anything is computed."""
 
 import tempfile
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from dualwinch.model.errors import ConfigurationError
 
 
 def check_folder(folder: Path) -> None:
-    """Find out now whether files can be written to a folder.
+    """Check that files can be written to a folder.
 
     Raises:
         ConfigurationError: it does not exist, is no folder or cannot be written to.
@@ -24,7 +24,7 @@ def check_folder(folder: Path) -> None:
 
 
 def check_place(file: Path) -> None:
-    """Find out now whether a file can be written: `check_folder` of its folder, and that it is no folder itself.
+    """Check that a file can be written: its folder by `check_folder`, and that its name is not a folder's.
 
     Raises:
         ConfigurationError: it cannot.
@@ -35,7 +35,7 @@ def check_place(file: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, with those above it, and `check_folder`."""
+    """Make a folder and its parents, and check it by `check_folder`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -45,13 +45,13 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """`make_folder` for what is done in here; where that fails, no folder is left that is new and still empty."""
+    """Make a folder as context; after an exception, remove folders that were made here and are still empty."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         make_folder(folder)
         yield
     except BaseException:
         for path in new:
-            with suppress(OSError):  # it was not made, or something is in it
+            with suppress(OSError):  # not made, or not empty
                 path.rmdir()
         raise

@@ -1,7 +1,7 @@
-"""Parts from outside of the package: registered, imported from files and modules, found among what is installed.
+"""Parts from outside the package: registered by users, imported from files and modules, found as entry points.
 
-Installed packages offer theirs as entry points of the group ``dualwinch.parts``. They name them in their
-``pyproject.toml``, each a module or a class::
+Installed packages offer parts as entry points of the group ``dualwinch.parts`` in their ``pyproject.toml``, each a
+module or a class::
 
     [project.entry-points."dualwinch.parts"]
     mine = "my_package.laws"
@@ -37,14 +37,14 @@ GROUP = "dualwinch.parts"
 
 
 def register(part: PartType) -> PartType:
-    """Give a part of your own its kind in files and on command lines; also a decorator.
+    """Register a part of your own under its kind; also a decorator.
 
-    From then on it is what a built-in part is: ``controller.kind = "mine"`` in files, ``--set``, `dualwinch.override`
-    and searches for gains. Without it, objects of the class work all the same, from Python.
+    It can then be used like a built-in part: ``controller.kind = "mine"`` in files, ``--set``, `dualwinch.override`
+    and searches for gains. Objects of the class work in Python without it.
 
     Args:
         part: a frozen dataclass that subclasses `PositionLaw`, `Estimator`, `Coordination` or another base of parts.
-            Defined again, as by a notebook's cell that runs again, it takes the place of what it was.
+            A second definition, such as by a notebook cell that runs again, replaces the first.
 
     Returns:
         The same class.
@@ -58,8 +58,8 @@ def register(part: PartType) -> PartType:
     if part.registry is None:
         raise ConfigurationError(f"{named(part)}: must subclass {_bases()}")
 
-    def instead(owner: type) -> bool:
-        """Whether another stands in the same table, and is never there together with it."""
+    def excluded(owner: type) -> bool:
+        """Whether another part has the same table, but never together with this one."""
         return not part.table() and issubclass(owner, base_of(part))
 
     with part.registry.adding(part):
@@ -67,7 +67,7 @@ def register(part: PartType) -> PartType:
         own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
         if own:
             check_defaults(part)
-        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not instead(owner)))
+        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not excluded(owner)))
     return part
 
 
@@ -79,15 +79,13 @@ def _bases() -> str:
 def load_plugin(plugin: str) -> None:
     """Import a file or module and register the parts it defines.
 
-    A file becomes a module of a name of its own, so that it never meets another; modules beside it are found while it
-    is imported.
+    A file becomes a module with a unique name; modules beside it can be imported while it is loaded.
 
     Args:
         plugin: path of a Python file, or name of a module.
 
     Raises:
-        ConfigurationError: there is none, it cannot be imported, or defines no part, or one that cannot be
-            registered.
+        ConfigurationError: it does not exist, cannot be imported, defines no part, or one that cannot be registered.
     """
     before = _registered()
     module = _from_file(Path(plugin)) if plugin.endswith(".py") else _from_name(plugin)
@@ -101,7 +99,7 @@ def load_plugin(plugin: str) -> None:
 
 
 def parts_of(module: ModuleType) -> Iterator[type[Part]]:
-    """Every part that a module, or a module of its package, defines; unfinished classes with a kind among them."""
+    """Every part that a module or package defines, including abstract classes with a kind, which `register` refuses."""
     for value in list(vars(module).values()):
         if not (isinstance(value, type) and issubclass(value, Part)):
             continue
@@ -126,14 +124,14 @@ def _from_name(name: str) -> ModuleType:
 
 
 class _Source(InspectLoader):
-    """A loader that keeps the text it has read: what was imported stays known when the file has changed."""
+    """A loader that keeps the text it has read, so that a changed file is noticed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.text = path.read_bytes()
 
-    def has_read_what(self, module: ModuleType) -> bool:
-        """Whether a module was made of the same text."""
+    def is_source_of(self, module: ModuleType) -> bool:
+        """Whether a module was made from the same text."""
         return isinstance(module.__loader__, _Source) and module.__loader__.text == self.text
 
     def get_source(self, fullname: str) -> str:  # noqa: ARG002
@@ -144,7 +142,7 @@ class _Source(InspectLoader):
 
 
 def _from_file(path: Path) -> ModuleType:
-    """The module of a file, under a name that only this file has; imported again where its text has changed."""
+    """The module of a file, under a unique name; imported again if its text has changed."""
     path = path.resolve()
     name = f"{PLUGIN}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:12]}"
     try:
@@ -152,12 +150,12 @@ def _from_file(path: Path) -> ModuleType:
     except OSError as error:
         raise ConfigurationError(f"plugin {path}: cannot be read ({error.strerror})") from error
     known = sys.modules.get(name)
-    if known is not None and loader.has_read_what(known):
+    if known is not None and loader.is_source_of(known):
         return known
     module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(path)))
     module.__file__ = str(path)
     sys.modules[name] = module
-    sys.path.append(str(path.parent))  # last, so that nothing beside the file hides what is installed
+    sys.path.append(str(path.parent))  # last, so that no file beside it hides an installed module
     try:
         loader.exec_module(module)
     except BaseException as error:
@@ -171,7 +169,7 @@ def _from_file(path: Path) -> ModuleType:
 
 
 def _reason(error: Exception, path: Path | None) -> str:
-    """What went wrong while a plugin was imported, in one line, with the line of the plugin where that is known."""
+    """An error of a plugin's import in one line, with the line of the plugin if known."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: {error.msg}"
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if path and frame.filename == str(path)]
@@ -181,16 +179,16 @@ def _reason(error: Exception, path: Path | None) -> str:
 
 
 class EntryPointWarning(UserWarning):
-    """An installed package offers a part that cannot be had."""
+    """An installed package offers a part that cannot be registered."""
 
 
 @cache
 def load_entry_points() -> None:
-    """Register what installed packages offer, once; a package that fails is a warning, never an error."""
+    """Register the parts of installed packages, once; a package that fails is a warning, never an error."""
     for entry in entry_points(group=GROUP):
         try:
             _load(entry)
-        except Exception as error:  # noqa: BLE001  another's package must not stop anything here
+        except Exception as error:  # noqa: BLE001  a faulty package must not stop the others
             text = " ".join(str(error).split())
             reason = text if isinstance(error, ConfigurationError) else f"{type(error).__name__}: {text}"
             owner = entry.dist.name if entry.dist else "a package without a name"

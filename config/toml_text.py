@@ -1,4 +1,4 @@
-"""TOML as text: read with errors that name file and line, and written value by value."""
+"""TOML text: reading with errors that name file and line, and writing of values."""
 
 import json
 import re
@@ -17,12 +17,12 @@ from dualwinch.model.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Source:
-    """Where a TOML text comes from.
+    """A TOML text and its origin.
 
     Attributes:
-        name: what errors call it, such as the file's path.
+        name: of the text in errors, such as the file's path.
         text: the text itself.
-        folder: what paths in it are relative to.
+        folder: base of relative paths in it.
     """
 
     name: str
@@ -30,10 +30,10 @@ class Source:
     folder: Path = Path()
 
     def table(self) -> dict[str, Any]:
-        """The content.
+        """Parse the text.
 
         Raises:
-            ConfigurationError: it is no TOML.
+            ConfigurationError: not valid TOML.
         """
         try:
             return _parsed(self.text)
@@ -52,10 +52,10 @@ class Source:
 
 
 def read_source(path: str | PathLike[str]) -> Source:
-    """The text of a file.
+    """Read a file.
 
     Raises:
-        ConfigurationError: it cannot be read.
+        ConfigurationError: it cannot be read, or is not UTF-8.
     """
     path = path_of("file", path)
     try:
@@ -67,7 +67,7 @@ def read_source(path: str | PathLike[str]) -> Source:
 
 
 def said_at_head(text: str, name: str) -> str:
-    """What comments at the head of a TOML text say of a name, as ``# ensemble: sea`` does; empty where none does."""
+    """The value of a name in the comments at the head of a TOML text, such as ``# ensemble: sea``; empty if absent."""
     for line in takewhile(lambda line: line.startswith("#"), text.splitlines()):
         said, _, words = line.lstrip("# ").partition(":")
         if said == name:
@@ -76,15 +76,15 @@ def said_at_head(text: str, name: str) -> str:
 
 
 DEEPEST = 50
-"""Tables and lists within each other, at most."""
+"""Deepest nesting of tables and lists."""
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """A TOML text, as plain data of moderate size.
+    """Parse a TOML text.
 
     Raises:
-        tomllib.TOMLDecodeError: it is none.
-        ConfigurationError: it has whole numbers that nothing can be, or is nested too deep.
+        tomllib.TOMLDecodeError: not valid TOML.
+        ConfigurationError: integers of thousands of digits, or nesting that is too deep.
     """
     too_deep = f"is nested too deep, must be at most {DEEPEST} tables and lists within each other"
     try:
@@ -121,10 +121,10 @@ def empty_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Key and value of ``key=value``; the value is written as in TOML, words without quotes allowed.
+    """Parse ``key=value``, the value as in TOML or as words without quotes.
 
     Raises:
-        ConfigurationError: there is no ``=``.
+        ConfigurationError: no key or no ``=``, or a value that TOML parses but no key can have.
     """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
@@ -139,7 +139,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def toml_value(value: Any) -> str:
-    """A value as TOML writes it."""
+    """A value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float) and abs(value) >= 1e6 and float(f"{value:g}") == value:
@@ -150,13 +150,13 @@ def toml_value(value: Any) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text in quotes. Halves of characters, which no TOML file can hold, are replaced by a question mark."""
+    """A text in quotes; lone surrogates, which TOML cannot hold, are replaced by question marks."""
     whole = text.encode("utf-8", errors="replace").decode("utf-8")
     return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _line_of(key: str, text: str) -> str:
-    """``:LINE`` of a key in a TOML text, empty where it is written in a way this does not see."""
+    """``:LINE`` of a key in a TOML text; empty if it is not found, such as in an inline table."""
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):
         header = re.match(r"\s*\[\s*([\w.\-]+)\s*\]", line)

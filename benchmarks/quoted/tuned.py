@@ -114,8 +114,8 @@ def tuning() -> str:
     slack = {name: int(np.sum(each["slack_share"] > 0)) for name, each in metrics.items()}
     load = np.nanmean(metrics["tuned"]["continuous_load"]) / np.nanmean(metrics["paper"]["continuous_load"])
     return f"""\
-- **What tuning gains.** [`site`](docs/site.md) is an ensemble of realistic machines: ropes with mass and sag, heavy winches
-  with elastic gearboxes, inexact drums, sensors and drives. The paper's gains are lost there; with
+- **What tuning gains.** [`site`](docs/site.md) is an ensemble of realistic machines: ropes with mass and sag, heavy
+  winches with elastic gearboxes, inexact drums, sensors and drives. The paper's gains are lost there; with
   damping of the drums they leave a root mean square error of {sqrt(drawn.paper):.1f} mm, and a rope goes slack on
   {slack["paper"]} of {SCENARIOS} machines. Gains that `dualwinch tune` finds in a minute
   reduce that to {sqrt(drawn.tuned):.2f} mm and

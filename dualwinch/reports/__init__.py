@@ -1,1 +1,1 @@
-"""HTML reports, and the errata that stand in them."""
+"""HTML reports, and the paper's errata and claims."""

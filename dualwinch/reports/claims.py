@@ -1,4 +1,4 @@
-"""What the paper concludes from its simulations, each claim beside what the runs say, by a rule that is stated."""
+"""The paper's claims about its simulations, each with a verdict from the runs by an explicit rule."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,14 +17,15 @@ Verdict: TypeAlias = Literal["holds", "partly", "does not hold"]
 PROPOSED, BASELINE, PID = "fando-nftsm", "nftsm", "pid-cascade"
 
 BAND = 0.2
-"""Size in m of the error below which a run counts as converged, if it stays there; half of it where that tells two
-runs apart no more."""
+"""A run has converged once its error stays within ± this, in m; two runs that converge together are compared by half
+of it."""
 
 AS_REPORTED = 0.05
-"""Figure 21 is reproduced if the mean error's reduction is this near the paper's, as a share of the error without."""
+"""Figure 21 is reproduced if the mean error's reduction differs from the paper's by at most this share of the error
+without observer."""
 
 NOTICEABLE = 0.5
-"""What the observer must at least take off an error for the paper's word "significantly"."""
+"""Least relative reduction of an error by the observer for the paper's word "significantly"."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class Claim:
     """A claim of the paper.
 
     Attributes:
-        section: where the paper makes it.
-        words: what it says.
-        here: what the runs say.
+        section: of the paper.
+        words: the claim.
+        here: results of the runs.
         verdict: whether it holds.
     """
 
@@ -45,7 +46,7 @@ class Claim:
 
 
 def claims(runs: Runs, observer_gains: Mapping[float, float] | None = None) -> list[Claim]:
-    """Every claim that these runs can confirm or refute; runs that were not completed do neither.
+    """Every claim that the completed runs among these can confirm or refute.
 
     Args:
         runs: (case, controller) → result.
@@ -63,7 +64,7 @@ def claims(runs: Runs, observer_gains: Mapping[float, float] | None = None) -> l
 
 
 def converged_at(result: Result, band: float = BAND) -> float:
-    """Time in s from which on the error stays within ±`band` m; infinite where it does not."""
+    """Time in s after which the error stays within ±`band` m; infinite if it does not."""
     outside = np.flatnonzero(~(np.abs(result["e"]) <= band))
     if not outside.size:
         return float(result["t"][0])
@@ -71,7 +72,7 @@ def converged_at(result: Result, band: float = BAND) -> float:
 
 
 def verdict_of(*holds: bool) -> Verdict:
-    """A claim of several parts: all, some or none of them hold."""
+    """The verdict on a claim of several parts."""
     return "holds" if all(holds) else "partly" if any(holds) else "does not hold"
 
 
@@ -169,7 +170,7 @@ def _limits(runs: Runs) -> Iterator[Claim]:
 
 
 def _exceeded(run: Result) -> str:
-    """What a run does beyond its limits, in words; nothing where it stays within them."""
+    """Violations of limits in a run, in words; empty if there are none."""
     m, limit = run.metrics, float(run.experiment.controller.limits.tension_max)
     words = []
     if m.saturated_share > 0:

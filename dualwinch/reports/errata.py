@@ -143,7 +143,7 @@ NOTES = (
         "assumption",
         "rope of zero length",
         "The stiffness E A / x of rope 2 (2.2) is infinite at the start, where x = 0.",
-        "Each rope has a further length between its winch and the rail's end.",
+        "Each rope has a dead length between its drum and the rail's end.",
         keys=("plant.track.rope_offset",),
         modules=("model/ropes.py",),
     ),
@@ -317,8 +317,8 @@ NOTES = (
 INTRODUCTION = """\
 The paper is Wu et al., "Motion Control of a Flexible-Towed Underwater Vehicle Based on Dual-Winch Differential
 Tension Coordination Control", J. Mar. Sci. Eng. 2025, 13(6), 1120, doi:10.3390/jmse13061120. Its sections are given
-in parentheses. An erratum (E) is a printed statement that cannot be meant; an assumption (A) fills a gap that a
-simulation must fill.
+in parentheses. An erratum (E) is a printed statement that cannot be meant; an assumption (A) supplies what the paper
+leaves open and a simulation needs.
 """
 
 

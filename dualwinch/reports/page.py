@@ -1,4 +1,4 @@
-"""Reports as HTML: templates of this folder, every text in them escaped; pictures and numbers in them."""
+"""HTML pages from the templates of this folder, with texts escaped and pictures embedded."""
 
 from base64 import b64encode
 from functools import cache
@@ -16,7 +16,7 @@ from dualwinch.simulation.plots.page import encode
 
 @cache
 def template(name: str) -> Template:
-    """A template of `dualwinch/reports/templates` by its file name; a name that it is not given is an error."""
+    """Load a template of `dualwinch/reports/templates`; a variable that it is not given is an error."""
     environment = Environment(
         loader=PackageLoader("dualwinch.reports"),
         autoescape=True,
@@ -33,7 +33,7 @@ def write_page(path: Path, name: str, **content: Any) -> None:
     Args:
         path: the file.
         name: of the template.
-        content: what the template takes.
+        content: variables of the template.
 
     Raises:
         OSError: the file cannot be written.
@@ -42,14 +42,14 @@ def write_page(path: Path, name: str, **content: Any) -> None:
 
 
 def data_uri(content: bytes | Figure) -> str:
-    """A PNG or SVG, or a figure as PNG, as an address that carries its content."""
+    """A PNG or SVG, or a figure as PNG, as a data URI."""
     data = encode(content, ".png") if isinstance(content, Figure) else content
     kind = "image/png" if data.startswith(b"\x89PNG") else "image/svg+xml"
     return f"data:{kind};base64,{b64encode(data).decode()}"
 
 
 def number_text(value: float) -> Markup:
-    """A number for the table: three digits, a power of ten where it is very small or very large."""
+    """A number for a table: three digits, with a power of ten if it is very small or very large."""
     if not np.isfinite(value):
         return Markup("–")
     if value == 0:

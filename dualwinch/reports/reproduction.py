@@ -25,7 +25,7 @@ TABLE_COLUMNS = (
     *("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse"),
     *("saturated_share", "peak_tension", "min_tension", "chatter"),
 )
-"""Figures of merit of the table."""
+"""Figures of merit in the table."""
 
 CAPTIONS = {
     "trajectory": "Position and speed of the vehicle; the reference is the dotted black line. The inset enlarges the "
@@ -41,10 +41,10 @@ EVENTS = {
     "uniform": "Right: the start, enlarged. The reference demands a step in speed, which no winch can follow.",
     "profile": "Right: the start of braking, enlarged. The reference acceleration jumps there.",
 }
-"""What the enlarged panels of commands and tensions show, by reference."""
+"""Reference → content of the enlarged panels of commands and tensions."""
 
 RINGING = "The ropes ring for some 20 ms: between samples of 1 ms the tensions are integrated in steps of 0.05 ms."
-"""What the enlarged panels of tensions show besides."""
+"""Further content of the enlarged panels of tensions."""
 
 FIGURE_21 = (
     "Steady-state errors of Case 4 without and with the disturbance observer (top), and the reduction it brings beside "
@@ -78,7 +78,7 @@ def write_report(
         figures: number of the paper's figure → its content, PNG or SVG; any subset of 5 to 21.
         configuration: the configuration as TOML text.
         versions: name → version of everything the results depend on.
-        found: the paper's claims; default: those that the runs alone say something about.
+        found: the paper's claims; default: those that the runs alone can confirm or refute.
 
     Raises:
         OSError: the file cannot be written.
@@ -116,7 +116,7 @@ def write_report(
 
 
 def summary(runs: Mapping[tuple[int, str], Result]) -> str:
-    """Two sentences: what was run, and what came out beside the paper."""
+    """Two sentences: the runs, and their result beside the paper's."""
     numbers = sorted({number for number, _kind in runs})
     kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
     cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
@@ -157,7 +157,7 @@ def _rows(results: Mapping[str, Result]) -> list[dict[str, object]]:
 
 
 def _best(results: Mapping[str, Result], name: str, merit: MetricQuantity) -> str | None:
-    """Text of the best value of a column; ``None`` where there is nothing to compare or all look the same."""
+    """Text of the best value of a column; ``None`` if there is only one or all look the same."""
     values = [merit.scale * each.metrics[name] for each in results.values() if each.outcome == "completed"]
     finite = [value for value in values if np.isfinite(value)]
     if len({number_text(value) for value in finite}) < 2:
@@ -190,10 +190,10 @@ def _comparison(figures: Mapping[int, bytes]) -> Picture | None:
 
 
 DRAWN = {"trajectory": ("x",), "error": ("e",), "commands": ("F1_cmd", "F2_cmd"), "tensions": ("F1", "F2")}
-"""What a figure draws → its columns."""
+"""Content of a figure → its columns."""
 
 COINCIDE = 0.005
-"""Lines that are nowhere further apart than this share of their panel's height look like a single one."""
+"""Largest distance of lines that look like a single one, as a share of their panel's height."""
 
 
 def remarks(content: str, runs: Mapping[str, Result]) -> list[str]:
@@ -227,7 +227,7 @@ def _together(content: str, runs: Mapping[str, Result]) -> list[str]:
 
 
 def _off_the_panel(runs: Mapping[str, Result]) -> list[str]:
-    """Names of the controllers whose steady-state error the panel of the others cannot hold."""
+    """Names of the controllers whose steady-state error is too large for the panel of the others."""
     sizes = {}
     for kind, run in runs.items():
         sizes[kind] = largest(run["e"][within(run["t"], *run.experiment.steady_window)])

@@ -1,4 +1,4 @@
-"""The reports of ``dualwinch tune`` and ``dualwinch race``, and the section on robustness, each one HTML file."""
+"""The HTML reports of ``dualwinch tune`` and ``dualwinch race``, and their section on robustness margins."""
 
 import math
 import shlex
@@ -44,12 +44,12 @@ from dualwinch.tuning.robustness.result import RobustnessResult
 CAPTIONS = {
     "history": "Each dot is a candidate in all tuning scenarios. Pale ones violate a constraint or were abandoned "
     "after the first scenarios. A candidate that satisfies every constraint ranks above any that does not.",
-    "importance": "How much a gain's values among the best tenth of all complete trials, constraints aside, differ "
-    "from those elsewhere (PED-ANOVA). An unimportant gain may stay at its default.",
+    "importance": "Difference between a gain's values among the best tenth of all complete trials, constraints aside, "
+    "and among the others (PED-ANOVA). An unimportant gain may stay at its default.",
     "parallel": "One line per candidate, one column per gain, from its lower to its upper bound. Where lines converge, "
     "the gain is settled; where they fan out, it matters little; where they end at a bound, a wider one may help.",
     "front": "The price of one figure of merit in terms of the other. Where a bound on the chatter touches the lower "
-    "edge, it is what keeps the error from being smaller.",
+    "edge, it keeps the error from being smaller.",
     "before": "The same plant, sea and noise for both. Note the two scales of the error.",
     "distributions": "The same scenarios for both, seen neither by the search nor by the choice of the best.",
 }
@@ -97,7 +97,7 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
 
 
 def _sentence(words: str) -> str:
-    """Words as a sentence; one that begins with the name of a statistic keeps it as it is."""
+    """Words as a sentence with a capital letter, except for the name of a statistic, and a full stop."""
     first = words.partition(" ")[0]
     begin = first if "." in first else first[:1].upper() + first[1:]
     return f"{begin}{words[len(first) :]}." if words else ""
@@ -141,12 +141,12 @@ def _bounds(tuned: TuningResult) -> list[dict[str, Any]]:
 
 
 def other_bounds(tuned: TuningResult) -> str:
-    """The bounds that were other numbers in the search, as what the paper's gains reach differs from set to set."""
+    """The bounds relative to the paper's gains that had other values in the search, as its scenarios differ."""
     pairs = zip(tuned.training.constraints, tuned.verdict.constraints, strict=True)
     others = [searched.label for searched, here in pairs if searched.label != here.label]
     if not others:
         return ""
-    words = "A factor on what the paper's gains reach is another number in other scenarios"
+    words = "A bound relative to the paper's gains has another value in other scenarios"
     return f"{words}: in the search {'; '.join(others)}."
 
 
@@ -197,11 +197,11 @@ COSTS = {
     "mean.torque_rate": "the rate of torque",
     "mean.energy": "energy",
 }
-"""Statistics that better tracking is paid with → their names."""
+"""Statistics that usually grow with better tracking → their names."""
 
 
 def gained(tuned: TuningResult) -> str:
-    """The typical error of the best, the start and the paper's gains as lengths; empty where it was not measured."""
+    """Root mean square error of the best, the start and the paper's gains; empty if the best is no improvement."""
     verdict = tuned.verdict
     errors = {name: verdict.statistics(name).get("mean.mse", math.nan) for name in verdict.shown}
     if not verdict.improved or not all(0 < error < math.inf for error in errors.values()):
@@ -215,7 +215,7 @@ def gained(tuned: TuningResult) -> str:
 
 
 def costs(tuned: TuningResult) -> list[str]:
-    """What the best takes more of than the paper's gains, and how near the largest tension is to its limit."""
+    """Costs of the best gains relative to the paper's, and the largest tension beside its limit."""
     verdict = tuned.verdict
     ours, theirs = verdict.scored.statistics, verdict.statistics("paper")
     found = []
@@ -233,7 +233,7 @@ def costs(tuned: TuningResult) -> list[str]:
 
 
 def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
-    """What to do next: words, and a command, which is empty for mere advice."""
+    """Next steps: words and a command, empty for mere advice."""
     best = folder / "best.toml"
     ensemble = tuned.problem.ensemble
     steps = [(f"{sentence[:1].upper()}{sentence[1:]}.", "") for sentence in advice(tuned)]
@@ -243,7 +243,8 @@ def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
         named = f" --ensemble {ensemble.name}"
         words = "Check it against the paper's gains in scenarios of a new seed, with confidence intervals:"
         steps.append((words, f"dualwinch compare paper {best}{named} --seed 1000"))
-    steps.append(("Find what breaks it first; this report then shows it:", f"dualwinch stress {best} --out {folder}"))
+    words = "Find which imperfection breaks it first; this report will then show it:"
+    steps.append((words, f"dualwinch stress {best} --out {folder}"))
     steps.append(("Look at a run:", f"dualwinch simulate --config {best} --plot run.png"))
     steps.append(("Put it on hardware, as C99:", f"dualwinch export c --config {best} --out firmware"))
     return steps
@@ -256,18 +257,18 @@ def _length(mean_square: float) -> str:
 
 
 BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
-"""Where the section stands in a report; it is empty in a new one."""
+"""Marks around the section on robustness margins."""
 
 
 def show_stress(report: Path, found: RobustnessResult) -> bool:
-    """Put what was found into a report of `dualwinch tune`, in the place of what stands there.
+    """Write robustness margins into a report of `dualwinch tune`, in place of the section's present content.
 
     Args:
-        report: the file; nothing happens where there is none, or one of something else.
-        found: what it is to show.
+        report: the file; a missing one, or one without the section, is left alone.
+        found: the robustness margins.
 
     Returns:
-        Whether the report shows it.
+        Whether the report shows them.
 
     Raises:
         OSError: the report cannot be written.

@@ -137,7 +137,7 @@ def test_a_distribution_that_is_not_registered_is_drawn_and_not_saved() -> None:
     with pytest.raises(ConfigurationError) as caught:
         ensemble_to_toml(ensemble)
     assert str(caught.value) == (
-        "plant.vehicle.mass: a distribution of type Triangular cannot stand in a file, it is not registered; "
+        "plant.vehicle.mass: a distribution of type Triangular cannot be written to a file, it is not registered; "
         "must be one of uniform, log-uniform, normal, choice"
     )
 
@@ -220,12 +220,12 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ('plant.vehicle.mass = { uniform = [-0.1, 2], of = "nominal" }', "must be a finite number > 0 kg"),
         ("plant.vehicle.mass = { normal = [1, 0.1] }", "within = [0.8, 1.2]"),
         ("plant.vehicle.mass = { normal = [1, 0], within = [0, 2] }", "standard deviation must be > 0"),
-        ("plant.vehicle.mass = { normal = [1, 1], within = [2, 3] }", "must hold the mean 1"),
+        ("plant.vehicle.mass = { normal = [1, 1], within = [2, 3] }", "must contain the mean 1"),
         ("plant.vehicle.mass = { normal = [1, 1], within = [3, 2] }", "within = [3, 2]: the first bound"),
-        ("plant.vehicle.mass = { uniform = [1, 2], within = [1, 2] }", "beside normal only"),
+        ("plant.vehicle.mass = { uniform = [1, 2], within = [1, 2] }", "within: goes with normal only"),
         ("plant.vehicle.mass = { choice = [] }", "a list of one value or more"),
         ("plant.vehicle.mass = { choice = [1, -1] }", "plant.vehicle.mass = -1"),
-        ('plant.vehicle.mass = { choice = ["a"], of = "nominal" }', "must stand beside numbers"),
+        ('plant.vehicle.mass = { choice = ["a"], of = "nominal" }', "needs a distribution of numbers"),
         ('plant.vehicle.mass = { uniform = [1, 2], of = "truth" }', 'must be "nominal"'),
         ("plant.vehicle.mass = { uniform = [1, 2], together = 3 }", "name of a group"),
         ("plant.vehicle.mass = { unifrom = [1, 2] }", "must be one distribution"),
@@ -235,12 +235,12 @@ def test_relative_distributions_follow_the_nominal_value_and_others_refuse_it() 
         ("plant.vehicle.mass = 3", "must be one distribution"),
         ('controller.kind = { choice = ["nftsm"] }', "controller.kind: cannot be drawn, it shapes the compiled code"),
         ("simulation.delay_samples = { choice = [0, 1] }", "cannot be drawn, it shapes the compiled code"),
-        ("simulation.duration = { uniform = [1, 2] }", "all scenarios share their instants"),
-        ("simulation.jitter = { uniform = [1e-5, 2e-5] }", "must be above 0, outside [distributions] too"),
+        ("simulation.duration = { uniform = [1, 2] }", "all scenarios share their sample times"),
+        ("simulation.jitter = { uniform = [1e-5, 2e-5] }", "must be > 0, in [distributions] and outside"),
         ("sensors.encoder_counts = { uniform = [1, 2] }", "must be a choice"),
         ('plant.vehicle.mass = { kind = "triangle", low = 1 }', "unknown distribution 'triangle'; did you mean 'tri"),
         ("plant.vehicle.mass = { kind = 3 }", "unknown distribution 3"),
-        ('plant.vehicle.mass = { kind = "triangular", low = 1, high = 2 }', "must have 'mode' beside it"),
+        ('plant.vehicle.mass = { kind = "triangular", low = 1, high = 2 }', "needs 'mode' beside it"),
         (f"{TRIANGULAR}, hihg = 2 }}", "unknown word 'hihg'; did you mean 'high'"),
         ('plant.vehicle.mass = { kind = "triangular", low = 1, mode = "a", high = 2 }', 'mode = "a": must be a finite'),
         ('plant.vehicle.mass = { kind = "triangular", low = 1, mode = 3, high = 2 }', "mode = 3: must be between low"),
