@@ -1,8 +1,8 @@
-"""The lab as one HTML file: page, plots, catalogue, compiled loops and a run of one's own; ES modules as one script.
+"""The lab as one HTML file: page, plots, catalogue, compiled loops and a user's run, with its ES modules in one script.
 
-A page that is a single file has nowhere to import from. Each module becomes a function scope, in the order in which
-modules need each other, so that equal names in two modules stay apart. Two statements are understood:
-``import {a, b} from "./file.js"``, and ``export`` before ``function``, ``async function``, ``class`` and ``const``.
+A single file cannot import. Each module becomes a function scope, in the order of their imports, so that equal names in
+two modules stay apart. Two statements are supported: ``import {a, b} from "./file.js"``, and ``export`` before
+``function``, ``async function``, ``class`` and ``const``.
 """
 
 import base64
@@ -25,14 +25,14 @@ EXPORT = re.compile(r"^export\s+((?:async\s+)?function\*?|class|const)\s+(\w+)",
 
 
 def bundle(entry: Path, instead: Mapping[Path, Path] | None = None) -> str:
-    """One script of a module and all that it imports.
+    """Bundle a module and all its imports into one script.
 
     Args:
-        entry: the module to start from; what it exports is dropped.
-        instead: file → the file that is read in its stead.
+        entry: the module to start from; its exports are dropped.
+        instead: file → file that replaces it.
 
     Raises:
-        ValueError: modules import each other in a circle, or in a way that is not understood.
+        ValueError: a circle of imports, or an unsupported import or export.
     """
     scopes: dict[Path, str] = {}
     _add(entry.resolve(), scopes, {key.resolve(): path for key, path in (instead or {}).items()}, ())
@@ -40,7 +40,7 @@ def bundle(entry: Path, instead: Mapping[Path, Path] | None = None) -> str:
 
 
 def _add(path: Path, scopes: dict[Path, str], instead: Mapping[Path, Path], above: tuple[Path, ...]) -> None:
-    """Add the scope of a module, behind those of the modules it needs."""
+    """Add the scope of a module, after those of its imports."""
     if path in above:
         raise ValueError(f"{path.name}: imports itself, by way of {', '.join(file.name for file in above)}")
     if path in scopes:
@@ -59,24 +59,24 @@ def _add(path: Path, scopes: dict[Path, str], instead: Mapping[Path, Path], abov
 
 
 def _scope(path: Path) -> str:
-    """Name of the object that holds what a module exports."""
+    """Name of the object with a module's exports."""
     return "module_" + re.sub(r"\W", "_", f"{path.parent.name}_{path.stem}")
 
 
 MOST_NUMBERS = 180_000
-"""Numbers of a run that a page takes, 11 bytes each; of a longer run every so many rows."""
+"""Most numbers of a run in a page, 11 bytes each; rows of longer runs are thinned."""
 
 
 def own_run(label: str, result: Result) -> dict[str, Any]:
-    """A run as the page takes it, every number of its columns in the eight bytes of a little-endian double.
+    """A run in the page's format, with columns as little-endian doubles in base64.
 
     Args:
-        label: what it is called.
+        label: name of the run in the page.
         result: the run, with its rows.
 
     Returns:
         ``label``, ``outcome``, ``until`` in s, ``metrics``, ``columns``: name → base64, ``units``, and ``settings``:
-        key → value of what is not as in the paper's Case 2, as in a file.
+        key → value in files, where it differs from the paper's Case 2.
     """
     numbers = len(result.columns) * len(result.columns.get("t", ()))
     stride = max(1, -(-numbers // MOST_NUMBERS))
@@ -92,12 +92,12 @@ def own_run(label: str, result: Result) -> dict[str, Any]:
 
 
 def encoded(column: NDArray[np.float64]) -> str:
-    """Numbers as the page takes them."""
+    """A column as little-endian doubles in base64."""
     return base64.b64encode(np.ascontiguousarray(column, "<f8").tobytes()).decode()
 
 
 def differences(experiment: Experiment) -> dict[str, Any]:
-    """Single values that are not as in the paper's Case 2."""
+    """Scalar values that differ from the paper's Case 2, by key."""
     usual = leaves(Experiment())
     return {
         key: plain(value)
@@ -122,13 +122,13 @@ def assemble(
     *,
     engine: Path = ENGINE,
 ) -> str:
-    """The page.
+    """Assemble the page.
 
     Args:
-        catalogue: what can be run and changed, as JSON has it.
-        modules: name → WebAssembly; the page unpacks the one it runs.
-        run: a run of one's own, shown beside the page's: ``label``, ``columns`` and ``metrics``.
-        engine: the module that runs them.
+        catalogue: structures, keys and metrics (`lab.catalogue`), as plain data.
+        modules: name → WebAssembly.
+        run: the user's run (`own_run`), shown beside the page's.
+        engine: the JavaScript module that runs the WebAssembly.
     """
     instead = {ENGINE: engine}
     parts = {
@@ -145,7 +145,7 @@ def assemble(
 
 
 def _packed(modules: Mapping[str, bytes]) -> dict[str, Any]:
-    """Modules in one Zstandard frame: what they have in common, which is most of them, is kept once."""
+    """Modules in one Zstandard frame, so that their large common part is stored once."""
     import pyarrow as pa
 
     frame = pa.Codec("zstd", compression_level=19).compress(b"".join(modules.values()), asbytes=True)
@@ -153,5 +153,5 @@ def _packed(modules: Mapping[str, bytes]) -> dict[str, Any]:
 
 
 def _json(content: object) -> str:
-    """JSON that may stand in a script element."""
+    """JSON that is safe inside a script element."""
     return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

@@ -1,7 +1,7 @@
-"""The catalogue: what the page and its engine have to know of the closed loop, as one JSON object.
+"""The catalogue: description of the closed loops for the page and its engine, as one JSON object.
 
 Units, meanings, bounds, defaults and ranges of sliders come from the annotations; cases and figures of merit from the
-paper; machines from the rig's ensemble.
+paper; machines from the ensemble `rig`.
 """
 
 import math
@@ -25,12 +25,12 @@ from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import own_bounds
 
 WIDER = 3.0
-"""How far a slider reaches beyond a default, as a factor."""
+"""Range of a slider beyond a default, as a factor."""
 
 
 @dataclass(frozen=True)
 class Slider:
-    """Where a number is moved by hand, and on which scale."""
+    """Range and scale of a slider."""
 
     low: float
     high: float
@@ -38,12 +38,12 @@ class Slider:
 
 
 def default_of(key: str, structure: LabStructure) -> float | None:
-    """The number of a key where nothing is said; None where it is left open."""
+    """The default number of a key; None for an optional key without one."""
     return number_of(key, leaves(structure.experiment))
 
 
 def number_of(key: str, values: Mapping[str, Any]) -> float | None:
-    """The number of a key among the values of an experiment, as a module takes it; None where it is left open."""
+    """The number of a key for a module, from the values of an experiment; None for an optional key without one."""
     value = values.get(key, 0.0 if key.startswith("actuator.") else None)  # ideal motors neither lag nor step
     if key == REFERENCE_KIND:
         return float(MOTIONS.index(value))
@@ -51,18 +51,18 @@ def number_of(key: str, values: Mapping[str, Any]) -> float | None:
 
 
 def described(structure: LabStructure, rig: Ensemble) -> dict[str, dict[str, Any]]:
-    """Every key of a structure with what it is, as the catalogue has it.
+    """Key → its entry in the catalogue, for every number of a structure.
 
     Args:
-        structure: whose keys.
-        rig: an ensemble of real machines, which says how far imperfections reach that a perfect machine lacks.
+        structure: of the lab.
+        rig: an ensemble of real machines; it gives the ranges of imperfections that the paper's machine lacks.
     """
     known = structure.module.described
     return {key: _key_entry(key, known[key], structure, rig) for key in structure.module.keys}
 
 
 def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
-    """What structures differ in, likewise: every key with what may be chosen, and what people call it."""
+    """Key → its entry in the catalogue, for every choice in which structures differ, with the options' labels."""
     usual, found = structures[0], {}
     for key, default in usual.settings:
         leaf = describe_parts(usual.experiment)[key]
@@ -111,7 +111,7 @@ def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> 
 
 
 def _kind(key: str, leaf: Leaf) -> str:
-    """What a value is: a number, a whole number, a switch (0 or 1), or the index of a choice."""
+    """Kind of a value: number, integer, switch (0 or 1), or choice (index of an option)."""
     if key == REFERENCE_KIND:
         return "choice"
     if Mark.SWITCH in leaf.marks:
@@ -126,14 +126,14 @@ def _slider(
     reach: tuple[float, float] | None,
     searched: tuple[float, float] | None,
 ) -> Slider:
-    """Where a slider goes.
+    """Range and scale of a slider.
 
     Args:
-        leaf: what the number is.
-        around: the number where nothing is said.
-        bounds: of what is allowed.
-        reach: what a rig's number may be, where that is another one.
-        searched: where it is searched for when it is tuned.
+        leaf: description of the number.
+        around: its default.
+        bounds: allowed range.
+        reach: range in the ensemble `rig`, if it differs from the default.
+        searched: range of the search for gains.
     """
     if leaf.tunable and searched:
         return Slider(*searched, "log" if leaf.tunable.log and searched[0] > 0 else "linear")
@@ -149,7 +149,7 @@ def _slider(
 
 
 def instead_of(key: str, experiment: Experiment) -> float | None:
-    """The number that stands in for an optional one that is left open; None where there is none."""
+    """The number used if an optional key is not given; None if there is none."""
     prefix = "controller.nominal."
     if key.startswith(prefix):
         believed = nominal_plant(experiment.controller.nominal, experiment.plant, experiment.controller.limits.preload)
@@ -158,15 +158,15 @@ def instead_of(key: str, experiment: Experiment) -> float | None:
 
 
 def _typical(key: str, experiment: Experiment) -> float:
-    """A number to begin with of an optional one that is left open."""
+    """A typical number of an optional key, for its slider."""
     instead = instead_of(key, experiment)
-    if instead is None and key == "reference.jerk_limit":  # ten times the least that its speed can be gained with
+    if instead is None and key == "reference.jerk_limit":  # ten times the least jerk that reaches the cruise speed
         return 10 * 4 * cruise_speed(experiment.reference) / experiment.reference.accelerate_until**2
     return instead or 0.0
 
 
 def _of_rig(key: str, rig: Ensemble) -> tuple[float, float] | None:
-    """What a rig's number of a key may be; None where it is that of a perfect machine."""
+    """Range of a key in the ensemble `rig`; None if the rig neither draws nor sets it."""
     if key in rig.distributions:
         ends = rig.distributions[key].ends(leaves(rig.experiment)[key])
         numbers = [float(end) for end in ends]
@@ -180,16 +180,16 @@ def _clipped(low: float, high: float, bounds: tuple[float, float]) -> Slider:
 
 
 MACHINES = 20
-"""Machines that come with the page, those of ``dualwinch simulate --ensemble rig --scenarios 20``."""
+"""Machines in the page, those of ``dualwinch simulate --ensemble rig --scenarios 20``."""
 
 
 def drawn(rig: Ensemble, settings: Settings, seed: int = 0) -> dict[str, Any]:
-    """A rig as the page draws it, by the keys of a structure.
+    """The ensemble `rig` for the page: common values and the draws of its first machines.
 
     Args:
         rig: the ensemble.
         settings: of a structure that has its keys.
-        seed: of the machines that come with the page.
+        seed: of the draws.
 
     Returns:
         ``values`` of every machine; ``distributions``: key → kind, ends and whether a draw is a factor on the nominal
@@ -217,15 +217,15 @@ def drawn(rig: Ensemble, settings: Settings, seed: int = 0) -> dict[str, Any]:
 
 
 OBSERVED = {"case": "case-4", "without": "nftsm", "with": "fando-nftsm"}
-"""What the paper's reductions are of (its Figure 21)."""
+"""Case and structures of the paper's reductions (its Figure 21)."""
 
 
 def cases(usual: LabStructure, offered: Sequence[LabStructure] = ()) -> list[dict[str, Any]]:
-    """Every case of the paper, and every other machine: its name, the structure to begin with, what it changes.
+    """Cases of the paper, and Case 4 on every other machine: name, first structure, and changed values.
 
     Args:
         usual: the paper's structure.
-        offered: structures, those of other machines among them.
+        offered: all structures, including those of other machines.
     """
     begun = [
         (f"case-{number}", f"Case {number}: {label}", LabStructure(usual.settings, case(number)))
@@ -255,17 +255,17 @@ def reproduced() -> dict[str, dict[str, dict[str, float]]]:
 
 
 def claims() -> dict[str, Any]:
-    """What the paper says that its observer changes, as shares of the figures of merit in the steady state."""
+    """The paper's reductions of steady-state errors by its observer (Figure 21), as relative changes."""
     return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in REDUCTIONS.items()}}
 
 
 def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -> dict[str, Any]:
-    """The catalogue of some structures.
+    """The catalogue of structures.
 
     Args:
         structures: the paper's first.
-        rig: the ensemble that machines are drawn from.
-        version: of the product.
+        rig: the ensemble of the page's machines.
+        version: of dualwinch.
     """
     keys: dict[str, dict[str, Any]] = {}
     entries = []
@@ -290,7 +290,7 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
 
 
 def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[str, Any]:
-    """What the catalogue says of a structure."""
+    """Entry of a structure in the catalogue."""
     module = structure.module
     return {
         "id": structure.id,

@@ -1,4 +1,4 @@
-"""What the lab is made of, catalogue and modules: built once and kept in the cache folder."""
+"""Content of the lab, catalogue and modules, built once and kept in the cache folder."""
 
 import base64
 import contextlib
@@ -23,26 +23,26 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.progress import Progress, no_progress
 
 PACKAGE = Path(__file__).parents[1]
-"""The folder that holds the product's packages."""
+"""The folder of all packages."""
 
 MADE_FROM = ("codegen", "model", "controllers", "simulation", "lab/wasm", "lab/catalogue.py")
-"""Files and folders that the content follows from."""
+"""Sources of the content; a change of any rebuilds it."""
 
 SUFFIXES = {".py", ".c", ".h", ".toml"}
 
 DAMAGED = (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError, AttributeError)
-"""What reading a file raises that is not there, or is not what it was."""
+"""Exceptions of reading a missing or damaged file."""
 
 KEPT_CONTENTS = 4
-"""Contents kept; the ones made longest ago go first."""
+"""Contents kept in the cache folder; the oldest are deleted first."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """What the page is filled with.
+    """Content of the page.
 
     Attributes:
-        catalogue: what can be run and changed (`lab.catalogue`).
+        catalogue: structures, keys and metrics (`lab.catalogue`).
         modules: name → WebAssembly.
     """
 
@@ -56,14 +56,14 @@ def content(
     """Catalogue and modules, from the cache folder or newly built.
 
     Args:
-        rig: the ensemble that the page draws machines from.
-        version: of the product.
+        rig: the ensemble of the page's machines.
+        version: of dualwinch.
         offered: the structures; default: all of the lab.
-        progress: called now and then with the share that is done.
+        progress: called with the fraction done.
 
     Raises:
         CompilerNotFoundError: zig is not installed.
-        CompileError: it failed.
+        CompileError: zig failed.
         CacheError: the cache folder cannot be used.
     """
     offered = structures() if offered is None else tuple(offered)
@@ -92,7 +92,7 @@ def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progres
 
 
 def _sources() -> str:
-    """A digest of all files that the content follows from."""
+    """Digest of all source files of the content."""
     digest = hashlib.sha256()
     for path in (PACKAGE / name for name in MADE_FROM):
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:

@@ -1,4 +1,4 @@
-"""A plant that is served, as the lab's page follows it: an address that gives new rows of its run."""
+"""The run of a served plant in the lab's page, which requests new rows while the run proceeds."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -9,19 +9,19 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.server.plant import ServedPlant
 
 ADDRESS = "live"
-"""Where the page asks, below its own address."""
+"""Path of the requests, below the page's address."""
 
 
 def live_run(experiment: Experiment) -> dict[str, Any]:
-    """In place of a run of one's own (`assemble.own_run`), one that the page follows; with an experiment's settings."""
+    """A live run with the settings of an experiment, in place of `assemble.own_run`."""
     return {"label": "the served plant", "live": ADDRESS, "settings": differences(experiment)}
 
 
 def live_rows(plant: ServedPlant) -> Callable[[Mapping[str, int]], str]:
-    """What answers the page, as JSON.
+    """Function that answers the page's requests with JSON.
 
-    The page says which ``run`` it has, and how many ``rows`` of it; it is given the number of the present run, its
-    further columns, and a status in words where safe torques are in force. Of a long run it gets every so many samples.
+    A request gives the number of the page's ``run`` and of its ``rows``; the answer has the number of the present run,
+    its further rows as columns, and a status in words while safe torques are in force. Rows of long runs are thinned.
     """
     samples, columns = plant.experiment.samples, len(plant.rows(0, 1)[1])
     stride = max(1, -(-samples * columns // MOST_NUMBERS))
@@ -30,7 +30,7 @@ def live_rows(plant: ServedPlant) -> Callable[[Mapping[str, int]], str]:
         number, rows = plant.rows(max(0, asked.get("rows", 0)) * stride, stride)
         if number != asked.get("run"):
             number, rows = plant.rows(0, stride)
-        status = "No command comes: safe torques are in force." if plant.read()["safe"] else ""
+        status = "No commands arrive: safe torques are in force." if plant.read()["safe"] else ""
         return json.dumps(
             {"run": number, "columns": {name: encoded(each) for name, each in rows.items()}, "status": status}
         )

@@ -1,10 +1,10 @@
-/* The closed loop in a page or a worker: modules of WebAssembly, run by the names of the catalogue. No dependency. */
+/* The closed loop in a page or a worker: WebAssembly modules, addressed by the catalogue's names. No dependencies. */
 
-const PAGE = 65536; // bytes of WebAssembly's memory grow by this
+const PAGE = 65536; // bytes of a page of WebAssembly memory
 const MOST_SAMPLES = 5e6;
 const OUTCOMES = ["completed", "diverged", "left_track"];
 
-/** Bytes of a module: an ArrayBuffer, a view of one, or text: the bytes gzipped, in base64. */
+/** Bytes of a module, from an ArrayBuffer, a view of one, or gzipped bytes in base64. */
 async function bytesOf(module) {
   if (typeof module !== "string") return module;
   const packed = Uint8Array.from(atob(module), (character) => character.charCodeAt(0));
@@ -12,7 +12,7 @@ async function bytesOf(module) {
   return new Response(unpacked).arrayBuffer();
 }
 
-/** A module that is running: its memory, its vectors, and the room for columns behind them. */
+/** An instantiated module: its memory, its vectors, and space for columns behind them. */
 class Instance {
   constructor(instance) {
     this.exports = instance.exports;
@@ -25,7 +25,7 @@ class Instance {
     return new Float64Array(this.exports.memory.buffer, address, count);
   }
 
-  /** Address of room for `count` numbers. */
+  /** Address of space for `count` numbers. */
   reserve(count) {
     const missing = this.room + 8 * count - this.exports.memory.buffer.byteLength;
     if (missing > 0) this.exports.memory.grow(Math.ceil(missing / PAGE));
@@ -35,7 +35,7 @@ class Instance {
 
 export class Engine {
   /**
-   * @param {object} catalogue as `dualwinch.lab.catalogue` writes it
+   * @param {object} catalogue of `dualwinch.lab.catalogue`
    * @param {Object<string, string|BufferSource>} modules name of a module → its bytes, or gzipped in base64
    * @returns {Promise<Engine>} modules are compiled when a structure is first run
    */
@@ -50,7 +50,7 @@ export class Engine {
     this.instances = {};
   }
 
-  /** Get a structure's module ready; `run` does so by itself. */
+  /** Compile a structure's module; `run` does so by itself. */
   async prepare(id) {
     const { module } = this.structure(id);
     this.instances[module] ??= bytesOf(this.modules[module])
@@ -70,13 +70,13 @@ export class Engine {
    *
    * @param {object} asked
    * @param {string} asked.structure id of a structure
-   * @param {Object<string, ?number>} [asked.values] key → number, over the structure's defaults; null leaves an
-   *   optional one open
-   * @param {Object<string, number>} [asked.believed] `plant.*` as the controller believes them; default: as simulated
+   * @param {Object<string, ?number>} [asked.values] key → number, in place of the structure's defaults; null: an
+   *   optional one is not given
+   * @param {Object<string, number>} [asked.believed] nominal `plant.*` of the controller; default: as simulated
    * @param {number|bigint|string} [asked.seed] of every random signal, below 2^64
-   * @param {number} [asked.stride] every how many samples a row is kept, 1 to 1024; 0 keeps none
+   * @param {number} [asked.stride] samples per row kept, 1 to 1024; 0 keeps none
    * @returns {Promise<{outcome: string, until: number, t: Float64Array, columns: Object<string, Float64Array>,
-   *   metrics: Object<string, number>, checks: Float64Array, seconds: number}>} metrics are NaN where a run was not
+   *   metrics: Object<string, number>, checks: Float64Array, seconds: number}>} metrics are NaN if the run was not
    *   completed; checks are value and limit of each of the structure's `idealised`
    */
   async run({ structure: id, values = {}, believed = {}, seed = 0, stride = 1 }) {
@@ -116,7 +116,7 @@ export class Engine {
     };
   }
 
-  /** Every value of a run by its key. */
+  /** Key → value, for all parameters of a run. */
   values(structure, given) {
     const unknown = Object.keys(given).find((key) => !structure.parameters.includes(key));
     if (unknown) throw new RangeError(`${structure.id}: unknown key '${unknown}'`);
@@ -124,7 +124,7 @@ export class Engine {
     return { ...Object.fromEntries(defaults), ...given };
   }
 
-  /** Write the vector that a module takes: values, what the controller believes, and which optional ones are given. */
+  /** Write a module's vector: values, the controller's nominal values, and which optional ones are given. */
   write(instance, structure, values, believed) {
     const plant = structure.believed.map((key) => believed[key] ?? values[key]);
     const given = structure.optional.map((key) => (values[key] == null ? 0 : 1));

@@ -1,4 +1,4 @@
-// Numbers and parts of an experiment, to be changed: a slider for the usual range, a field for whatever the bounds allow.
+// Controls for numbers and parts of an experiment: a slider for the usual range, a field for any allowed value.
 
 import {baseValue, choices, SEED, structureOf, valueOf} from "./experiment.js";
 import {digits, plain, unitHtml, unitText} from "./numbers.js";
@@ -11,7 +11,7 @@ export class Controls {
     Object.assign(this, {holder, catalogue, onValue, onSetting, onReset, structure: "", rows: new Map()});
   }
 
-  // `inHeader`: choices that stand elsewhere on the page.
+  // `inHeader`: keys of choices that are in the header instead.
   show(experiment, inHeader) {
     this.experiment = experiment;
     const structure = structureOf(this.catalogue, experiment);
@@ -111,7 +111,7 @@ export class Controls {
     return this.#box(row, id, (on) => this.onValue(key, Number(on)), () => [Boolean(valueOf(this.catalogue, this.experiment, key)), key in this.experiment.values], key);
   }
 
-  // state(): [on or index, whether it is changed]
+  // state(): [on, whether it is changed]
   #box(row, id, onChange, state, key) {
     row.classList.add("switch");
     row.insertAdjacentHTML("beforeend", `<input type="checkbox" id="${id}" role="switch">`);
@@ -140,7 +140,7 @@ export class Controls {
     return row;
   }
 
-  // Only rows that have all the words; sections open as long as something is looked for.
+  // Show only rows that contain all words; sections with such rows open during a search.
   filter(text) {
     const words = text.toLowerCase().split(/\s+/).filter(Boolean);
     for (const section of this.holder.querySelectorAll("details")) {
@@ -155,7 +155,7 @@ export class Controls {
   }
 }
 
-// What people call a choice.
+// Label of an option for users.
 export function optionText(catalogue, key, option) {
   const {choices: known, labels} = catalogue.keys[key] ?? {};
   return labels?.[known.indexOf(option)] ?? String(option).replaceAll("-", " ");

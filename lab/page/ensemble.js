@@ -1,4 +1,4 @@
-// Twenty machines that are not quite the nominal one, under the same controller: a fan of their errors.
+// Twenty machines that differ from the nominal one, under the same controller: a fan chart of their errors.
 
 import {request, structureOf, valueOf} from "./experiment.js";
 import {digits} from "./numbers.js";
@@ -6,7 +6,7 @@ import {smallPlot} from "./small_plot.js";
 
 const POINTS = 300;
 
-// The request of a machine: a rig's imperfections over the numbers of the page; the controller believes what it did before.
+// The request of a machine: the rig's imperfections added to the experiment; the controller's nominal plant is unchanged.
 export function drawn(catalogue, experiment, index) {
   const {rig, keys} = catalogue, asked = request(catalogue, experiment);
   const known = new Set(structureOf(catalogue, experiment).parameters), values = {...asked.values}, believed = {};
@@ -23,11 +23,11 @@ export function drawn(catalogue, experiment, index) {
 }
 
 export class Ensemble {
-  // runner(): a worker of its own; current(): the experiment.
+  // runner(): the background worker; current(): the experiment.
   constructor(holder, catalogue, runner, current) {
     const count = catalogue.rig.seeds.length;
     Object.assign(this, {holder, catalogue, runner, current, count, stopped: true});
-    holder.innerHTML = `<p>Draws ${count} machines within the tolerances of common parts, in a real sea, with real sensors (the <em>rig</em>), and runs this controller on each. It believes the nominal machine.</p>
+    holder.innerHTML = `<p>Draws ${count} machines within the tolerances of common parts, in a realistic sea, with realistic sensors (the <em>rig</em>), and runs this controller on each. Its model is the nominal machine.</p>
       <p class="buttons"><button type="button" class="go">Draw ${count}</button><progress max="${count}" value="0" aria-label="Machines run"></progress></p>
       <div class="fan" hidden></div><p class="summary" aria-live="polite"></p>`;
     this.button = holder.querySelector(".go");
@@ -83,7 +83,7 @@ export class Ensemble {
   }
 }
 
-// Of numbers in ascending order.
+// ordered: numbers in ascending order.
 function median(ordered) {
   const half = ordered.length / 2;
   return (ordered[Math.ceil(half) - 1] + ordered[Math.floor(half)]) / 2;

@@ -1,10 +1,10 @@
-// What is simulated: a case of the paper and what differs from it. Settings choose the parts, values are their numbers.
+// The simulated experiment: a case of the paper and differences from it. Settings choose the parts, values are numbers.
 //
-// An experiment is {case, settings: {key: choice}, values: {key: number}}; it holds differences from the case alone.
+// An experiment is {case, settings: {key: choice}, values: {key: number}}, with differences from the case only.
 
 export const SEED = "simulation.seed";
 
-// What the catalogue says of the seed, which is no number of the compiled loop.
+// The seed's entry, missing from the catalogue because the seed is no parameter of the compiled loop.
 export const ABOUT_SEED = {unit: "1", meaning: "seed of every random signal of the run", kind: "integer", low: 0, high: 2 ** 32, default: 0,
   slider: [0, 100], scale: "linear", optional: false, tunable: false};
 
@@ -21,8 +21,8 @@ function structureById(catalogue, id) {
   return catalogue.structures.find((structure) => structure.id === id);
 }
 
-// The structure an experiment runs on: of its case's machine, and of those that agree with the most recent choice, the
-// one nearest to all others.
+// The structure of an experiment: of those for its case's machine, the one that agrees with most choices, above all with
+// the most recent one, then with the law.
 export function structureOf(catalogue, experiment, last = null) {
   const base = structureById(catalogue, caseOf(catalogue, experiment).structure);
   const wanted = {...base.settings, ...experiment.settings};
@@ -32,7 +32,7 @@ export function structureOf(catalogue, experiment, last = null) {
   return offered.reduce((best, structure) => (score(structure) > score(best) ? structure : best), base);
 }
 
-// The choices there are: key → its options among all structures, where there is more than one.
+// Map from key to options, for every choice with more than one option among all structures.
 export function choices(catalogue) {
   const found = new Map();
   for (const structure of catalogue.structures) {
@@ -44,7 +44,7 @@ export function choices(catalogue) {
   return new Map([...found].filter(([, options]) => options.size > 1).map(([key, options]) => [key, [...options]]));
 }
 
-// The number of a key where nobody has changed it.
+// The number of a key unless it is changed: of the case, the structure or the catalogue.
 export function baseValue(catalogue, experiment, key) {
   return caseOf(catalogue, experiment).values[key] ?? structureOf(catalogue, experiment).defaults?.[key] ?? catalogue.keys[key].default ?? null;
 }
@@ -53,7 +53,7 @@ export function valueOf(catalogue, experiment, key) {
   return key in experiment.values ? experiment.values[key] : baseValue(catalogue, experiment, key);
 }
 
-// A new experiment with a number changed; the case's own number is no difference.
+// A new experiment with a number changed; the case's own number is not stored.
 export function withValue(catalogue, experiment, key, value) {
   const values = {...experiment.values, [key]: value};
   if (value === baseValue(catalogue, experiment, key)) delete values[key];
@@ -66,7 +66,7 @@ export function withoutValue(experiment, key) {
   return {...experiment, values};
 }
 
-// A new experiment with another part, whose own settings follow where a structure has no other.
+// A new experiment with another part; other choices follow if no structure combines them.
 export function withSetting(catalogue, experiment, key, choice) {
   const wanted = {...experiment, settings: {...experiment.settings, [key]: choice}};
   return withStructure(catalogue, wanted, structureOf(catalogue, wanted, key));
@@ -83,7 +83,7 @@ export function withCase(catalogue, experiment, id) {
   return withStructure(catalogue, {...experiment, case: id}, structureOf(catalogue, {...experiment, case: id}));
 }
 
-// What an engine runs: numbers that the structure knows, those of the case among them.
+// The engine's request: structure, numbers that it has (the case's included), and seed.
 export function request(catalogue, experiment) {
   const structure = structureOf(catalogue, experiment);
   const known = new Set(structure.parameters);
@@ -98,7 +98,7 @@ export function tunables(catalogue, experiment) {
   return parameters.filter((key) => /^controller\.(?!coordination\.|winch_)/.test(key) && catalogue.keys[key].tunable);
 }
 
-// Everything that differs from the defaults of a file: what the case sets, then what was changed.
+// Everything that differs from the case: settings and values.
 export function differences(catalogue, experiment) {
   return {...settingsOf(catalogue, experiment), ...experiment.values};
 }

@@ -1,4 +1,4 @@
-// Case, law, estimator and coordination, at the head of the page.
+// Choice of case, law, estimator and coordination, in the page's header.
 
 import {optionText} from "./controls.js";
 import {choices, structureOf} from "./experiment.js";

@@ -1,9 +1,9 @@
-// What the plant leaves out, in a line: the briefs of the catalogue, of those numbers that are beyond their limits.
+// The plant's idealisations in one line: the catalogue's brief texts for the checks that are beyond their limits.
 
 import {digits} from "./numbers.js";
 
-// structure: of the run; checks: value and limit of each of its idealisations, one after the other; tension: the smallest
-// one in N that the controller commands, at which they hold.
+// structure: of the run; checks: value and limit of each of its idealisations, in turn; tension: the controller's smallest
+// command in N, at which they are evaluated.
 export function idealised(structure, checks, tension) {
   const parts = new Map(), told = new Set();
   (checks ? structure.idealised : []).forEach(({part, atLeast, brief}, index) => {
@@ -17,5 +17,5 @@ export function idealised(structure, checks, tension) {
   });
   const both = {winch_1: "winches", rope_1: "ropes"};
   const briefs = [...parts].map(([words, of]) => `${of.length > 1 ? both[of[0]] : of[0].replace("_", " ")} ${words}`);
-  return briefs.length ? `Idealised: ${briefs.join(", ")}. What gains meet on a machine: docs/site.md.` : "";
+  return briefs.length ? `Idealised: ${briefs.join(", ")}. For real machines see docs/site.md.` : "";
 }

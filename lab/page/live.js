@@ -1,10 +1,10 @@
-// A run that is under way in another process: it is asked for new rows now and then.
+// A run in progress in another process, from which new rows are requested at intervals.
 
 import {finished} from "./open.js";
 
 const INTERVAL = 500; // ms
 
-// `own`: its label and the address that gives {run, columns, status}; `decoded` gives the columns as numbers.
+// own: label, and address that answers with {run, columns, status}; decoded(answer): its columns as numbers.
 export async function follow(own, decoded, show, say) {
   let run = null, columns = {};
   for (;;) {

@@ -1,4 +1,4 @@
-// The machine at one moment: rail, vehicle, drums and ropes, drawn to scale, and the error under a lens.
+// Drawing of the machine at one time: rail, vehicle, drums and ropes to scale, and the error magnified.
 
 import {moment} from "./moment.js";
 import {digits, steady} from "./numbers.js";
@@ -13,7 +13,7 @@ export class Machine {
     this.pen = canvas.getContext("2d");
   }
 
-  // plant: {length, offset, radius, diameter, height, tensionMax}; `pinned` is a second run, drawn as an outline.
+  // plant: {length, offset, radius, diameter, height, tensionMax}; pinned: a second run, drawn as an outline.
   draw(run, time, plant, pinned = null) {
     const width = this.canvas.clientWidth, dots = devicePixelRatio || 1;
     if (this.canvas.width !== Math.round(width * dots)) {
@@ -83,7 +83,7 @@ export class Machine {
     pen.fillText(`τ${number === 1 ? "₁" : "₂"} ${digits(at(`tau_${number}`), 3)} N m`, edge, 31);
   }
 
-  // Straight, unless the rope sags in the model: then from roller to roller, the last span shorter; enlarged as `view` says.
+  // A straight rope, or one that sags from roller to roller, with a shorter last span; sag is scaled by view.enlarged.
   #hang(view, plant, sag, drumX, vehicleX) {
     const {pen} = this, top = view.ropeHeight, depth = sag * view.scale * view.enlarged;
     if (!(depth > 0.2)) return pen.lineTo(vehicleX, top);
@@ -97,7 +97,7 @@ export class Machine {
     }
   }
 
-  // A drum turns with its angle: pulling rope in, its top moves away from the vehicle.
+  // A drum at its angle: when it retrieves rope, its top moves away from the vehicle.
   #drum(view, at, number) {
     const {pen} = this, centreX = number === 1 ? view.right + view.drum + 2 : view.left - view.drum - 2;
     const centreY = view.ropeHeight + view.drum, angle = (number === 1 ? 1 : -1) * at(`theta_${number}`);
@@ -136,7 +136,7 @@ export class Machine {
     }
   }
 
-  // What pushes the vehicle that its model does not know, and what the controller takes it for.
+  // The disturbance on the vehicle and the controller's estimate of it, as arrows.
   #pushes(view, at, largest) {
     if (!(largest > 1e-4)) return;
     const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
@@ -180,7 +180,7 @@ export class Machine {
     pen.fillText("reference", spot, top - 7);
   }
 
-  // The error, magnified: a millimetre is nothing on a rail of 50 m.
+  // The error, magnified: a millimetre is invisible on a rail of 50 m.
   #lens(view, x, error, largest) {
     const {pen} = this, half = Math.min(92, view.width / 5), range = nice(largest);
     const centre = Math.min(Math.max(view.spot(x), half + 14), view.width - half - 14), base = HEIGHT - 24;
@@ -207,7 +207,7 @@ export class Machine {
     this.#line(spot, base - 8, spot, base + 1);
   }
 
-  // What the colours of ropes mean.
+  // Colour scale of the rope tensions, and of the enlarged sag.
   #scale(view, plant) {
     const {pen} = this, width = Math.min(120, view.width / 5), left = (view.width - width) / 2;
     for (let pixel = 0; pixel < width; pixel++) {
@@ -232,14 +232,14 @@ export class Machine {
   }
 }
 
-const SHOWN_SAG = 16; // pixels that the largest sag may take where it is enlarged
+const SHOWN_SAG = 16; // most pixels of the largest sag after enlargement
 
-// A power of ten by which sags are drawn larger than they are, so that they are seen; NaN where ropes have none.
+// Power of ten by which sag is enlarged to be visible; NaN for ropes without sag.
 function enlargement(pixels) {
   return pixels > 0 ? 10 ** Math.max(Math.floor(Math.log10(SHOWN_SAG / pixels)), 0) : NaN;
 }
 
-// The next of 1, 2, 5 · 10ⁿ.
+// The next larger of 1, 2, 5 · 10ⁿ.
 function nice(size) {
   if (!(size > 0) || !Number.isFinite(size)) return 1e-3;
   const power = 10 ** Math.floor(Math.log10(size));
@@ -248,7 +248,7 @@ function nice(size) {
 
 const STOPS = [[0x56, 0xb4, 0xe9], [0xc9, 0xa2, 0x27], [0xd5, 0x5e, 0x00]];
 
-// From sky over gold to vermilion, which colour-blind readers tell apart; widths say the same.
+// Colour from sky blue over gold to vermilion, distinguishable by colour-blind readers; line widths show the same.
 function tensionColour(share) {
   const position = Math.min(Math.max(share, 0), 1) * 2, index = Math.min(Math.floor(position), 1), part = position - index;
   return `rgb(${STOPS[index].map((from, channel) => Math.round(from + part * (STOPS[index + 1][channel] - from))).join(",")})`;

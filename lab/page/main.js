@@ -1,4 +1,4 @@
-// The page: one experiment, its run, the pinned run, and everything that shows them.
+// The page: one experiment, its run, the pinned run, and the views of them.
 
 import {Controls} from "./controls.js";
 import {Ensemble} from "./ensemble.js";
@@ -49,7 +49,7 @@ const questions = new Questions(element("questions"), catalogue, background, (be
 new Ensemble(element("ensemble"), catalogue, background, () => experiment);
 new Tuning(element("tuning"), catalogue, background, () => experiment, (found) => { pin(); change(found); });
 
-// ---- what a change does ----
+// ---- changes and their effects ----
 
 const simulate = latest(async (wanted) => {
   document.documentElement.dataset.busy = "true";
@@ -66,18 +66,18 @@ function change(next) {
   experiment = next;
   controls.show(experiment, IN_HEADER);
   showHeader(experiment);
-  try { history.replaceState(null, "", hashOf(catalogue, experiment)); } catch { /* too fast for the browser: the next change writes it */ }
+  try { history.replaceState(null, "", hashOf(catalogue, experiment)); } catch { /* too many calls for the browser: the next change writes it */ }
   simulate(experiment);
 }
 
-// Another part; not every one is there with every other.
+// Choose another part; not all combinations exist.
 function choose(key, choice) {
   const before = structureOf(catalogue, experiment).settings, next = withSetting(catalogue, experiment, key, choice);
   const structure = structureOf(catalogue, next);
   const others = Object.keys(before).filter((other) => other !== key && structure.settings[other] !== before[other]);
   change(next);
-  if (structure.settings[key] !== choice) say("The lab has this machine with the paper’s law only; simulate has it with any.");
-  else if (others.length) say(`In the lab this goes with ${structure.label} only.`);
+  if (structure.settings[key] !== choice) say("The lab offers this machine with the paper’s law only; dualwinch simulate runs it with any.");
+  else if (others.length) say(`The lab offers this choice only with ${structure.label}.`);
 }
 
 function showRun(result) {
@@ -117,13 +117,13 @@ function showMoment() {
   transport.show(run.columns.x ? `${digits(playback.time, 4)} s` : "");
 }
 
-// Figures of merit of the law with the paper's gains; of the paper's own law where it has no such.
+// Figures of merit of the law with the paper's gains, or of the paper's own law if the paper does not have this one.
 function paperMetrics() {
   const known = catalogue.paper[experiment.case] ?? {}, law = structureOf(catalogue, experiment).settings["controller.kind"];
   return known[law] ?? known["fando-nftsm"] ?? null;
 }
 
-// The run in a line, for screens on which the plots are out of sight while a number is changed.
+// The run in one line, for small screens on which the plots are not visible beside the controls.
 function glance() {
   const {mae, max_abs_error: largest, peak_tension: peak, slack_share: slack} = run.metrics;
   if (!Number.isFinite(mae)) return run.outcome;
@@ -139,7 +139,7 @@ function plant() {
     height: of("plant.vehicle.height", 3), tensionMin: limits[0], tensionMax: limits[1], torqueLimits: limits.map((limit) => limit * radius / gear)};
 }
 
-// Another column of the run in a plot of its own.
+// Options of the plot for any other column.
 function showSignals() {
   const {id, columns} = structureOf(catalogue, experiment), select = element("signal"), chosen = select.value;
   if (select.dataset.structure === id) return;
@@ -157,7 +157,7 @@ function pin(other = run) {
   const button = element("pin");
   button.setAttribute("aria-pressed", String(Boolean(pinned)));
   button.textContent = pinned ? "Unpin A" : "Pin as A";
-  button.title = pinned ? `A: ${pinned.label}` : "Keep this run as A, and compare what follows with it";
+  button.title = pinned ? `A: ${pinned.label}` : "Keep this run as A, to compare later runs with it";
   if (run) refresh();
 }
 
@@ -188,7 +188,7 @@ async function openAs(file) {
     const opened = await openFile(catalogue, file);
     if (opened.run) pin(opened.run);
     else change(opened.experiment);
-    say(opened.run ? `${file.name} is A now.` : `${file.name} is open${opened.unknown.length ? `; without ${opened.unknown.length} keys that have no place in this page` : ""}.`);
+    say(opened.run ? `${file.name} is now A.` : `${file.name} is open${opened.unknown.length ? `, without ${opened.unknown.length} keys that this page does not support` : ""}.`);
   } catch (error) {
     say(error.message, true);
   }
@@ -224,7 +224,7 @@ if (ownRun) {
 }
 change(experiment);
 
-// A run that is under way is A; the moment that is shown goes with it, until another one is looked at.
+// A live run is A; the time shown follows its end until the user moves it.
 let followed = null;
 function showLive(live) {
   pin(live);

@@ -1,6 +1,6 @@
-// The menu of what leaves and enters the page; files may also be dropped anywhere.
+// The menu for sharing and opening; files may also be dropped anywhere.
 
-// actions: name → what its button does; onFile(file).
+// actions: name → function of its button; onFile(file).
 export function connectMenu(actions, onFile) {
   const menu = document.getElementById("menu"), input = document.getElementById("file");
   menu.addEventListener("click", async (event) => {

@@ -1,4 +1,4 @@
-// Figures of merit: this run, beside the pinned one, beside the paper's gains on the same case.
+// Table of figures of merit: this run beside the pinned one, or beside the paper's gains in the same case.
 
 import {change, digits, scaleFor} from "./numbers.js";
 
@@ -18,13 +18,13 @@ function row(metric, values, compared) {
   return `<tr><th scope="row" title="${metric.meaning}">${metric.label}<small>${unit}</small></th>${cells.join("")}${last}</tr>`;
 }
 
-// What the paper says that its observer changes, beside what it changes here; of its controller on its machine alone.
+// The paper's reductions by its observer beside those of this run; only for the paper's controller on its machine.
 export function claims(catalogue, experiment, run) {
   const {case: id, without, with: law, change: said} = catalogue.claims, changed = [...Object.keys(experiment.values), ...Object.keys(experiment.settings)];
   if (experiment.case !== id || run.outcome !== "completed" || changed.some((key) => !/^controller\.(observer|nftsm|auxiliary)\./.test(key))) return "";
   const before = catalogue.paper[id][without], labels = Object.fromEntries(catalogue.metrics.map((metric) => [metric.name, metric.label]));
   const words = Object.entries(said).map(([name, share]) => `${labels[name]} ${percent(run.metrics[name] / before[name] - 1)} (${percent(share)})`);
-  return `The observer’s part, against ${without} (in brackets what the paper reports for ${law}): ${words.join(", ")}.`;
+  return `Effect of the observer, compared with ${without} (in brackets the paper’s values for ${law}): ${words.join(", ")}.`;
 }
 
 function percent(share) {

@@ -1,4 +1,4 @@
-// Columns of a run at a moment, between two rows on the straight line.
+// Columns of a run at a time, interpolated linearly between rows.
 export function moment(run, time) {
   const {t} = run;
   const step = t.length > 1 ? (t[t.length - 1] - t[0]) / (t.length - 1) : 1;

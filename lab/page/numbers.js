@@ -1,4 +1,4 @@
-// Numbers as people read them: four digits, units in which they are neither huge nor tiny.
+// Formatting of numbers: four digits, in units that make them neither huge nor tiny.
 
 const SCALED = {
   m: [["m", 1], ["mm", 1e3]],
@@ -13,7 +13,7 @@ export function unitText(unit) {
   return unit.replace(/\^2|\^3|\^-1|\*/g, (found) => PRETTY[found]).replaceAll(" ", "\u202f");
 }
 
-// The same with powers raised, as HTML.
+// The unit as HTML, with powers as superscripts.
 export function unitHtml(unit) {
   return unitText(unit).replace(/\^\(([^)]*)\)/g, (_, power) => `<sup>${power.replaceAll("-", "−")}</sup>`);
 }
@@ -57,21 +57,21 @@ function trimmed(text) {
   return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }
 
-// A number as a field shows it: what has room there. Files and links hold all digits.
+// A number for an input field, with as many digits as fit; files and links have all digits.
 export function plain(value) {
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-3 || size >= 1e7)) return Number(value.toPrecision(3)).toExponential().replace("e+", "e");
   return String(Number(value.toPrecision(5)));
 }
 
-// As many digits behind the point as four digits of `largest` have: numbers of a signal stand still while they change.
+// A fixed number of decimals, that of `largest` with four digits, so that a changing number does not jump.
 export function steady(value, largest) {
   if (!Number.isFinite(value)) return "–";
   const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(largest || 1)), 0), 8);
   return value.toFixed(decimals).replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−").replace(/^(−?\d{1,3})(\d{3})$/, "$1\u202f$2");
 }
 
-// What became of a number, in the words that are shortest: a share, or a factor where it is large.
+// Change of a number in short form: in percent, or as a factor if it is large.
 export function change(from, to) {
   if (!Number.isFinite(from) || !Number.isFinite(to)) return "–";
   if (from === to) return "=";

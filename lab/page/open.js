@@ -1,9 +1,9 @@
-// Files of one's own: runs as CSV or Parquet, gains as TOML.
+// The user's files: runs as CSV or Parquet, experiments as TOML.
 
 import {fromFile} from "./share.js";
 import {readToml} from "./toml.js";
 
-// {experiment, unknown} of a TOML file, {run} of a file with rows.
+// {experiment, unknown} from a TOML file, {run} from a file with rows.
 export async function openFile(catalogue, file) {
   const kind = file.name.split(".").at(-1).toLowerCase();
   if (kind === "toml") return fromFile(catalogue, readToml(await file.text()));
@@ -38,7 +38,7 @@ async function readParquet(file) {
   return finished(file.name, columns, JSON.parse((facts["dualwinch.metrics"] ?? "{}").replaceAll("NaN", "null")));
 }
 
-// What the page needs of rows from elsewhere.
+// A run in the page's format, from columns of a file or a live run.
 export function finished(name, columns, metrics) {
   if (!columns.t || columns.t.length < 2) throw new Error(`${name}: must have a column t with at least two times`);
   if (!columns.e && !columns.F1) throw new Error(`${name}: has none of the columns e, F1, F2, tau_1, d_true`);

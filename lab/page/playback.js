@@ -1,4 +1,4 @@
-// The moment that is shown, and its passing: play, pause, slow motion, within the stretch of time the plots show.
+// The time shown and its playback: play, pause, slow motion, within the plots' time range.
 
 export class Playback {
   constructor(onMoment) {

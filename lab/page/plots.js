@@ -1,10 +1,10 @@
-// Linked plots of a run: one cursor, one stretch of time, and where a run is pinned, that run behind.
+// Linked plots of a run, with one cursor and one time range, and a pinned run in the background.
 
 import {moment} from "./moment.js";
 import {digits, steady, unitText} from "./numbers.js";
 import {colour} from "./theme.js";
 
-// What each plot draws: columns, and constant lines from the plant and the limits.
+// Content of each plot: columns, and constant lines from the plant and its limits.
 const PANELS = [
   {title: "Position error", unit: "m", curves: [["e", "e", "blue"]], limits: () => []},
   {title: "Rope tensions", unit: "N", limits: (plant) => [plant.tensionMin, plant.tensionMax],
@@ -16,7 +16,7 @@ const PANELS = [
 ];
 
 export class Plots {
-  // playback: the moment and stretch of time shown; onHover(time or null).
+  // playback: time and time range shown.
   constructor(holder, playback) {
     this.holder = holder;
     this.playback = playback;
@@ -30,12 +30,12 @@ export class Plots {
     element.innerHTML = `<header><h3>${panel.title}</h3><dl></dl></header><div class="plot" tabindex="0" role="img"></div>`;
     this.holder.append(element);
     const frame = element.querySelector(".plot");
-    frame.setAttribute("aria-label", `${panel.title} over time. Arrow keys move the moment, plus and minus zoom, 0 shows all.`);
+    frame.setAttribute("aria-label", `${panel.title} over time. Arrow keys move the time, plus and minus zoom, 0 shows all.`);
     frame.addEventListener("keydown", (event) => this.#key(event));
     return {...panel, element, frame, legend: element.querySelector("dl"), plot: null, shape: "", play: null};
   }
 
-  // Another column in the last plot; none: no such plot.
+  // Show a column in the last plot; undefined hides that plot.
   choose(column) {
     const panel = this.panels.at(-1);
     panel.curves = column ? [[column.name, column.name, "green"]] : [];
@@ -45,7 +45,7 @@ export class Plots {
     this.show(this.run, this.pinned, this.plant);
   }
 
-  // plant: as the machine has it; pinned: another run or null.
+  // plant: as in Machine.draw, with tensionMin and torqueLimits; pinned: another run or null.
   show(run, pinned, plant) {
     Object.assign(this, {run, pinned, plant});
     const times = pinned && pinned.t.length > run.t.length ? pinned.t : run.t;
@@ -108,7 +108,7 @@ export class Plots {
     this.quiet = false;
   }
 
-  // An entry for each curve, that of the pinned run within the one it belongs to.
+  // An entry for each curve, which includes the pinned run's value.
   #legend(panel) {
     const front = panel.drawn.filter(({behind}) => !behind);
     panel.legend.replaceChildren(...(front.length ? front : panel.drawn).map(({curve: [name, label, tint, dash]}) => {
@@ -160,7 +160,7 @@ export class Plots {
     this.#values();
   }
 
-  // After the moment or the stretch of time has changed.
+  // Update after a change of the time or the time range.
   showMoment() {
     for (const panel of this.panels) {
       if (!panel.plot || panel.element.hidden) continue;
@@ -219,7 +219,7 @@ function sentence(text) {
   return text[0].toUpperCase() + text.slice(1);
 }
 
-// A column at the times of a longer run; nothing where there is none.
+// A column resampled at the times of another run; null where it has no value.
 function aligned(column, t, times, factor) {
   const values = new Array(times.length).fill(null);
   const rows = Math.min(column.length, times.length);

@@ -1,4 +1,4 @@
-// Reproducible random numbers: mulberry32, good enough to draw twenty machines.
+// Reproducible random numbers by mulberry32, good enough for a short search.
 
 export function random(seed) {
   let state = seed >>> 0;
@@ -10,7 +10,7 @@ export function random(seed) {
   };
 }
 
-// A standard normal number of two uniform ones (Box and Muller).
+// A standard normal number from two uniform ones (Box and Muller).
 export function normal(uniform) {
   return Math.sqrt(-2 * Math.log(1 - uniform())) * Math.cos(2 * Math.PI * uniform());
 }

@@ -1,8 +1,8 @@
-// Where a slider runs: the catalogue's range, widened to hold the value a key has where nobody has changed it.
+// Range of a slider: the catalogue's, widened to contain the unchanged value of the key.
 
 export const SLIDER_STEPS = 1000;
 
-// {low, high, kind} of a key; ranges that begin at zero are finer there.
+// {low, high, kind} of a key; ranges that begin at zero are finer near zero.
 export function sliderRange(about, base) {
   let [low, high] = about.slider;
   if (Number.isFinite(base)) [low, high] = [Math.min(low, base), Math.max(high, base)];

@@ -1,4 +1,4 @@
-// Runs in a worker, asked for from the page.
+// Runs in a worker, requested by the page.
 
 export class Runner {
   constructor(source, catalogue, modules) {
@@ -28,7 +28,7 @@ export class Runner {
   }
 }
 
-// Work that is asked for faster than it is done: only the latest request is kept.
+// For requests that come faster than the work is done: only the latest waiting one is kept.
 export function latest(work) {
   let busy = false, next = null;
   return async function ask(request) {

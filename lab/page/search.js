@@ -1,10 +1,10 @@
-// A (1+1) evolution strategy with the one-fifth rule of success (Rechenberg, 1973), in the unit cube.
+// A (1+1) evolution strategy with the one-fifth success rule (Rechenberg, 1973), in the unit cube.
 
 import {normal, random} from "./random.js";
 
 const SUCCESS = Math.exp(0.6), FAILURE = SUCCESS ** -0.25;
 
-// Asks and is told: `ask()` gives the next point, `tell(cost)` what it costs; the best so far is `best`.
+// Ask-and-tell interface: `ask()` returns the next point, `tell(cost)` takes its cost; `best` is the best so far.
 export class Search {
   constructor(start, seed, size = 0.1) {
     this.uniform = random(seed);
@@ -19,7 +19,7 @@ export class Search {
     return this.next;
   }
 
-  // Whether it is the best so far.
+  // Returns whether the point is the best so far.
   tell(cost) {
     const better = cost <= this.best.cost || this.trials === 0;
     if (this.trials > 0) this.size = Math.min(Math.max(this.size * (better ? SUCCESS : FAILURE), 1e-4), 0.5);
@@ -29,7 +29,7 @@ export class Search {
   }
 }
 
-// Back into the unit interval at its ends.
+// Reflection at the ends of the unit interval.
 function mirrored(value) {
   const turned = Math.abs(value % 2);
   return turned > 1 ? 2 - turned : turned;

@@ -1,4 +1,4 @@
-// Under which heading a key stands, and how it is called there.
+// Heading and label of each key.
 
 const SECTIONS = [
   ["Gains", (key, about) => key.startsWith("controller.") && about.tunable && !key.startsWith("controller.coordination.") && !WINCHES.test(key)],
@@ -18,7 +18,7 @@ const WINCHES = /^controller\.winch_/;
 
 export const OPEN = new Set(["Gains", "Preload and coordination"]);
 
-// [heading, keys] in the order they are shown.
+// [heading, keys] in the order of the page.
 export function sections(keys, catalogue) {
   const found = SECTIONS.map(([heading]) => [heading, []]);
   for (const key of keys) {
@@ -34,7 +34,7 @@ const SYMBOLS = {
   "controller.auxiliary.k_a": "k_a",
 };
 
-// The last part of a key, as words, with what it belongs to where there are two of it.
+// The last part of a key as words, with the number of its winch or rope.
 export function label(key) {
   if (SYMBOLS[key]) return SYMBOLS[key];
   const parts = key.split("."), name = parts.at(-1).replaceAll("_", " ");

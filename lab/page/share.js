@@ -1,4 +1,4 @@
-// An experiment leaves as a link, a command line or a file, and comes back from link and file.
+// Export of an experiment as link, command line or file, and import from link or file.
 
 import {blank, caseOf, choices, differences, structureOf, SEED, withSetting, withValue} from "./experiment.js";
 import {literal, writeToml} from "./toml.js";
@@ -22,7 +22,7 @@ function typed(text) {
   return text !== "" && !Number.isNaN(Number(text)) ? Number(text) : text;
 }
 
-// An experiment of entries by key; `unknown` are keys of which the page has no knowledge.
+// {experiment, unknown} from entries by key; `unknown` are keys that the page does not support.
 export function fromEntries(catalogue, start, entries) {
   let experiment = start;
   const unknown = [], options = choices(catalogue);
@@ -39,7 +39,7 @@ export function fromEntries(catalogue, start, entries) {
   return {experiment, unknown};
 }
 
-// An experiment of a file, on the case whose reference and disturbance it has; other keys have their defaults there.
+// The experiment of a file, on the case that agrees with most of its values; missing keys have their defaults.
 export function fromFile(catalogue, entries) {
   const keys = [...new Set(catalogue.cases.flatMap((known) => Object.keys(known.values)))];
   const given = (key) => inLoop(entries[key], catalogue.keys[key]) ?? catalogue.keys[key].default;
@@ -49,14 +49,14 @@ export function fromFile(catalogue, entries) {
 }
 
 export function commandLine(catalogue, experiment) {
-  // another machine is the paper's Case 2 with numbers of its own
+  // another machine is written as the paper's Case 2 with other numbers
   const number = /^case-(\d)$/.exec(experiment.case)?.[1], own = number ? {} : caseOf(catalogue, experiment).values;
   const values = withActuator({...own, ...differences(catalogue, experiment)});
   const sets = Object.entries(values).map(([key, value]) => ` --set ${key}=${inShell(value, catalogue.keys[key])}`);
   return `uv run dualwinch simulate --case ${number ?? 2}${sets.join("")}`;
 }
 
-// A motor with a lag is a part of its own in a file; without lag there is none.
+// In a file, a motor with lag is a separate part; without lag that part is absent.
 function withActuator({[LAG]: lag, ...values}) {
   return lag > 0 ? {...values, "actuator.kind": "motor", [LAG]: lag} : values;
 }
@@ -72,7 +72,7 @@ function asFile(value, about) {
   return about?.kind === "choice" ? about.choices[value] : value;
 }
 
-// Back again; undefined where it is no number of the loop.
+// The inverse; undefined if the value is no number of the loop.
 function inLoop(value, about) {
   if (about?.kind === "choice" && typeof value === "string") return about.choices.includes(value) ? about.choices.indexOf(value) : undefined;
   if (value === "none" && about?.optional) return null;

@@ -1,4 +1,4 @@
-// Light, dark or as the system has it; colours are those of the style sheet.
+// Theme: light, dark or the system's; colours come from the style sheet.
 
 const ORDER = ["auto", "light", "dark"];
 const NAMES = {auto: "Theme: as the system", light: "Theme: light", dark: "Theme: dark"};

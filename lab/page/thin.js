@@ -1,6 +1,6 @@
-// Fewer rows for small figures, so that no peak is lost.
+// Thinning of rows for small figures, without losing peaks.
 
-// The largest number by magnitude, with its sign, of each of `count` stretches.
+// The number of largest magnitude, with its sign, of each of `count` intervals.
 export function extremes(column, count) {
   const thin = new Float64Array(Math.min(count, column.length));
   for (let index = 0; index < thin.length; index++) {
@@ -14,7 +14,7 @@ export function extremes(column, count) {
   return thin;
 }
 
-// The first number of each of as many stretches.
+// The first number of each interval.
 export function samples(column, count) {
   const length = Math.min(count, column.length);
   return Float64Array.from({length}, (_, index) => column[Math.floor(index * column.length / length)]);

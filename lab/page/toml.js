@@ -1,6 +1,6 @@
-// TOML, as far as the files of this house use it for numbers, switches and words.
+// The subset of TOML that dualwinch writes for numbers, switches and words.
 
-// {key: value} by dotted key; arrays and whatever else is no scalar are left out.
+// {dotted key: value}; arrays and other values that are no scalars are left out.
 export function readToml(text) {
   const found = {};
   let table = "";
@@ -28,7 +28,7 @@ function scalar(text) {
   return /^[+-]?[\d_]+(\.[\d_]+)?(e[+-]?\d+)?$/i.test(word) ? Number(word.replaceAll("_", "")) : undefined;
 }
 
-// A file of dotted keys, grouped by table; comment lines come first.
+// A TOML file from dotted keys, grouped by table, with comment lines at its head.
 export function writeToml(values, comments = []) {
   const tables = new Map();
   for (const [key, value] of Object.entries(values)) {

@@ -1,8 +1,8 @@
-// Play, scrub, slow motion and the stretches of time worth looking at.
+// Playback controls: play, scrub, slow motion and predefined time ranges.
 
 const STEPS = 1000;
 
-// steady(): where the reference's speed is constant, [from, to] in s.
+// steady(): time range of constant reference speed, [from, to] in s.
 export function connectTransport(playback, steady) {
   const play = document.getElementById("play"), scrub = document.getElementById("scrub"), speed = document.getElementById("speed");
   const clock = document.getElementById("clock");

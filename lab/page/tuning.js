@@ -1,4 +1,4 @@
-// A minute of tuning: the gains of the law, searched for on the experiment as it stands. A demonstration; `dualwinch tune` is the tool.
+// A minute of tuning: a search for the law's gains on the present experiment, as a demonstration of `dualwinch tune`.
 
 import {baseValue, request, tunables, valueOf, withValue} from "./experiment.js";
 import {change, digits, plain} from "./numbers.js";
@@ -9,7 +9,7 @@ import {smallPlot} from "./small_plot.js";
 
 const SECONDS = 60;
 
-// What a trial costs over the first one: its error, more where ropes go slack or chatter more than at the start.
+// Cost of a trial relative to the first one: its error, with penalties for more slack or much more chatter.
 export function cost(metrics, first) {
   if (!Number.isFinite(metrics.mae)) return Infinity;
   const chatter = Math.max(metrics.chatter / Math.max(2 * first.chatter, 1e-9), 1);
@@ -18,10 +18,10 @@ export function cost(metrics, first) {
 }
 
 export class Tuning {
-  // accept(experiment): take its gains.
+  // accept(experiment): adopt its gains.
   constructor(holder, catalogue, runner, current, accept) {
     Object.assign(this, {holder, catalogue, runner, current, accept, stopped: true});
-    holder.innerHTML = `<p>Searches the gains of the law for a minute, on the experiment as it stands: mean |e|, with no more slack and at most twice the chatter of the start. For a machine that is never the nominal one use <code>dualwinch tune</code>.</p>
+    holder.innerHTML = `<p>Searches for gains of the law for a minute, on the present experiment: minimises mean |e|, with no more slack and at most twice the chatter of the start. For real machines, which differ from the nominal one, use <code>dualwinch tune</code>.</p>
       <p class="buttons"><button type="button" class="go">Tune for a minute</button><button type="button" class="take" hidden>Take these gains</button></p>
       <div class="trace" hidden></div><p class="summary" aria-live="polite"></p><ul class="gains"></ul>`;
     this.button = holder.querySelector(".go");
@@ -93,7 +93,7 @@ export class Tuning {
   }
 }
 
-// The start itself is tried as it is, even where it lies beyond the range of the search.
+// The first trial is the start itself, even if it is outside the range of the search.
 function withGains(catalogue, experiment, gains, point, trial) {
   if (trial === 0) return experiment;
   return gains.reduce((changed, {key, range}, index) => withValue(catalogue, changed, key, toValue(range, point[index] * SLIDER_STEPS)), experiment);

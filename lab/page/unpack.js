@@ -1,4 +1,4 @@
-// Compiled loops as the page holds them: one after the other in a single Zstandard frame, in base64.
+// Unpacking of the compiled loops, concatenated in one Zstandard frame in base64.
 
 // {names: {name: bytes}, zstd: base64} → {name: Uint8Array}
 export function unpack(packed) {

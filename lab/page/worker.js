@@ -1,4 +1,4 @@
-// The engine in a thread of its own: one message in, one run out.
+// The engine in a worker thread: one message in, one run out.
 
 import {Engine} from "../engine/engine.js";
 import {extremes, samples} from "./thin.js";

@@ -1,1 +1,1 @@
-"""The closed loop as WebAssembly: what a module takes and gives, its C source, and its build."""
+"""The closed loop as WebAssembly: structures, settings, C source and build of its modules."""

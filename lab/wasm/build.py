@@ -1,4 +1,4 @@
-"""Builds modules: C source to WebAssembly."""
+"""Build of modules from C source to WebAssembly, with zig."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -15,14 +15,14 @@ WASM_FLAGS = (
     *("-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-ffp-contract=off"),
     *("-Wl,--strip-all", "-Wl,--export=__heap_base"),
 )
-"""Of a module: no entry, no imports, and room for a page's columns behind its own memory.
+"""Flags of a module without entry or imports, and with room for a page's columns behind its own memory.
 
-Code is straight and inlined where that counts: -O3 makes it a tenth larger and no faster.
+The generated code is already straight and inlined: -O3 makes it a tenth larger and no faster.
 """
 
 
 def wasm_compiler() -> Compiler:
-    """The compiler of modules.
+    """The compiler of modules, zig.
 
     Raises:
         CompilerNotFoundError: zig is not installed.
@@ -34,13 +34,13 @@ def wasm_compiler() -> Compiler:
 
 
 def modules(settings: Iterable[Settings]) -> Iterator[bytes]:
-    """The WebAssembly module of each of some structures, in their order.
+    """Compile the WebAssembly module of each structure, in order.
 
-    The next one's source is written while the compiler is at work.
+    The source of the next one is generated while the compiler runs.
 
     Raises:
         CompilerNotFoundError: zig is not installed.
-        CompileError: it failed.
+        CompileError: zig failed.
     """
     compiler = wasm_compiler()
     with ThreadPoolExecutor(max_workers=2) as pool:

@@ -1,12 +1,12 @@
-/* Torques that are late by more than a sample: those sent stand here until they are due in the queue of the state. Comes
-   before rollout.c. */
+/* Ring buffer for torques that are late by more than a sample, until they are due in the queue of the state. Comes before
+   rollout.c. */
 
 enum { LATEST = 100 }; /* samples */
 
 static double late[2 * LATEST];
 static int held_back, late_at;
 
-/* Before the first sample the torques of `queue` are under way. */
+/* Before the first sample the torques of `queue` are on their way. */
 static void hold_back_from(const double *queue, int delay) {
   held_back = delay > LATEST ? LATEST - 1 : delay > 1 ? delay - 1 : 0;
   late_at = 0;

@@ -1,7 +1,7 @@
-/* A whole run of the closed loop, from the settings of a page to rows and figures of merit. Comes after rollout.c and
-   fill.c and their functions, those of lab/wasm/settings.py, and the sizes and streams of lab/wasm/source.py.
+/* A whole run of the closed loop, from the settings of a page to rows and figures of merit. Comes after rollout.c, fill.c
+   and their functions, those of lab/wasm/settings.py, and the sizes and streams of lab/wasm/source.py.
 
-   Vectors are static; a page finds them by the functions below. Columns stand where the page has room for them. */
+   Vectors are static; the functions below return their addresses. The page provides memory for columns. */
 
 #define PAGE(name) __attribute__((export_name(#name)))
 
@@ -35,25 +35,25 @@ static void set_signals_up(uint64_t seed) {
   }
 }
 
-/* Samples of the run that the settings ask for. */
+/* Number of samples of the run. */
 PAGE(samples) double samples(void) {
   double duration;
   duration_of(settings, &duration);
   return nearbyint(duration / settings[SAMPLE_TIME]);
 }
 
-/* Puts `count` rows into columns of a length, from row `first` on. */
+/* Copies `count` rows into columns of a length, starting at row `first`. */
 static void put_rows(int64_t first, int64_t count, double *columns, int64_t length) {
   for (int64_t k = 0; k < count; ++k)
     for (int i = 0; i < COLUMNS; ++i) columns[i * length + first + k] = rows[k * COLUMNS + i];
 }
 
-/* Runs `samples` samples and puts every `stride`-th row (1 to AHEAD) into `columns` (COLUMNS, rows), which may be null.
-   The seed comes in two halves. Returns the outcome, or -1 where the stride is none. */
+/* Runs `samples` samples and writes every `stride`-th row (1 to AHEAD) into `columns` (COLUMNS, rows), which may be null.
+   The seed comes in two halves. Returns the outcome, or -1 for a stride out of range. */
 PAGE(run) int run(uint32_t seed_low, uint32_t seed_high, int samples, int stride, double *columns) {
   static const int given_at_index[] = GIVEN_AT;
   static const int64_t source[] = {0};
-  const double beginning = 0; /* of the references that follow from numbers */
+  const double beginning = 0; /* of the reference */
   double for_motion[MOTION_DERIVED + 1], given[GIVEN];
   Sources sources = {signals, source, 1, EXOGENOUS, 1, bundles, 0};
   int outcome = COMPLETED;

@@ -1,4 +1,4 @@
-"""What a module of the lab takes: a closed loop in which all that may be switched on is there, and its numbers."""
+"""Parameters of a lab module: a closed loop that contains every option, and the vector of its numbers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,25 +18,25 @@ from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop
 from dualwinch.simulation.loop.structure import structure_of, unknown_keys
 
 DELAY = "simulation.delay_samples"
-"""A number at run time here; elsewhere it shapes the code."""
+"""A parameter at run time here; elsewhere it shapes the code."""
 
 LAG = "actuator.motor.time_constant"
 """May be 0 here: the motors are ideal."""
 
 SHORTEST_LAG = 1e-15
-"""Time constant in s of a motor without a lag: less than the round-off of its torque."""
+"""Time constant in s of a motor without lag, with an effect below the round-off of its torque."""
 
 DRAWN = frozenset({"plant.vehicle.height"})
-"""Keys that the page draws by."""
+"""Keys that the page needs for drawing alone."""
 
 QUEUE = ("queue.0.tau_1", "queue.0.tau_2")
-"""States that hold the torques that arrive next."""
+"""States with the torques that arrive next."""
 
 
 def wide(experiment: Experiment) -> Experiment:
-    """The experiment with motors that lag, late torques, jitter and a position sensor that may fall silent.
+    """The experiment with motor lag, torque delay, jitter and outages of the position sensor.
 
-    Where their numbers are 0 they change nothing.
+    Each has no effect at 0.
     """
     return replace(
         experiment,
@@ -48,12 +48,12 @@ def wide(experiment: Experiment) -> Experiment:
 
 @dataclass(frozen=True)
 class WideLoop(Sampled):
-    """The closed loop of a wide experiment, whose last parameter is the number of samples by which torques are late.
+    """The closed loop of a wide experiment, whose last parameter is the torques' delay in samples.
 
-    At 0 a torque arrives at once, at 1 it stands in the queue for a sample; more is the driver's to hold back.
+    At 0 a torque arrives at once, at 1 it waits a sample in the queue; the driver adds longer delays (``delay.h``).
 
     Attributes:
-        closed: the closed loop it is made from.
+        closed: the closed loop without that parameter.
     """
 
     closed: ClosedLoop
@@ -65,12 +65,12 @@ class WideLoop(Sampled):
 
     @property
     def queue(self) -> int:
-        """Where in the state the first torque stands that arrives next; the other one follows."""
+        """Index in the state of the first torque that arrives next; the second one follows."""
         return self.closed.states.index(QUEUE[0])
 
 
 def wide_loop(experiment: Experiment) -> WideLoop:
-    """The closed loop of an experiment that `wide` gave."""
+    """The closed loop of an experiment made by `wide`."""
     loop = closed_loop(structure_of(experiment), frozenset({FORCE}))
     sizes, states = loop.sizes, loop.states
     state, exogenous = ca.SX.sym("state", sizes["STATES"]), ca.SX.sym("exogenous", sizes["EXOGENOUS"])
@@ -94,7 +94,7 @@ def wide_loop(experiment: Experiment) -> WideLoop:
 
 
 def _with_delay(function: ca.Function, parameters: ca.SX) -> ca.Function:
-    """The function of the longer vector of parameters."""
+    """A function of the closed loop with the longer vector of parameters, which includes the delay."""
     inputs = {
         name: parameters if name == "parameters" else ca.SX.sym(name, function.size1_in(name))
         for name in function.name_in()
@@ -104,20 +104,20 @@ def _with_delay(function: ca.Function, parameters: ca.SX) -> ca.Function:
 
 
 REFERENCE_KIND = "reference.kind"
-"""A number here: which of `MOTIONS` it is."""
+"""A number here: index in `MOTIONS`."""
 
 MOTIONS = ("uniform", "profile")
-"""The references that follow from numbers."""
+"""References that are given by numbers alone."""
 
 DURATION, SAMPLE_TIME = "simulation.duration", "simulation.sample_time"
 
 GIVEN, BELIEVED = "given ", "believed "
-"""What the names begin with of further numbers: whether an optional one is given, and what the controller believes."""
+"""Prefixes of further numbers: whether an optional one is given, and the controller's nominal values of the plant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """What the module of a structure takes.
+    """Parameters of a structure's module.
 
     Attributes:
         experiment: of the structure; its numbers are the defaults.
@@ -127,7 +127,7 @@ class Settings:
 
     @cached_property
     def wide(self) -> Experiment:
-        """The experiment that shapes the code."""
+        """The experiment with every option, which shapes the code."""
         return wide(self.experiment)
 
     @cached_property
@@ -137,12 +137,12 @@ class Settings:
 
     @cached_property
     def described(self) -> Mapping[str, Leaf]:
-        """What the keys of the experiment are."""
+        """Key → description, for the whole experiment."""
         return describe_parts(self.wide)
 
     @cached_property
     def idle(self) -> frozenset[str]:
-        """Keys of the plant that nothing depends on, such as the damping of a gearbox that is rigid."""
+        """Keys of the plant without any effect, such as the damping of a rigid gearbox."""
         loop = self.loop.closed
         symbols = ca.vertcat(*map(ca.SX.sym, loop.parameters))
         every = [ca.SX(0)]
@@ -155,7 +155,7 @@ class Settings:
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
-        """Keys of the numbers that matter, in the order of the vector."""
+        """Keys with an effect, in the order of the vector."""
         own = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
         ahead = [
             key
@@ -167,33 +167,33 @@ class Settings:
 
     @cached_property
     def optional(self) -> tuple[str, ...]:
-        """Keys that may be left open."""
+        """Keys that need not be given."""
         return tuple(key for key in self.keys if self.described[key].optional)
 
     @cached_property
     def believed(self) -> tuple[str, ...]:
-        """Keys of the plant that the controller believes in, beside the simulated one."""
+        """Keys of the plant with a nominal value in the controller, beside the simulated one."""
         unknown = {key.removeprefix("nominal.") for key in unknown_keys()}
         every = (f"plant.{key}" for key in numbers(self.wide.plant) if key not in unknown)
         return tuple(key for key in every if key not in self.idle)
 
     @cached_property
     def vector(self) -> ca.SX:
-        """The numbers as a vector of symbols: of `keys`, of `believed`, and whether each of `optional` is given."""
+        """The parameters as symbols: numbers of `keys`, of `believed`, and whether each of `optional` is given."""
         return ca.SX.sym("parameters", len(self.keys) + len(self.believed) + len(self.optional))
 
     @cached_property
     def symbols(self) -> dict[str, ca.SX]:
-        """The vector's elements by name."""
+        """Name → element of the vector."""
         names = [*self.keys, *(BELIEVED + key for key in self.believed), *(GIVEN + key for key in self.optional)]
         return dict(zip(names, ca.vertsplit(self.vector), strict=True))
 
     def given(self, key: str, otherwise: Scalar) -> Scalar:
-        """The number of an optional key, or another one where it is left open."""
+        """The number of an optional key, or another one if it is not given."""
         return where(self.symbols[GIVEN + key] > 0, self.symbols[key], otherwise)
 
     def function(self, name: str, inputs: dict[str, ca.SX] | None = None, **outputs: list[Scalar]) -> ca.Function:
-        """A function of the vector, its last input, which is called ``parameters``; outputs are columns."""
+        """A function of ``parameters``, the vector, as its last input; outputs are columns."""
         columns = {key: ca.densify(ca.vertcat(*map(ca.SX, values))) for key, values in outputs.items()}
         return named_function(name, (inputs or {}) | {"parameters": self.vector}, columns)
 
@@ -204,4 +204,4 @@ UNHEEDED = (
     "disturbance.current.",
     "disturbance.normal_force_variation.",
 )
-"""What the keys begin with of numbers that only other references and signals from files look at."""
+"""Prefixes of keys that only other references and signals from files use."""

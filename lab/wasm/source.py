@@ -1,4 +1,4 @@
-"""C source of a module: the closed loop, what it receives from outside, its motion, and the run of a page."""
+"""C source of a module: the closed loop, its exogenous signals and reference, and the driver of a run."""
 
 from dataclasses import replace
 from importlib.resources import files
@@ -47,13 +47,13 @@ def duration_function(settings: Settings) -> ca.Function:
 
 
 def motion_names(settings: Settings) -> tuple[str, ...]:
-    """The exogenous signals that the reference gives."""
+    """The exogenous signals that follow from the reference."""
     given = ("reference.", "steady", "ahead.")
     return tuple(name for name in settings.loop.closed.exogenous if name.startswith(given))
 
 
 def motion_function(settings: Settings) -> ca.Function:
-    """``motion(t, parameters) -> given``: what the reference gives of a sample, in the order of `motion_names`."""
+    """``motion(t, parameters) -> given``: the reference's signals at a sample, in the order of `motion_names`."""
     t, symbols = ca.SX.sym("t"), settings.symbols
     found: dict[str, Scalar] = {}
     for number, kind in enumerate(MOTIONS):
@@ -65,7 +65,7 @@ def motion_function(settings: Settings) -> ca.Function:
 
 
 def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: Scalar | None) -> dict[str, Scalar]:
-    """What a kind of reference gives of the sample at a time."""
+    """Signals of one kind of reference at time t, by name."""
     numbers = {key: settings.symbols[key] for key in TIMES}
     numbers |= {SPEED: settings.given(SPEED, PAPER_SPEED[kind]), JERK: jerk_limit}
     reference = with_leaves(replace(Reference(), kind=kind), numbers, "reference.")
@@ -79,11 +79,11 @@ def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: Scalar | None) -
 
 
 SIGNAL_FIELDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
-"""What is said of a random signal, as in ``Signal`` of sources.h."""
+"""Fields of a random signal, as in ``Signal`` of sources.h."""
 
 
 def parameters_function(settings: Settings) -> ca.Function:
-    """``parameters_of(parameters) -> values``: what the closed loop takes."""
+    """``parameters_of(parameters) -> values``: the parameters of the closed loop."""
     symbols = parameters_of(settings.wide) | settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
     believed = _believed_plant(settings)
     known = numbers(settings.wide.plant, "nominal.")
@@ -92,7 +92,7 @@ def parameters_function(settings: Settings) -> ca.Function:
 
 
 def _believed_plant(settings: Settings) -> Plant:
-    """The plant as the controller believes it to be."""
+    """The controller's nominal plant."""
     plant = with_leaves(
         settings.wide.plant, {key: settings.symbols[BELIEVED + key] for key in settings.believed}, "plant."
     )
@@ -142,7 +142,7 @@ def idealised_function(settings: Settings) -> ca.Function:
 
 
 INLINED = Style(compares=True, inlined=True)
-"""How operations are written: without calls, which a module would have to hold."""
+"""Style of operations: without calls, whose functions the module would have to contain."""
 
 
 def module_source(settings: Settings) -> str:
@@ -172,6 +172,6 @@ def module_source(settings: Settings) -> str:
     listed = macros_of_lists(STREAMS=streams, GIVEN_AT=map(exogenous.index, given))
     own = files("dualwinch.lab.wasm")
     delay, run = ((own / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
-    # how fast random signals decay must be exact: what an error of 1e-9 does grows with the time that they last
+    # the decay of random signals must be exact: the effect of an error of 1e-9 grows with their correlation time
     written = c_source(functions, INLINED), c_source([drawn_function(settings)])
     return unit(sizes, functions, *FILL_PARTS, listed, *written, delay, "rollout.c", run)

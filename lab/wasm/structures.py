@@ -1,4 +1,4 @@
-"""The structures that the lab offers, each a module of its own."""
+"""The structures of the lab, each compiled to its own module."""
 
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -18,26 +18,26 @@ LAW, ESTIMATOR, COORDINATION, SLACK = (
     "controller.coordination.kind",
     "plant.rope_slack",
 )
-"""What is chosen."""
+"""Keys of the choices."""
 
 REGISTRIES: dict[str, Registry[Any]] = {LAW: POSITION_LAWS, ESTIMATOR: ESTIMATORS, COORDINATION: COORDINATIONS}
-"""What knows the parts that are chosen."""
+"""Key of a choice → registry of its parts."""
 
 FILTERED = ("fando-nftsm", "adrc", "super-twisting")
-"""Position laws that are offered with filters, too."""
+"""Position laws that are also offered with `FILTERS`."""
 
 FILTERS = ("kalman", "self-calibrating-kalman")
 
 HEAVY = "site"
-"""The machine whose ropes have mass and sag and whose winches are heavy: the ensemble's nominal one."""
+"""Ensemble whose nominal machine, with ropes of mass and sag and heavy winches, is offered."""
 
 HEAVY_ESTIMATORS = ("lowpass", "self-calibrating-kalman")
 
 DAMPING = 164.0
-"""Damping of its drums in N m s/rad: that of ropes which end in their wave impedance (docs/site.md)."""
+"""Damping of its drums in N m s/rad: the wave impedance of its ropes (docs/site.md)."""
 
 SUBSTEPS = 10
-"""Steps of the integrator in a sample there: twice what its own numbers need, for lighter ropes."""
+"""Its steps of the integrator per sample: twice the necessary number, to allow for lighter ropes."""
 
 
 @cache
@@ -53,9 +53,9 @@ class LabStructure:
     """A structure of the lab.
 
     Attributes:
-        settings: key of a choice → what is chosen.
-        base: gives every other value; the paper's Case 2.
-        machine: name of a machine of another structure than the paper's; empty: the paper's.
+        settings: (key, option) of each choice.
+        base: experiment with all other values; the paper's Case 2.
+        machine: name of a machine whose structure differs from the paper's; empty: the paper's.
     """
 
     settings: tuple[tuple[str, Any], ...]
@@ -64,22 +64,22 @@ class LabStructure:
 
     @cached_property
     def chosen(self) -> dict[str, Any]:
-        """What is chosen, by its key."""
+        """Key → chosen option."""
         return dict(self.settings)
 
     @cached_property
     def experiment(self) -> Experiment:
-        """The base with what is chosen."""
+        """The base with the chosen options."""
         return with_leaves(self.base, self.chosen)
 
     @cached_property
     def module(self) -> Settings:
-        """What its module takes."""
+        """Parameters of its module."""
         return Settings(self.experiment)
 
     @property
     def id(self) -> str:
-        """A name of its own: what differs from the paper's structure, after the law."""
+        """Unique name: the law, then the choices that differ from the paper's structure."""
         usual = leaves(Experiment())
         words = [str(value) for key, value in self.settings if key not in {LAW, SLACK} and value != usual[key]]
         words += [word for word in ("" if self.chosen[SLACK] else "two-sided", self.machine) if word]
@@ -87,7 +87,7 @@ class LabStructure:
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """Name for users."""
         usual, parts = leaves(Experiment()), [POSITION_LAWS.find(self.chosen[LAW]).label]
         others = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
         parts += [REGISTRIES[key].find(self.chosen[key]).label for key in others]
