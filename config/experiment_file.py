@@ -222,7 +222,7 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collec
         tables.setdefault(table, []).append((entry, mark + _comment(leaf)))
     for table, entries in tables.items():
         width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
-        heading = f"[{table}]  # {_said(headings[table])}" if table in headings else f"[{table}]"
+        heading = f"[{table}]  # {_description(headings[table])}" if table in headings else f"[{table}]"
         lines += ["", heading, *(f"{entry:<{width}}  # {comment}" for entry, comment in entries)]
     return lines
 
@@ -261,10 +261,10 @@ def _origin(leaf: Leaf) -> str:
 
 def _comment(leaf: Leaf) -> str:
     allowed = f"; {leaf.allowed}" if leaf.allowed else ""
-    return _said(leaf.quantity, allowed)
+    return _description(leaf.quantity, allowed)
 
 
-def _said(quantity: Quantity, allowed: str = "") -> str:
+def _description(quantity: Quantity, allowed: str = "") -> str:
     unit = "" if quantity.unit in {"", "1"} else f"[{quantity.unit}] "
     source = f" ({quantity.source})" if quantity.source else ""
     return one_line(f"{unit}{quantity.meaning}{allowed}{source}")

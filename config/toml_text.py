@@ -66,7 +66,7 @@ def read_source(path: str | PathLike[str]) -> Source:
         raise ConfigurationError(f"{path}: not UTF-8 text (byte {error.start})") from error
 
 
-def said_at_head(text: str, name: str) -> str:
+def head_comment(text: str, name: str) -> str:
     """The value of a name in the comments at the head of a TOML text, such as ``# ensemble: sea``; empty if absent."""
     for line in takewhile(lambda line: line.startswith("#"), text.splitlines()):
         said, _, words = line.lstrip("# ").partition(":")

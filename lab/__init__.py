@@ -1,1 +1,1 @@
-"""The lab: the closed loop in a browser, compiled to WebAssembly, and what a page has to know of it."""
+"""The lab: the closed loop in a browser, compiled to WebAssembly, and its catalogue for the page."""

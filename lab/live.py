@@ -26,9 +26,9 @@ def live_rows(plant: ServedPlant) -> Callable[[Mapping[str, int]], str]:
     samples, columns = plant.experiment.samples, len(plant.rows(0, 1)[1])
     stride = max(1, -(-samples * columns // MOST_NUMBERS))
 
-    def answer(asked: Mapping[str, int]) -> str:
-        number, rows = plant.rows(max(0, asked.get("rows", 0)) * stride, stride)
-        if number != asked.get("run"):
+    def answer(request: Mapping[str, int]) -> str:
+        number, rows = plant.rows(max(0, request.get("rows", 0)) * stride, stride)
+        if number != request.get("run"):
             number, rows = plant.rows(0, stride)
         status = "No commands arrive: safe torques are in force." if plant.read()["safe"] else ""
         return json.dumps(

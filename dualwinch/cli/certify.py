@@ -57,11 +57,11 @@ def certify(
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains
 
-    asked = given.nominal(ensemble)
+    experiment = given.nominal(ensemble)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
-        certificate = judge(asked, progress=progress)
+        certificate = judge(experiment, progress=progress)
         progress(0.0, "searching nearby gains")
         near = nearby_gains(certificate, progress=progress)
     print_certificate(certificate, near)
@@ -89,8 +89,8 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     console.print(_verdict(certificate))
     final, largest = certificate.terms.total[-1], certificate.terms.total.max()
     console.print(
-        f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and as fast as the paper's last line "
-        f"says over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
+        f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and at the rate of the paper's last "
+        f"line over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
     )
     console.print(_search(near))
     console.print("\nAssumptions of the proof, whatever the gains:")
@@ -120,7 +120,7 @@ def _verdict(certificate: Certificate) -> Text:
     if certificate.result.outcome != "completed":
         return styled("bold", "Not certified", ": the run did not reach its end.")
     if certificate.certified_with_ropes:
-        return styled("bold", "Certified", ", also with what the ropes do not deliver counted as disturbance.")
+        return styled("bold", "Certified", ", also with the force that the ropes do not deliver as a disturbance.")
     if certificate.certified:
         return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
     printed = _printed(certificate)

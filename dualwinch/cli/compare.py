@@ -16,8 +16,8 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     Figure,
     KeepingWorkerOptions,
-    say_other_ensemble,
-    say_other_machine,
+    note_other_ensemble,
+    note_other_machine,
 )
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
@@ -76,9 +76,9 @@ def compare(
     wanted, drawn = controllers(files), given.ensemble(ensemble)
     for name in files:
         if name != PAPER:
-            say_other_ensemble(Path(name), drawn.name)
+            note_other_ensemble(Path(name), drawn.name)
             if Path(name) != given.config:
-                say_other_machine(Path(name), ensemble, drawn)
+                note_other_machine(Path(name), ensemble, drawn)
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:

@@ -39,9 +39,9 @@ def config(
     from dualwinch.model.errors import ConfigurationError
 
     if ensemble is None:
-        asked = given.experiment()
+        experiment = given.experiment()
         mine = own_keys(given.config) | given.values.keys() if given.config else None
-        sys.stdout.write(to_toml(asked, mine) + (own_parts_to_toml(asked) if given.plugin else ""))
+        sys.stdout.write(to_toml(experiment, mine) + (own_parts_to_toml(experiment) if given.plugin else ""))
         return
     if given.case is not None or given.config or given.assignments:
         raise ConfigurationError("--ensemble: prints a file as it is; give --case, --config or --set to 'simulate'")

@@ -37,7 +37,7 @@ app = App(
     dualwinch excite --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4 --out exciting.toml
     dualwinch excite --fit "plant.rope_*.modulus" --duration 30s --speed 1 --track 40 --time 2min
     dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
-    dualwinch simulate --config exciting.toml --out run.parquet    # what the run looks like
+    dualwinch simulate --config exciting.toml --out run.parquet    # the run with that motion
 """,
 )
 

@@ -60,7 +60,7 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
 def export_c(
     *,
     out: Out,
-    what: Annotated[What | None, default_of("export_c", "what"), Parameter(help="Which part.")] = None,
+    what: Annotated[What | None, default_of("export_c", "what"), Parameter(help="Part to export.")] = None,
     precision: Annotated[
         Literal["double", "float"] | None,
         default_of("export_c", "precision"),
@@ -89,18 +89,18 @@ def export_c(
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
-    asked = chosen_from(given, what)
+    experiment = chosen_from(given, what)
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
-        wrote_to(out, run(asked, out, freeze=freeze, udp=udp, **stated(what=what, precision=precision)))
+        wrote_to(out, run(experiment, out, freeze=freeze, udp=udp, **stated(what=what, precision=precision)))
         return
     if freeze or udp or precision == "float":
         raise ConfigurationError(
             "--generator casadi: writes double precision with parameters as an argument, without a program"
         )
     blocks: list[BlockName] = [what or own_default("export_c", "what")]
-    wrote_to(out, generate_c(asked, out, blocks=blocks, header=header, main=main, mex=mex))
+    wrote_to(out, generate_c(experiment, out, blocks=blocks, header=header, main=main, mex=mex))
 
 
 @app.command(
@@ -115,7 +115,7 @@ def export_c(
 def export_st(
     *,
     out: Out,
-    what: Annotated[What | None, default_of("export_st", "what"), Parameter(help="Which part.")] = None,
+    what: Annotated[What | None, default_of("export_st", "what"), Parameter(help="Part to export.")] = None,
     precision: Annotated[
         Literal["double", "float"] | None,
         default_of("export_st", "precision"),
@@ -146,9 +146,9 @@ def export_st(
 
     if most_operations is not None and most_operations < 1:
         raise ConfigurationError(f"--most-operations {most_operations}: must be >= 1")
-    chosen = chosen_from(given, what)
+    experiment = chosen_from(given, what)
     options = stated(what=what, precision=precision, flavour=flavour, most_operations=most_operations)
-    wrote_to(out, run(chosen, out, **options))
+    wrote_to(out, run(experiment, out, **options))
 
 
 @app.command(
@@ -163,7 +163,7 @@ def export_st(
 def export_fmu(
     *,
     out: Annotated[Path, Parameter(help="File to write, .fmu.")],
-    what: Annotated[What | None, default_of("export_fmu", "what"), Parameter(help="Which part.")] = None,
+    what: Annotated[What | None, default_of("export_fmu", "what"), Parameter(help="Part to export.")] = None,
     fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi"), Parameter(help="Version of FMI.")] = None,
     kind: Annotated[
         Literal["co-simulation", "model-exchange", "both"] | None,
@@ -185,9 +185,9 @@ def export_fmu(
     from dualwinch.cli.progress import ProgressLine
     from dualwinch.export import export_fmu as run
 
-    chosen = chosen_from(given, what)
+    experiment = chosen_from(given, what)
     with ProgressLine("generating") as progress:
-        words = run(chosen, out, kind=kind, platforms=platforms, progress=progress, **stated(what=what, fmi=fmi))
+        words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(what=what, fmi=fmi))
     wrote(words)
 
 

@@ -24,8 +24,8 @@ from dualwinch.cli.options import (
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     check_file,
+    print_idealisations,
     print_json,
-    say_idealised,
     terminal,
     version_notes,
     write_figure,
@@ -42,14 +42,14 @@ app = App(
     name="identify",
     help_epilogue="""Examples:
 
-    dualwinch simulate --case 4 --set simulation.readings=true --out run.parquet    # a log, for want of one
+    dualwinch simulate --case 4 --set simulation.readings=true --out run.parquet    # makes a log
     dualwinch identify run.parquet --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4
     dualwinch identify run.parquet --fit "plant.rope_*.modulus" --hold-out 20% --plot fit.png --out fitted.toml
     dualwinch identify a.csv b.csv --ensemble rig --fit plant.vehicle.mass --column F1=load_cell_left:kN
     dualwinch identify run.mat --fit plant.vehicle.mass,sensors.load_cell_zero_* --prior plant.vehicle.mass=1e4+-500
     dualwinch identify run.parquet --fit plant.vehicle.mass --disturbance force.parquet
-    dualwinch simulate --set disturbance.force.file=force.parquet    # the sea of that log, again
-    dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines that the logs allow for
+    dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
+    dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
 """,
 )
 
@@ -163,7 +163,7 @@ def identify(
         print_json(facts)
     else:
         terminal(soft_wrap=True).print(repr(found), highlight=False)
-        say_idealised(left_out)
+        print_idealisations(left_out)
     if out:
         write_text(out, lambda: to_toml(found.experiment))
         drawn = out.with_name(f"{out.stem}-ensemble.toml")

@@ -110,11 +110,11 @@ def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | N
 
         def do_GET(self) -> None:
             """Answer a request."""
-            asked = urlsplit(self.path)
-            if live and asked.path == f"/{ADDRESS}":
-                numbers = {name: int(text[:15]) for name, text in parse_qsl(asked.query) if text[:15].isdecimal()}
+            request = urlsplit(self.path)
+            if live and request.path == f"/{ADDRESS}":
+                numbers = {name: int(text[:15]) for name, text in parse_qsl(request.query) if text[:15].isdecimal()}
                 self._give("application/json", live(numbers).encode())
-            elif asked.path in {"/", "/index.html"}:
+            elif request.path in {"/", "/index.html"}:
                 self._give("text/html; charset=utf-8", text)
             else:
                 self._give("text/plain", b"", 404)

@@ -75,7 +75,7 @@ def linearise(
     cut: Annotated[
         Literal["u", "tau_1", "tau_2", "torques"] | None,
         Parameter(
-            help="broken: where the loop is cut: at the force command (default), at a winch's torque, or at both "
+            help="broken: signal at which the loop is cut: force command (default), torque of a winch, or both "
             "torques, which then change alike."
         ),
     ] = None,
@@ -403,9 +403,9 @@ def print_closed_sweep(
     for value, system in zip(values, systems, strict=True):
         found = modes(system, plant)
         slowest = max(found, key=lambda mode: abs(mode.eigenvalue))
-        softest = min(found, key=lambda mode: mode.damping)
-        frequency = softest.natural_frequency / (2 * math.pi)
-        rows.append((value, abs(slowest.eigenvalue), slowest.time_constant, softest.damping, frequency))
+        least_damped = min(found, key=lambda mode: mode.damping)
+        frequency = least_damped.natural_frequency / (2 * math.pi)
+        rows.append((value, abs(slowest.eigenvalue), slowest.time_constant, least_damped.damping, frequency))
     table = FigureTable("closed_loop", columns, rows)
     terminal().print(table.render())
     return [table]

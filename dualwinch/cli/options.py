@@ -164,7 +164,7 @@ class ExperimentOptions:
         self.use_parts()
         found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
         own = own_keys(self.config) if self.config else frozenset()
-        say_left(found, own | self.values.keys())
+        note_left_defaults(found, own | self.values.keys())
         return found
 
     def nominal(self, ensemble: str | None) -> Experiment:
@@ -181,7 +181,7 @@ class ExperimentOptions:
             return self.experiment()
         self.use_parts()
         drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
-        say_other_machine(self.config, ensemble, drawn)
+        note_other_machine(self.config, ensemble, drawn)
         return override(drawn.experiment, self.values)
 
     def ensemble(self, name: str) -> Ensemble:
@@ -195,7 +195,7 @@ class ExperimentOptions:
 
         self.use_parts()
         drawn = load_ensemble(name, experiment_from(self.case, self.config))
-        say_other_machine(self.config, name, drawn)
+        note_other_machine(self.config, name, drawn)
         return reset(drawn, self.values)
 
 
@@ -219,7 +219,7 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 """Defaults: no option given."""
 
 
-def say_left(experiment: Experiment, own: Collection[str]) -> None:
+def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     """Print notes on defaults that do not follow the user's values, and on unusual values.
 
     Args:
@@ -236,7 +236,7 @@ def say_left(experiment: Experiment, own: Collection[str]) -> None:
         print_note(words)
 
 
-def say_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
+def note_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
     """Print notes on differences between the machine of a file and that of an ensemble."""
     if file is None:
         return
@@ -328,7 +328,7 @@ def _first(words: list[str], count: int) -> str:
     return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
 
 
-def say_other_ensemble(file: Path | None, *names: str) -> None:
+def note_other_ensemble(file: Path | None, *names: str) -> None:
     """Print a note if the gains of a file were tuned in another ensemble."""
     if file is not None and (words := other_ensemble(file, *names)):
         print_note(words)
@@ -345,9 +345,9 @@ def other_ensemble(file: Path, *names: str) -> str:
         A sentence; empty if they were tuned in one of these, or the file names no ensemble.
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN, built_in_ensembles
-    from dualwinch.config.toml_text import read_source, said_at_head
+    from dualwinch.config.toml_text import head_comment, read_source
 
-    tuned_in = said_at_head(read_source(file).text, TUNED_IN)
+    tuned_in = head_comment(read_source(file).text, TUNED_IN)
     if tuned_in in {"", *names}:
         return ""
     judged = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"

@@ -279,7 +279,7 @@ def print_json(facts: Mapping[str, Any]) -> None:
     sys.stdout.write(json_text(facts))
 
 
-def say_idealised(found: "Sequence[Idealisation]") -> None:
+def print_idealisations(found: "Sequence[Idealisation]") -> None:
     """Print a plant's idealisations in one line, if any."""
     from dualwinch.simulation.analysis.idealisations import summary
 

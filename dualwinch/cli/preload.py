@@ -62,11 +62,11 @@ def preload(
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads
 
-    asked = given.experiment(f"controller.coordination.kind={ScheduledPreload.kind}")
+    experiment = given.experiment(f"controller.coordination.kind={ScheduledPreload.kind}")
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
-        found = preloads(asked, least, error=error, torque_rate=torque_rate, progress=progress)
+        found = preloads(experiment, least, error=error, torque_rate=torque_rate, progress=progress)
     print_preloads(found, given.typed)
     write_json(out, lambda: to_record(found, given.typed))
     write_figure(plot, "preloads", found)

@@ -20,8 +20,8 @@ from dualwinch.cli.options import (
     WorkerOptions,
     choice,
     default_of,
+    note_other_machine,
     own_default,
-    say_other_machine,
     stated,
     use_parts,
 )
@@ -151,7 +151,7 @@ def race(
     use_parts(plugin)
     name = own_default(RACE, "ensemble") if ensemble is None else ensemble
     drawn = load_ensemble(name, load(config) if config else None)
-    say_other_machine(config, name, drawn)
+    note_other_machine(config, name, drawn)
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,

@@ -251,7 +251,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
     named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
     found = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
     if change := reductions(runs):
-        title = "Figure 21: what the observer changes\n(Case 4, steady state)"
+        title = "Figure 21: effect of the observer\n(Case 4, steady state)"
         merits = metric_quantities()
         columns = [
             FigureColumn(key, heading=merits[key].label, factor=100, form="+.3g", shown_unit="%") for key in change

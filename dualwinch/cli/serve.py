@@ -72,7 +72,7 @@ def serve(
         Parameter(help="Port of Modbus TCP, such as 5020 (default: off; `pip install 'dualwinch[serve]'`)."),
     ] = None,
     opcua: Annotated[
-        int | None, WHOLE, Parameter(help="Port of OPC UA, such as 4840 (default: off; likewise).")
+        int | None, WHOLE, Parameter(help="Port of OPC UA, such as 4840 (default: off; the same extra).")
     ] = None,
     allow_write: Annotated[
         bool, Parameter(help="Let clients start, command and disturb; otherwise they only read.", negative="")
@@ -126,19 +126,19 @@ def serve(
         **stated(rate=rate, watchdog=watchdog, safe=torques_from(safe), priority=priority),
     )
     protocols = protocols_at(host, modbus, opcua)
-    asked = given.nominal(ensemble)
+    experiment = given.nominal(ensemble)
     with ProgressLine("compiling the plant"):
-        plant = ServedPlant(asked, settings, host=host, port=PORT if udp is None else udp)
+        plant = ServedPlant(experiment, settings, host=host, port=PORT if udp is None else udp)
     if map_:
         write_map(plant, map_)
         wrote(map_)
     try:
-        with shown(plant, asked, protocols, host, lab=lab):
+        with shown(plant, experiment, protocols, host, lab=lab):
             for number in count(1) if runs is None else range(1, runs + 1):
                 result = watched(plant)
                 if result is None:
                     return
-                say_run(plant, result, json=json)
+                print_run(plant, result, json=json)
                 keep(plant, result, out and (out if number == 1 else out.with_stem(f"{out.stem}-{number}")))
                 if plant.closed:
                     return
@@ -178,7 +178,9 @@ def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Proto
 
 
 @contextmanager
-def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host: str, *, lab: bool) -> Iterator[None]:
+def shown(
+    plant: ServedPlant, experiment: Experiment, protocols: list[Protocol], host: str, *, lab: bool
+) -> Iterator[None]:
     """Serve a plant by its protocols and in the lab, and print the addresses."""
     from threading import Thread
 
@@ -192,15 +194,15 @@ def shown(plant: ServedPlant, asked: Experiment, protocols: list[Protocol], host
                 stack.enter_context(served(plant, protocols))
             addresses += [protocol.address for protocol in protocols]
         if lab:
-            server = stack.enter_context(server_of(page_of(live_run(asked)), 0, live_rows(plant)))
+            server = stack.enter_context(server_of(page_of(live_run(experiment)), 0, live_rows(plant)))
             Thread(target=server.serve_forever, daemon=True).start()
             stack.callback(server.shutdown)
             addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
-        say_addresses(addresses, plant)
+        print_addresses(addresses, plant)
         yield
 
 
-def say_addresses(addresses: list[str], plant: ServedPlant) -> None:
+def print_addresses(addresses: list[str], plant: ServedPlant) -> None:
     """Print the addresses of a plant, and whether clients may write."""
     writing = "clients may write" if plant.settings.may_write else "clients may only read"
     words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
@@ -214,7 +216,7 @@ def watched(plant: ServedPlant) -> Result | None:
     """
     silences, was_safe, duration = 0, False, plant.experiment.duration
     with (
-        terminated_as_interrupted(),
+        sigterm_as_interrupt(),
         ThreadPoolExecutor(1, thread_name_prefix="plant") as pool,
         ProgressLine(command="serve") as progress,
     ):
@@ -238,7 +240,7 @@ def watched(plant: ServedPlant) -> Result | None:
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
+def sigterm_as_interrupt() -> Iterator[None]:
     """Treat SIGTERM, by which service managers end a process, as Ctrl-C; without effect outside the main thread."""
     import signal
     import threading
@@ -269,7 +271,7 @@ def wait(run: Any) -> None:
     wait_for([run], timeout=INTERVAL)
 
 
-def say_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
+def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
     """Print outcome, figures of merit, commands and timing of a run.
 
     Remarks on the loop of the experiment's own controller, which was not in it, are left out.

@@ -17,15 +17,15 @@ from dualwinch.cli.options import (
     Figure,
     Json,
     KeepingWorkerOptions,
-    say_other_ensemble,
+    note_other_ensemble,
 )
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
+    print_idealisations,
     print_json,
-    say_idealised,
     styled,
     terminal,
     version_notes,
@@ -127,7 +127,7 @@ def simulate(
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
     drawn = given.ensemble(ensemble)
-    say_other_ensemble(given.config, drawn.name)
+    note_other_ensemble(given.config, drawn.name)
     if statistics_only:
         check_file(out, ".json")
         if plot:
@@ -154,16 +154,16 @@ def simulate_one(
     from dualwinch.simulation.results.file_formats import format_of, save
     from dualwinch.simulation.simulate import simulate as run
 
-    asked = given.experiment()
+    experiment = given.experiment()
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
     if out:
         format_of(out)
         check_place(out)
     check_file(animate, ".svg")
-    engine = engine or engine_here(asked.simulation.engine)
+    engine = engine or engine_here(experiment.simulation.engine)
     with ProgressLine("simulating") as progress, where.workers(progress):
-        result = run(asked, stride=stride, engine=engine, progress=progress)
+        result = run(experiment, stride=stride, engine=engine, progress=progress)
     print_result(result, given.typed, json=json)
     console = terminal(stderr=True)
     if out:
@@ -209,7 +209,7 @@ def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = Tr
     console.print(table.render_down())
     for words in remarks(result, loop=loop):
         console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
-    say_idealised(found)
+    print_idealisations(found)
 
 
 NO_COMPILER = (
@@ -218,7 +218,7 @@ NO_COMPILER = (
 )
 
 
-def engine_here(asked: EngineName) -> EngineName:
+def engine_here(engine: EngineName) -> EngineName:
     """The requested engine; the interpreter instead of ``compiled`` if there is no compiler, with a message.
 
     Raises:
@@ -227,8 +227,8 @@ def engine_here(asked: EngineName) -> EngineName:
     from dualwinch.codegen.compiler import find_compiler
     from dualwinch.codegen.errors import CompilerNotFoundError
 
-    if asked != "compiled":
-        return asked
+    if engine != "compiled":
+        return engine
     try:
         find_compiler()
     except CompilerNotFoundError:
@@ -240,7 +240,7 @@ def engine_here(asked: EngineName) -> EngineName:
 
 
 def simulate_ensemble(
-    asked: Ensemble,
+    ensemble: Ensemble,
     scenarios: int | None,
     seed: int | None,
     out: Path | None,
@@ -260,10 +260,10 @@ def simulate_ensemble(
         ensemble_writer(out)
         check_place(out)
     with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
-        result = run_ensemble(asked, count, seed, traces=plot is not None, workers=workers, progress=progress)
+        result = run_ensemble(ensemble, count, seed, traces=plot is not None, workers=workers, progress=progress)
     print_ensemble(result, json=json)
     if out:
-        save_ensemble(result, out, {"configuration": ensemble_to_toml(asked), **version_notes()})
+        save_ensemble(result, out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
         wrote(out)
     write_figure(plot, "fan_chart", result)
     if result.partial:
@@ -271,7 +271,7 @@ def simulate_ensemble(
 
 
 def stream_ensemble(
-    asked: Ensemble,
+    ensemble: Ensemble,
     scenarios: int | None,
     seed: int | None,
     out: Path | None,
@@ -285,10 +285,10 @@ def stream_ensemble(
 
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
     with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
-        result = ensemble_statistics(asked, count, seed, workers=workers, progress=progress)
+        result = ensemble_statistics(ensemble, count, seed, workers=workers, progress=progress)
     print_ensemble(result, json=json)
     if out:
-        result.save(out, {"configuration": ensemble_to_toml(asked), **version_notes()})
+        result.save(out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
         wrote(out)
     if result.partial:
         raise KeyboardInterrupt
@@ -322,4 +322,4 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, *, json: bool) -
     completed = result.outcome_counts.get("completed", 0)
     if completed < len(result):
         console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
-    say_idealised(found)
+    print_idealisations(found)

@@ -21,9 +21,9 @@ from dualwinch.cli.options import (
     Json,
     KeepingWorkerOptions,
     default_of,
+    note_other_ensemble,
+    note_other_machine,
     own_default,
-    say_other_ensemble,
-    say_other_machine,
     stated,
 )
 from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
@@ -110,10 +110,10 @@ def stress(
         names = [NO_ENSEMBLE]
         if around != NO_BASE:
             beneath = load_ensemble(around, experiment)
-            say_other_machine(file, around, beneath)
+            note_other_machine(file, around, beneath)
             names = [beneath.name]
         added = load_ensemble(own_default(STRESS, "ensemble") if ensemble is None else ensemble, experiment)
-        say_other_ensemble(file, *names, added.name)
+        note_other_ensemble(file, *names, added.name)
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating") as progress,

@@ -26,11 +26,11 @@ from dualwinch.cli.options import (
     ExperimentOptions,
     WorkerOptions,
     default_of,
-    say_other_machine,
+    note_other_machine,
     seconds_from,
     share_from,
 )
-from dualwinch.cli.output import FigureColumn, FigureTable, say_idealised, styled, terminal, versions
+from dualwinch.cli.output import FigureColumn, FigureTable, print_idealisations, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
 
@@ -214,7 +214,7 @@ def tune(
             confidence=share_from(confidence, "--confidence"),
         )
         if problem.ensemble and ensemble:
-            say_other_machine(given.config, ensemble, problem.ensemble)
+            note_other_machine(given.config, ensemble, problem.ensemble)
         run_study(problem, options, line, given.plugin)
         line.say(f"next: {next_line(options.out / 'best.toml', ensemble, given)}")
 
@@ -513,7 +513,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
         say(words)
     for number, sentence in enumerate(advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")
-    say_idealised(idealisations(tuned.best))
+    print_idealisations(idealisations(tuned.best))
     if len(tuned.problem.objectives) > 1:
         say(f"Pareto front: {len(pareto_front(tuned.trials))} trials, in study.json")
     cost = tuned.cost

@@ -103,9 +103,9 @@ def test_every_figure_printed_is_in_the_json(capsys: pytest.CaptureFixture[str])
         client.begin()
         client.run(300)
         result = finished(run)
-    serve.say_run(plant, result, json=False)
+    serve.print_run(plant, result, json=False)
     printed = capsys.readouterr().out
-    serve.say_run(plant, result, json=True)
+    serve.print_run(plant, result, json=True)
     assert "more than a period late" in printed
     assert not left_out(printed, json.loads(capsys.readouterr().out))
 
@@ -191,7 +191,7 @@ def test_a_terminated_run_keeps_what_happened(tmp_path: Path) -> None:
 def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serve, "page_of", lambda own: f"<p>{own['live']}</p>")
     said: list[str] = []
-    monkeypatch.setattr(serve, "say_addresses", lambda addresses, _: said.extend(addresses))
+    monkeypatch.setattr(serve, "print_addresses", lambda addresses, _: said.extend(addresses))
     plant = ServedPlant(short(0.1), ServerSettings(lockstep=True, may_write=True))
     with serve.shown(plant, plant.experiment, [], "127.0.0.1", lab=True), ThreadPoolExecutor(1) as pool:
         run = pool.submit(plant.serve)

@@ -89,7 +89,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert [one["name"] for one in study["idealisations"]][:2] == ["winch inertia", "sag"]
     assert study["idealisations"][0]["statement"] in page
     (searched,) = (bound["label"] for bound in study["constraints"] if bound["statistic"] == "mean.chatter")
-    assert f"is another number in other scenarios: in the search {escape(searched)}." in page
+    assert f"has another value in other scenarios: in the search {escape(searched)}." in page
     assert "\nidealised: winches of 1.8 kg m²" in said.out
     best = load(tmp_path / "out" / "best.toml")
     assert {key: leaves(best)[key] for key in study["best"]["settings"]} == study["best"]["settings"]
