@@ -1,1 +1,1 @@
-"""The physics: parameters, ropes, vehicle, winches, disturbances, references, and the plant they make."""
+"""The physics: parameters, ropes, vehicle, winches, disturbances, references, and the plant composed of them."""

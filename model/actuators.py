@@ -1,9 +1,8 @@
-"""Actuators: what stands between the torque that is asked of a motor and the torque it gives.
+"""Actuators: from the torque command of a motor to its torque.
 
-The built-in `Motor` with its drive: the torque follows the command u with a lag, and no faster than the drive allows.
-While u is held, ``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly
-from sample to sample, through the end of a rate-limited stretch too; the plant gets the torque's mean over the sample,
-so that the momentum is right.
+The torque of the built-in `Motor` follows the command u with a first-order lag and a rate limit. While u is held,
+``d torque/dt = clip((u − torque)/time_constant, −rate_limit, rate_limit)``. The lag is solved exactly from sample to
+sample, including the end of rate limiting; the plant gets the mean torque of the sample, which conserves momentum.
 """
 
 from abc import abstractmethod
@@ -21,7 +20,7 @@ from dualwinch.model.scalar import Scalar, absolute, clip, tanh, where
 
 @dataclass(frozen=True)
 class Demand:
-    """What is asked of a motor at a sample, and how it moves; positive in the direction that retrieves rope."""
+    """Torque command and motion of a motor at a sample; positive in the direction that retrieves rope."""
 
     torque: Annotated[Scalar, Quantity("N m", "motor torque command")]
     angle: Annotated[Scalar, Quantity("rad", "angle of the motor's shaft")]
@@ -29,9 +28,9 @@ class Demand:
 
 
 class Actuator(Part):
-    """From torque command to motor torque: a frozen dataclass of the actuator's own numbers, the same for both winches.
+    """From torque command to motor torque: a frozen dataclass of the actuator's parameters, the same for both winches.
 
-    It stands behind the transport delay and before the plant, and belongs to the closed loop: no controller has it.
+    It acts after the transport delay and before the plant. It is part of the closed loop, not of a controller.
     """
 
     @abstractmethod
@@ -39,7 +38,7 @@ class Actuator(Part):
         """State of one motor without torque: a dataclass of floats, vectors and matrices."""
 
     def holding_state(self, torque: Scalar) -> Any:  # noqa: ARG002
-        """State of one motor that has been giving a torque in N m for long, over floats or CasADi symbols.
+        """Steady state of one motor at a constant torque in N m, over floats or CasADi symbols.
 
         A run begins with it, at the torque that holds the rope. Default: `initial_state`.
         """
@@ -50,33 +49,33 @@ class Actuator(Part):
         """One sample of one motor, over floats or CasADi symbols.
 
         Args:
-            state: as the last sample left it.
+            state: the state after the last sample.
             demand: torque command, and the motor's angle and speed at the sample.
             sample_time: in s.
 
         Returns:
-            The next state, and the torque in N m until the next sample, its mean where it is not constant.
+            The next state, and the mean torque in N m until the next sample.
         """
 
 
 @dataclass(frozen=True)
 class Ideal(Actuator):
-    """Gives what it is asked for; it adds nothing to the compiled code."""
+    """The torque equals the command; adds nothing to the compiled code."""
 
     kind: ClassVar = "ideal"
     label: ClassVar = "ideal motor"
 
     def initial_state(self) -> NoState:
-        """Nothing to remember."""
+        """No state."""
         return NoState()
 
     def step(self, state: NoState, demand: Demand, sample_time: Scalar) -> tuple[NoState, Scalar]:  # noqa: ARG002
-        """The torque that is asked for."""
+        """The command itself."""
         return state, demand.torque
 
 
 def is_ideal(actuator: Actuator) -> bool:
-    """Whether an actuator is that of `Ideal`; one that is made of it may write another step."""
+    """Whether an actuator has the step of `Ideal`, which subclasses may override."""
     return isinstance(actuator, Ideal) and type(actuator).step is Ideal.step
 
 
@@ -117,7 +116,7 @@ class Motor(Actuator):
             mean_left = passed * self.time_constant / sample_time
             return MotorState(demand.torque - left * missing), demand.torque - mean_left * missing
         size, sign = absolute(missing), where(missing < 0, -1.0, 1.0)
-        # first at the limit, until so little is missing that the lag alone is slower
+        # at the rate limit first, until the lag alone is slower
         limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
         then = size - self.rate_limit * limited
         left, passed = _decay((sample_time - limited) / self.time_constant)
@@ -126,7 +125,7 @@ class Motor(Actuator):
 
 
 def _decay(time: Scalar) -> tuple[Scalar, Scalar]:
-    """exp(−time) and 1 − exp(−time), in which nothing is lost where the time is short."""
+    """exp(−time) and 1 − exp(−time), without cancellation for short times."""
     half = tanh(time / 2)
     return (1 - half) / (1 + half), 2 * half / (1 + half)
 
@@ -134,10 +133,10 @@ def _decay(time: Scalar) -> tuple[Scalar, Scalar]:
 def drive(
     states: tuple[Any, Any], asked: Torques, motion: PlantState, plant: Plant, actuator: Actuator, sample_time: Scalar
 ) -> tuple[tuple[Any, Any], Torques]:
-    """Next states of both actuators, and the motor torques until then, by commands and motion of the drums.
+    """Next states of both actuators, and the motor torques until then, from the commands and the motion of the shafts.
 
     Raises:
-        ConfigurationError: the actuator's step is none (`model.quantities.steps`).
+        ConfigurationError: the actuator's step is invalid (`model.quantities.steps`).
     """
     found = []
     commands = asked.tau_1, asked.tau_2

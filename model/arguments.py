@@ -1,4 +1,4 @@
-"""Arguments of public functions, checked: what is of the wrong kind is an error of one line that names it."""
+"""Checks of public functions' arguments: a wrong type is a one-line error that names the argument."""
 
 from collections.abc import Iterable, Mapping
 from os import PathLike
@@ -12,18 +12,18 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import shown
 
 WORDS = {str: "a text", PathLike: "a path", Mapping: "a dictionary"}
-"""Type → what errors call one of it."""
+"""Type → its name in error messages."""
 
 
 def instance(name: str, value: Any, *kinds: type, hint: str = "", optional: bool = False) -> None:
-    """Raise `ConfigurationError` for a value that is an instance of none of some types.
+    """Raise `ConfigurationError` for a value that is an instance of none of the types.
 
     Args:
-        name: of the argument.
-        value: what was given.
-        kinds: the types.
-        hint: what more is to be said.
-        optional: whether it may be None.
+        name: name of the argument.
+        value: its value.
+        kinds: allowed types.
+        hint: text appended to the allowed types.
+        optional: whether None is allowed.
     """
     if not isinstance(value, kinds) and not (optional and value is None):
         *others, last = (WORDS.get(kind) or f"a{'n' * (kind.__name__[0] in 'AEIOU')} {kind.__name__}" for kind in kinds)
@@ -35,7 +35,7 @@ def path_of(name: str, value: Any) -> Path:
     """The path of a file or folder.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: it is no path.
     """
     try:
         return Path(value)
@@ -44,10 +44,10 @@ def path_of(name: str, value: Any) -> Path:
 
 
 def texts(name: str, value: Any) -> list[str]:
-    """A text, or several, as a list.
+    """One text or several, as a list.
 
     Raises:
-        ConfigurationError: something in it is no text.
+        ConfigurationError: an element is no text.
     """
     listed = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
     for each in listed:
@@ -57,12 +57,12 @@ def texts(name: str, value: Any) -> list[str]:
 
 
 def one_number(name: str, value: Any, hint: str = "") -> float:
-    """One number, of an array only where it has one element.
+    """One number, or an array of one element.
 
     Args:
-        name: of the argument.
-        value: what was given.
-        hint: what takes many numbers, if anything.
+        name: name of the argument.
+        value: its value.
+        hint: a function that takes many numbers, for the message.
 
     Raises:
         ConfigurationError: it is no number, or more than one.
@@ -77,7 +77,7 @@ def number_array(name: str, values: Any, wanted: str = "a number or an array of 
     """A number or an array of numbers, as an array.
 
     Raises:
-        ConfigurationError: something in it is no number.
+        ConfigurationError: an element is no number.
     """
     try:
         found = np.asarray(values)
@@ -92,7 +92,7 @@ def whole_number(name: str, value: Any, least: int = 0, most: int | None = None)
     """A whole number within a range.
 
     Raises:
-        ConfigurationError: it is none, or out of range.
+        ConfigurationError: it is no whole number, or out of range.
     """
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not (whole and least <= value and (most is None or value <= most)):

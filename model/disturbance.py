@@ -1,6 +1,6 @@
-"""What acts on the vehicle: vortex shedding, ambient current, changing load on the rail, and any further force.
+"""Disturbances of the vehicle: vortex shedding, ambient current, changing load on the rail, and a further force.
 
-Current and rail load may be random (Gauss–Markov), given as signals, or both: they add up.
+Current and rail load may be random (Gauss–Markov), given as signals, or the sum of both.
 """
 
 import math
@@ -16,7 +16,7 @@ from dualwinch.model.vehicle import Vehicle, drag
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Disturbances of a scenario; a standard deviation of zero switches a random one off."""
+    """Disturbances of a scenario; a standard deviation of zero switches a random disturbance off."""
 
     vortex: Annotated[bool, Quantity("", "vortex shedding on", "paper Section 4.3"), Mark.SWITCH, Mark.OFF_AT_ZERO] = (
         False
@@ -63,7 +63,7 @@ class Disturbance:
 
 
 def given_signals(disturbance: Disturbance) -> dict[str, tuple[Signal, str]]:
-    """Signals that a disturbance may be given: name → the signal and the SI unit it is used in."""
+    """The given signals of a disturbance: name → signal and its SI unit."""
     own = [slot for slot in slots(Disturbance, "") if slot.hint is Signal]
     return {slot.field: (getattr(disturbance, slot.field), slot.find(Quantity).unit) for slot in own}
 
@@ -76,8 +76,8 @@ def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> S
 def vortex_force(t: Scalar, v: Scalar, phase: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:
     """Vortex force D in N along the track, added to the vehicle's equation (paper Section 4.3, E4).
 
-    The phase is the integral of `vortex_frequency` in rad, used where ``integrated_phase`` is set. The two switches of
-    the disturbance may be numbers between 0 and 1.
+    The phase in rad is the integral of `vortex_frequency`, used where ``integrated_phase`` is set. Both switches of the
+    disturbance may be numbers between 0 and 1.
     """
     paper_phase = vortex_frequency(v, disturbance, vehicle) * t
     angle = paper_phase + disturbance.integrated_phase * (phase - paper_phase)

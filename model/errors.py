@@ -1,14 +1,14 @@
-"""Errors of what a user asks for."""
+"""Errors caused by user input."""
 
 from dualwinch.codegen.errors import DualwinchError, installing
 
 
 class ConfigurationError(DualwinchError):
-    """A value, or a combination of values, that makes no experiment; the message names the key and what is allowed."""
+    """An invalid value or combination of values; the message names the key and the allowed range."""
 
 
 class MissingExtraError(DualwinchError):
-    """An optional library is not installed; its arguments are the library and the extra that brings it."""
+    """An optional library is not installed; the arguments are the library and the extra that installs it."""
 
     def __str__(self) -> str:
         library, extra = self.args
@@ -16,7 +16,7 @@ class MissingExtraError(DualwinchError):
 
 
 class UnknownNameError(DualwinchError, KeyError):
-    """A name that is not among those there are; the message names the nearest. A `KeyError`, but for its quotes."""
+    """An unknown name; the message suggests the nearest one. A `KeyError` whose message is printed without quotes."""
 
     def __str__(self) -> str:
         return str(self.args[0])

@@ -1,11 +1,11 @@
-"""Friction with memory: bristles that bend before they slide (Dahl's model, and the LuGre model that follows from it).
+"""Friction with a bristle state: Dahl's model, and the LuGre model derived from it.
 
 A bristle of deflection z follows a motion of speed v until it slides at its limit::
 
     dz/dt = v − |v| z/limit
 
-With a limit that stays, that is Dahl's model: a force in proportion to z rises from one side of a hysteresis loop to
-the other. With a limit that depends on the speed by Stribeck's curve, and a damping beside the stiffness, it is LuGre.
+With a constant limit this is Dahl's model: a force proportional to z traces a hysteresis loop. With a limit by
+Stribeck's curve, and damping in addition to the stiffness, it is the LuGre model.
 
 References: Dahl, *A Solid Friction Model*, The Aerospace Corporation, TOR-0158(3107-18)-1 (1968); Canudas de Wit,
 Olsson, Åström and Lischinsky, *A New Model for Control of Systems with Friction*, IEEE Transactions on Automatic
@@ -15,19 +15,19 @@ Control 40 (1995).
 from dualwinch.model.scalar import Scalar, absolute, maximum
 
 LEAST_LIMIT = 1e-12
-"""Floor under a limit that is divided by: without friction bristles bend by nothing."""
+"""Floor of the limit, a divisor: without friction the limit is zero."""
 
 
 def bristle_rate(deflection: Scalar, speed: Scalar, limit: Scalar, step: Scalar) -> Scalar:
-    """Rate of a bristle's deflection, its mean over a step in s at one speed; of a step of 0, dz/dt itself.
+    """Mean rate of a bristle's deflection over a step in s at constant speed; for a step of 0, dz/dt itself.
 
-    In fast motion a bristle settles far quicker than a step of an integrator is long: it is taken implicitly (backward
-    Euler), which is stable whatever the step, never leaves the limits, and exact where it has settled.
+    In fast motion a bristle settles within a fraction of an integration step. The step is therefore implicit (backward
+    Euler): stable for every step, always within the limits, and exact in the steady state.
 
     Args:
         deflection: z at the beginning of the step.
-        speed: v, in units of the deflection a second.
-        limit: of the deflection.
+        speed: v, in units of the deflection per second.
+        limit: largest deflection.
         step: in s.
     """
     sliding, most = absolute(speed), maximum(limit, LEAST_LIMIT)

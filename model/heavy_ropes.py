@@ -1,26 +1,26 @@
 """Ropes with mass and weight: longitudinal waves, sag between rollers, drag, hysteresis (assumption A14).
 
-A rope runs from its drum, where ``wound`` metres of it have been retrieved, to the vehicle; its chord is longer than
-the unstretched rope by ``stretch``. Ways along the rope are positive where they retrieve it.
+A rope runs from its drum, which has retrieved ``wound`` metres of it, to the vehicle; its chord is longer than the
+unstretched rope by ``stretch``. Displacements along the rope are positive where they retrieve it.
 
 **Waves.** The rope is lumped into n equal segments (``segments``): half a segment's mass at either end, one at each of
-the n − 1 inner nodes. A segment pulls as a rope of the whole length does at n times its stretch, whatever the law.
-Waves in a fixed–free bar come out at c/4L with a relative error of (pi/4n)²/6. A mesh that moves with the rope leaves
-out mu v² (8 N at 1.8 m/s). Inner nodes of a short rope swing too fast to be worth resolving: there a rope weighs as
-much as one of ``shortest_mass`` metres (mass scaling, as in explicit finite elements).
+the n − 1 inner nodes. For every law, a segment's tension is that of the whole rope at n times the segment's stretch.
+The first mode of a fixed–free bar, c/4L, has a relative error of (pi/4n)²/6. The mesh moves with the rope, which
+neglects mu v² (8 N at 1.8 m/s). Inner nodes of a short rope oscillate too fast to be worth resolving: below
+``shortest_mass`` metres the mass is that of this length (mass scaling, as in explicit finite elements).
 
-**Sag.** Each span between two rollers hangs as a parabola of depth d, one transverse mode of the span (Galerkin, with
-the shape 4 xi (1 − xi)). Its arc is longer than its chord by the share 8/3 (d/s)², which adds to the strain, and::
+**Sag.** Each span between two rollers is a parabola of depth d, one transverse mode of the span (Galerkin, with the
+shape 4 xi (1 − xi)). Its arc is longer than its chord by the share 8/3 (d/s)², which adds to the strain, and::
 
     8/15 m d'' = 2/3 w − 16/3 T d/s² − 16/35 · 1/2 rho C D |d'| d'
 
-with the transverse mass m and the weight w a metre and the mean tension T. At rest d = w s²/(8 T), and the tangent of
-the tension is Ernst's modulus. One mode suffices while lambda² = (w s)² E A/T³ is below 15 (errors of 1 to 2 % in the
-first symmetric frequency); beyond 100 it errs by a quarter.
+with the transverse mass m and the weight w per metre and the mean tension T. At rest d = w s²/(8 T), and the tangent
+stiffness is Ernst's modulus. One mode suffices while lambda² = (w s)² E A/T³ is below 15 (errors of 1 to 2 % in the
+first symmetric frequency); beyond 100 the error is a quarter.
 
-**Hysteresis.** Wires rub on each other as the strain changes: beside its law a rope pulls with ``hysteresis z``, where
-z follows the strain, in units of ``hysteresis_strain``, by Dahl's model with the limit 1 (`model.friction`). A cycle of
-strain between ± a loses 4 T (a − d tanh(a/d)) a metre of rope, with the largest force T and the strain d.
+**Hysteresis.** Friction between the wires adds ``hysteresis z`` to the tension of the law, where z follows the strain,
+in units of ``hysteresis_strain``, by Dahl's model with the limit 1 (`model.friction`). A cycle of strain between ± a
+dissipates 4 T (a − d tanh(a/d)) per metre of rope, with the largest force T and the strain d.
 
 References: Irvine, *Cable Structures* (1981), chapters 2 and 3; Ernst, *Der Bauingenieur* 40 (1965).
 """
@@ -42,7 +42,7 @@ from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, present, 
 class Waves:
     """Inner nodes of a rope with mass, from the drum to the vehicle."""
 
-    position: Annotated[Any, Quantity("m", "way of an inner node of the rope towards the winch")]
+    position: Annotated[Any, Quantity("m", "displacement of an inner node of the rope towards the winch")]
     speed: Annotated[Any, Quantity("m/s", "speed of that node"), Mark.RATE]
 
 
@@ -50,7 +50,7 @@ class Waves:
 class Sag:
     """Sag of a rope with weight, the same in each of its spans."""
 
-    depth: Annotated[Scalar, Quantity("m", "sag amid a span")]
+    depth: Annotated[Scalar, Quantity("m", "sag at midspan")]
     rate: Annotated[Scalar, Quantity("m/s", "its rate"), Mark.RATE]
 
 
@@ -58,12 +58,12 @@ class Sag:
 class Hysteresis:
     """Friction between the wires of a rope."""
 
-    share: Annotated[Scalar, Quantity("1", "friction between the wires over its largest"), Mark.SETTLES]
+    share: Annotated[Scalar, Quantity("1", "friction between the wires over its largest value"), Mark.SETTLES]
 
 
 @dataclass(frozen=True)
 class RopeState:
-    """State of a rope of its own: nothing where it has neither mass nor weight, nor hysteresis."""
+    """State of a rope; empty without mass, weight and hysteresis."""
 
     waves: Any = NO_STATE
     sag: Any = NO_STATE
@@ -71,17 +71,17 @@ class RopeState:
 
 
 MASSLESS = RopeState()
-"""The state of a rope with neither mass nor weight, nor hysteresis."""
+"""State of a rope without mass, weight and hysteresis."""
 
 
 @dataclass(frozen=True)
 class RopeEnds:
-    """How the ends of a rope move.
+    """Motion of the ends of a rope.
 
     Attributes:
         wound, wound_rate: rope retrieved by the drum in m, and its rate in m/s.
-        stretch, stretch_rate: of the chord between drum and vehicle in m, and its rate in m/s.
-        length, closeness: of the rope in m, and its reciprocal in 1/m.
+        stretch, stretch_rate: stretch of the chord between drum and vehicle in m, and its rate in m/s.
+        length, closeness: length of the rope in m, and its reciprocal in 1/m.
     """
 
     wound: Scalar
@@ -94,9 +94,9 @@ class RopeEnds:
 
 @dataclass(frozen=True)
 class RopePull:
-    """What a rope does: its tension in N at the drum, its pull on the vehicle in N, and the rates of its state.
+    """Tension of a rope in N at the drum, its pull on the vehicle in N, and the rates of its state.
 
-    Its segments' tensions, from the drum on, differ from these by what holds the rope back.
+    The segments' tensions, from the drum to the vehicle, differ from these by drag and roller friction.
     """
 
     at_drum: Scalar
@@ -106,7 +106,7 @@ class RopePull:
 
 
 def span_of(length: Scalar, track: Track) -> Scalar:
-    """Distance in m of the points that carry a rope of a length in m."""
+    """Span in m between the supports of a rope of a length in m."""
     spacing = track.roller_spacing
     return where(spacing > 0, minimum(length, spacing), length) if present(spacing) else length
 
@@ -117,7 +117,7 @@ def lumped_mass(rope: RopeLaw, length: Scalar) -> Scalar:
 
 
 def rope_on_drum(rope: RopeLaw, length: Scalar, track: Track) -> Scalar:
-    """Mass in kg of rope that turns with the drum while `length` m of it are paid out, half a segment among it."""
+    """Mass in kg of the rope that turns with the drum while `length` m are paid out, half a segment included."""
     if not present(rope.mass_per_length):
         return 0.0
     wound = maximum(track.length + track.rope_offset - length, 0.0) + rope.spare_length
@@ -125,12 +125,12 @@ def rope_on_drum(rope: RopeLaw, length: Scalar, track: Track) -> Scalar:
 
 
 def end_mass(rope: RopeLaw, length: Scalar) -> Scalar:
-    """Mass in kg that moves with either end of a rope of a length in m: half a segment's."""
+    """Mass in kg that moves with either end of a rope of a length in m: half of a segment."""
     return lumped_mass(rope, length) / 2 if present(rope.mass_per_length) else 0.0
 
 
 def blank_rope(rope: RopeLaw) -> RopeState:
-    """A state of a rope whose numbers mean nothing: what names its elements."""
+    """A rope state with placeholder values, for the names of its elements."""
     return resting_rope(rope, 1.0, 1.0, Track(), 0.0)[0] if is_heavy(rope) or present(rope.hysteresis) else MASSLESS
 
 
@@ -147,7 +147,7 @@ def resting_rope(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, w
         tension: in N.
         length: in m.
         track: the rollers that carry it.
-        way: of the vehicle towards the winch in m.
+        way: displacement of the vehicle towards the winch in m.
     """
     stretch, sag = rope.resting_stretch(tension, length), NO_STATE
     if present(rope.submerged_weight):
@@ -175,24 +175,24 @@ def _evenly(rope: RopeLaw, wound: Scalar, stretch: Scalar, wound_rate: Scalar, s
 
 
 PASSES = 3
-"""Passes in which the speeds of a moving rope's nodes and what holds them back are reconciled; each gains 1e-4."""
+"""Fixed-point iterations for node speeds and drag of a moving rope; each reduces the error by 1e-4."""
 
 
 def steady_rope(
     rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, way: Scalar, speed: Scalar, *, density: Scalar
 ) -> tuple[RopeState, Scalar, Scalar]:
-    """State of a rope of constant tensions while its vehicle moves, and what its drum winds: in m, and its rate in m/s.
+    """State of a rope at constant tensions while the vehicle moves, and the rope wound in m and its rate in m/s.
 
-    The strain of every segment stays, and so does the depth of the sag: it is that at rest. Along the rope the tension
-    differs by what water and rollers put against it.
+    The strain of every segment is constant, and the depth of the sag is that at rest. Along the rope the tension
+    differs by drag and roller friction.
 
     Args:
         rope: the rope.
         tension: at the drum in N.
         length: in m.
         track: the rollers that carry it.
-        way: of the vehicle towards the winch in m.
-        speed: of the vehicle towards the winch in m/s.
+        way: displacement of the vehicle towards the winch in m.
+        speed: speed of the vehicle towards the winch in m/s.
         density: of the water in kg/m³.
     """
     waves = rope.segments > 1 and present(rope.mass_per_length)
@@ -211,7 +211,7 @@ def steady_rope(
             surplus, growth = longer * length, longer if present(track.roller_spacing) else -longer
         for node in reversed(range(n)):
             damping = rope.tangent(pulls[node], length)[1]
-            seen = pulls[node] - damping * growth * speed  # the damper does not see what the sag takes up
+            seen = pulls[node] - damping * growth * speed  # the sag's share of the rate does not strain the damper
             stretch, slope = rope.steady_stretch(seen, length, -speed)
             positions[node] = positions[node + 1] + (stretch - surplus) / n
             speeds[node] = speeds[node + 1] - (slope - growth) * speed / n
@@ -226,7 +226,7 @@ def arc(depth: Scalar, span: Scalar) -> Scalar:
 
 
 def sag_shortening(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track) -> Scalar:
-    """By how much in m a rope at rest under a tension in N is shorter than its arc, for its sag."""
+    """Excess of a rope's arc over its chord in m, for the sag at rest under a tension in N."""
     if not present(rope.submerged_weight):
         return 0.0
     span = span_of(length, track)
@@ -234,7 +234,7 @@ def sag_shortening(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track)
 
 
 def ernst_factor(weight: Scalar, span: Scalar, tension: Scalar, rigidity: Scalar) -> Scalar:
-    """Tangent stiffness of a rope that sags over the one it has without weight: 1/(1 + lambda²/12) (Ernst 1965).
+    """Tangent stiffness of a sagging rope over that without weight: 1/(1 + lambda²/12) (Ernst 1965).
 
     Args:
         weight: in N/m.
@@ -246,12 +246,12 @@ def ernst_factor(weight: Scalar, span: Scalar, tension: Scalar, rigidity: Scalar
 
 
 def first_mode(mass_per_length: Scalar, length: Scalar, rigidity: Scalar) -> Scalar:
-    """First longitudinal mode in rad/s of a rope in kg/m of a length in m, fixed at one end: c/4L, by its E A in N."""
+    """First longitudinal mode in rad/s of a fixed–free rope (c/4L), from kg/m, length in m and `rigidity` E A in N."""
     return math.pi / 2 * sqrt(rigidity / mass_per_length) / length
 
 
 def wire_rope_mass(diameter: Scalar) -> Scalar:
-    """Mass in kg/m of a wire rope (6x36, steel core) of a diameter in m: 0.409 d² for 100 m, d in mm (EN 12385-4)."""
+    """Mass in kg/m of a wire rope (6x36, steel core), diameter in m: 0.409 d² for 100 m, d in mm (EN 12385-4)."""
     return 4090.0 * diameter**2
 
 
@@ -260,30 +260,30 @@ STEEL, GRAVITY = 7850.0, 9.81
 
 
 def weight_in_water(mass_per_length: Scalar, density: Scalar) -> Scalar:
-    """Weight in N/m of a steel rope in kg/m in water of a density in kg/m³."""
+    """Weight in N/m of a steel rope (mass in kg/m) in water of a density in kg/m³."""
     return mass_per_length * GRAVITY * (1 - density / STEEL)
 
 
 LEAST_PULL = 50.0
-"""Tension in N below which a sag is not reckoned with: it grows without bound."""
+"""Lower bound of the tension in N for the sag, which grows without bound at zero."""
 
 
 def rope_pull(
     rope: RopeLaw, state: RopeState, ends: RopeEnds, track: Track, *, density: Scalar, slack: bool, step: Scalar = 0.0
 ) -> RopePull:
-    """Tensions of a rope, and how it moves on.
+    """Tensions of a rope, and the rates of its state.
 
     Args:
         rope: the rope.
-        state: its own.
-        ends: its drum and its vehicle.
+        state: its state.
+        ends: motion of drum and vehicle.
         track: the rollers that carry it.
         density: of the water in kg/m³.
         slack: whether it goes slack; else it may push.
-        step: in s, over which the rate of the hysteresis is the mean; tensions are those at its end (`bristle_rate`).
+        step: in s; the hysteresis rate is its mean over the step, tensions are those at its end (`bristle_rate`).
     """
     n, length, closeness = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.closeness
-    surplus, surplus_rate = 0.0, 0.0  # of the arc over the chord, m of the whole rope
+    surplus, surplus_rate = 0.0, 0.0  # excess of the arc over the chord of the whole rope in m
     steep = 0.0  # depth of the sag over the span squared
     if isinstance(state.sag, Sag):
         spans = maximum(closeness, 1 / track.roller_spacing) if present(track.roller_spacing) else closeness
@@ -301,7 +301,7 @@ def rope_pull(
         speeds.append(ends.wound_rate - ends.stretch_rate)
     rubbing, hysteresis = 0.0, NO_STATE
     if isinstance(state.hysteresis, Hysteresis):
-        # a rope that gets longer at constant strain stretches; sag of the same depth on more rollers is no strain
+        # more rope at constant strain has more stretch, and more spans of the same sag; neither changes the strain
         stretch = ends.stretch + (0.0 if present(track.roller_spacing) else 2 * surplus)
         growing = stretch * closeness * (ends.stretch_rate - ends.wound_rate)
         straining = (ends.stretch_rate + surplus_rate - growing) * closeness
@@ -333,13 +333,13 @@ def rope_pull(
 
 
 ROLLING_SPEED = 0.01
-"""Speed of the rope in m/s over which the friction of the rollers changes its sign, as that of the rail (A3)."""
+"""Speed of the rope in m/s over which roller friction changes its sign, as that of the rail (A3)."""
 
 
 def drag_along(rope: RopeLaw, speeds: Sequence[Scalar], length: Scalar, track: Track, density: Scalar) -> list[Scalar]:
-    """Force in N that holds back either end of each segment, half of `rope_drag` at its mean speed.
+    """Resistance in N at either end of each segment, half of the segment's `rope_drag` at its mean speed.
 
-    `speeds` in m/s are those of the ends of all segments, from the drum on.
+    `speeds` in m/s are those of the segments' ends, from the drum to the vehicle.
     """
     n = len(speeds) - 1
     means = [(near + far) / 2 for near, far in pairwise(speeds)]
@@ -347,7 +347,7 @@ def drag_along(rope: RopeLaw, speeds: Sequence[Scalar], length: Scalar, track: T
 
 
 def rope_drag(rope: RopeLaw, speed: Scalar, length: Scalar, track: Track, density: Scalar) -> Scalar:
-    """Force in N that water and rollers put against a whole rope that moves at a speed in m/s."""
+    """Resistance in N of water and rollers to a whole rope that moves at a speed in m/s."""
     skin = 0.5 * density * rope.skin_friction * math.pi * rope.diameter * length
     rollers = track.roller_friction * rope.submerged_weight * length
     return skin * absolute(speed) * speed + rollers * tanh(speed / ROLLING_SPEED)

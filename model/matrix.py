@@ -1,4 +1,4 @@
-"""Small matrices of scalars, as tuples of rows: for laws whose gains are the solution of a matrix equation."""
+"""Small matrices of scalars, as tuples of rows, for laws whose gains solve a matrix equation."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -44,7 +44,7 @@ def diagonal(*values: Scalar) -> Matrix:
 
 
 def solve(a: Matrix, b: Matrix) -> Matrix:
-    """Solution of ``a x = b`` by elimination without pivoting: no leading minor of `a` may be zero."""
+    """Solution of ``a x = b`` by Gauss–Jordan elimination without pivoting: no leading minor of `a` may be zero."""
     rows = [[*left, *right] for left, right in zip(a, b, strict=True)]
     n = len(rows)
     for k in range(n):
@@ -59,8 +59,8 @@ def solve(a: Matrix, b: Matrix) -> Matrix:
 def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
     """Factors of ``a = L D Lᵀ``, for ``a - 1`` symmetric and positive semidefinite.
 
-    Such a matrix has no pivot below 1. Round-off could leave one there, in single precision above all, where large and
-    small elements stand side by side: such a pivot counts as 1.
+    Such a matrix has no pivot below 1. Round-off could produce one, above all in single precision with elements of very
+    different size; it is replaced by 1.
 
     Args:
         a: rows of the lower triangle, with or without the elements above it.
@@ -83,7 +83,7 @@ def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
 
 
 def solved(factors: tuple[Matrix, tuple[Scalar, ...]], b: Sequence[Scalar]) -> tuple[Scalar, ...]:
-    """Solution of ``a x = b`` for a matrix that has been `factorised`."""
+    """Solution of ``a x = b`` from the `factorised` matrix."""
     lower, inverses = factors
     x: list[Scalar] = []
     for value, row in zip(b, lower, strict=True):
@@ -97,15 +97,15 @@ def solved(factors: tuple[Matrix, tuple[Scalar, ...]], b: Sequence[Scalar]) -> t
 def riccati(a: Matrix, g: Matrix, h: Matrix, doublings: int) -> Matrix:
     """Solution X of ``X = h + aᵀ X (1 + g X)⁻¹ a`` by structure-preserving doubling.
 
-    Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767. Each step squares what is left of the start, so that a fixed
-    number of steps will do and the solution is an expression: of regulators with ``g = B R⁻¹ Bᵀ`` and ``h = Q``, of
-    filters with ``a = Aᵀ``, ``g = Cᵀ R⁻¹ C`` and ``h = Q``. Nothing is pivoted: states are best in units in which their
-    numbers are of one size, and what follows from parameters alone is computed once a run.
+    Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767. Convergence is quadratic, so a fixed number of steps suffices
+    and the solution is an expression: of regulators with ``g = B R⁻¹ Bᵀ`` and ``h = Q``, of filters with ``a = Aᵀ``,
+    ``g = Cᵀ R⁻¹ C`` and ``h = Q``. There is no pivoting: scale the states to similar magnitudes. A solution from
+    parameters alone is computed once per run.
 
     Args:
-        a: motion over a sample (n, n).
-        g: what is gained by acting, or by measuring; symmetric and positive semidefinite (n, n).
-        h: what is lost in a sample; likewise.
+        a: transition matrix over a sample (n, n).
+        g: input or measurement matrix as above; symmetric and positive semidefinite (n, n).
+        h: weight or noise covariance as above; likewise.
         doublings: steps; the solution is that of the Riccati recursion after 2^doublings samples.
     """
     given = a, g, h
@@ -124,7 +124,7 @@ def _doubled(a: Matrix, g: Matrix, h: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def _doubled_symbols(*matrices: Matrix) -> list[Matrix]:
-    """`_doubled` by a function, which expands a hundred times as fast as scalars are put together one by one."""
+    """`_doubled` by a CasADi function, whose expansion is a hundred times as fast as single scalar operations."""
     n = len(matrices[0])
     found = _doubling(n).call([ca.vertcat(*(value for row in matrix for value in row)) for matrix in matrices])
     return [_rows(ca.vertsplit(result), n) for result in found]

@@ -52,7 +52,7 @@ ROPE_LAW = Quantity("", "law of the rope's tension", "paper Section 2.2")
 
 @dataclass(frozen=True)
 class Plant:
-    """Everything the plant is made of; the ropes' creep is unknown to any controller."""
+    """Vehicle, track, ropes and winches; the ropes' creep is unknown to all controllers."""
 
     rope_slack: Annotated[
         bool, Quantity("", "ropes go slack and never push; false: the paper's two-sided rope", "A2")
@@ -134,7 +134,7 @@ class Torques:
 
 @dataclass(frozen=True)
 class DisturbanceInputs:
-    """What acts on the vehicle from outside."""
+    """Disturbances that act on the vehicle."""
 
     force: Annotated[Scalar, Quantity("N", "disturbance force along the track")] = 0.0
     current: Annotated[Scalar, Quantity("m/s", "ambient current along the track")] = 0.0
@@ -142,7 +142,7 @@ class DisturbanceInputs:
 
 
 def is_distributed(plant: Plant) -> bool:
-    """Whether ropes have mass or weight, or gearboxes give or rub: more than the paper's six states know."""
+    """Whether ropes have mass or weight, or gearboxes compliance or losses: more than the paper's six states."""
     return any(
         is_heavy(side.rope) or present(side.winch.gear_stiffness) or present(side.winch.gear_loss)
         for side in plant.sides
@@ -155,15 +155,15 @@ def remembers_friction(plant: Plant) -> bool:
 
 
 def blank_state(plant: Plant) -> PlantState:
-    """A state of a plant whose numbers mean nothing: what names its elements."""
+    """A plant state with placeholder values, for the names of its elements."""
     ropes, motors = (map(blank_rope, (plant.rope_1, plant.rope_2)), map(blank_motor, (plant.winch_1, plant.winch_2)))
     return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors, rail=blank_bristles(plant.vehicle))
 
 
 def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 0.0) -> tuple[RopePull, RopePull]:
-    """What both ropes do at the time t in s (paper Section 2.2, E1, A1, A2; with mass and weight A14).
+    """Tensions and state rates of both ropes at the time t in s (paper Section 2.2, E1, A1, A2; mass and weight A14).
 
-    `step` is as of `derivative`.
+    `step` as in `derivative`.
     """
     lengths, found = rope_lengths(state.x, plant.track), []
     closenesses = reciprocals(*lengths)
@@ -202,10 +202,10 @@ def vehicle_acceleration(
     Args:
         v: its speed in m/s.
         pull: net rope force in N.
-        environment: what acts on it from outside.
+        environment: disturbances.
         vehicle: the vehicle.
         ropes: mass in kg of the rope that moves with it.
-        rubbing: friction on the rail in N; default: that of this speed.
+        rubbing: rail friction in N; default: `friction` at the speed v.
     """
     resistance = friction(v, vehicle, environment.normal_force_variation) if rubbing is None else rubbing
     resistance += drag(v - environment.current, vehicle)
@@ -215,9 +215,9 @@ def vehicle_acceleration(
 def towed_vehicle(
     state: PlantState, pull: Scalar, environment: DisturbanceInputs, plant: Plant, step: Scalar = 0.0
 ) -> tuple[Scalar, Any]:
-    """Acceleration of the vehicle in m/s² under a net rope force in N, and the rate of the bristles on the rail.
+    """Acceleration of the vehicle in m/s² under a net rope force in N, and the rate of the rail's bristles.
 
-    The rope that moves with it, the rail's slope and its friction count; `step` is as of `derivative`.
+    Includes the moving mass of the ropes, the rail's slope and its friction; `step` as in `derivative`.
     """
     vehicle, lengths = plant.vehicle, rope_lengths(state.x, plant.track)
     ropes = sum(end_mass(side.rope, length) for side, length in zip(plant.sides, lengths, strict=True))
@@ -228,18 +228,18 @@ def towed_vehicle(
 
 @dataclass(frozen=True)
 class InnerSignals:
-    """What goes on inside ropes with mass or weight, and inside gearboxes that give."""
+    """Signals inside ropes with mass or weight, and inside compliant gearboxes."""
 
     F1_vehicle: Annotated[Scalar, Quantity("N", "pull of rope 1 on the vehicle")] = 0.0
     F2_vehicle: Annotated[Scalar, Quantity("N", "pull of rope 2 on the vehicle")] = 0.0
-    sag_1: Annotated[Scalar, Quantity("m", "sag of rope 1 amid a span")] = 0.0
-    sag_2: Annotated[Scalar, Quantity("m", "sag of rope 2 amid a span")] = 0.0
+    sag_1: Annotated[Scalar, Quantity("m", "sag of rope 1 at midspan")] = 0.0
+    sag_2: Annotated[Scalar, Quantity("m", "sag of rope 2 at midspan")] = 0.0
     gear_1: Annotated[Scalar, Quantity("N m", "torque that gearbox 1 transmits to the drum")] = 0.0
     gear_2: Annotated[Scalar, Quantity("N m", "torque that gearbox 2 transmits to the drum")] = 0.0
 
 
 def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Plant) -> dict[str, Scalar]:
-    """Those of `InnerSignals` that a plant has."""
+    """The `InnerSignals` of a plant: name → value."""
     found: dict[str, Scalar] = {}
     of_sides = zip(plant.sides, pulls, state.ropes, state.motors, state.drums, strict=True)
     for side, pull, rope, motor, drum in of_sides:
@@ -253,10 +253,10 @@ def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Pl
 
 
 def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, Scalar]:
-    """Forces in N that are constant in steady motion, while positions go on: tensions along the ropes, gear torques.
+    """Forces in N that are constant in steady motion, while positions change: tensions along the ropes, gear torques.
 
-    By the position's key in the plant's state: a drum's stands for the tension of the segment next to it, a node's for
-    that of the segment beyond it, a rotor's for the torque that its gearbox transmits, over the drum's radius.
+    The keys are those of positions in the plant's state: of a drum for the tension of the segment next to it, of a node
+    for that of the segment beyond it, of a rotor for the torque its gearbox transmits, divided by the drum radius.
     """
     found: dict[str, Scalar] = {}
     of_sides = zip(plant.sides, rope_pulls(state, plant, t), state.motors, state.drums, strict=True)
@@ -272,7 +272,7 @@ def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, 
 
 
 def rope_resistance(x: Scalar, v: Scalar, plant: Plant) -> Scalar:
-    """Net rope force F1 − F2 in N at the drums that moves both ropes at v in m/s through water and over rollers."""
+    """Net rope force F1 − F2 in N at the drums that overcomes the ropes' drag and roller friction at v in m/s."""
     density, lengths = plant.vehicle.water_density, rope_lengths(x, plant.track)
     return sum(
         side.direction * rope_drag(side.rope, side.direction * v, length, plant.track, density)
@@ -290,8 +290,8 @@ def derivative(
 ) -> PlantState:
     """Time derivative of the state at a time in s, under the `shaft_torques` (paper Section 2.5 with E1–E3).
 
-    States of friction (`Mark.SETTLES`) may settle within a step of an integrator: their rates are the means over a
-    `step` in s, and forces are those at its end. A step of 0 is the derivative itself.
+    Friction states (`Mark.SETTLES`) may settle within an integration step: their rates are means over `step` s, and
+    forces are those at its end. A step of 0 gives the derivative itself.
     """
     pulls, lengths = rope_pulls(state, plant, t, step), rope_lengths(state.x, plant.track)
     given = torques.tau_1, torques.tau_2
@@ -317,7 +317,7 @@ def derivative(
 
 
 def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Plant) -> Torques:
-    """Torques that the motors give instead of these, at the drum angles theta_1 and theta_2 in rad."""
+    """Motor torques with torque error and ripple, at the drum angles theta_1 and theta_2 in rad."""
     return Torques(
         tau_1=shaft_torque(torques.tau_1, theta_1, plant.winch_1),
         tau_2=shaft_torque(torques.tau_2, theta_2, plant.winch_2),
@@ -325,7 +325,7 @@ def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Pla
 
 
 def torques_amid(torques: Torques, state: PlantState, duration: Scalar, plant: Plant) -> Torques:
-    """`shaft_torques` at the drum angles amid a stretch of time of a duration in s that begins with a state."""
+    """`shaft_torques` at the drum angles in the middle of an interval of `duration` s that begins at `state`."""
     middle_1, middle_2 = (theta + duration / 2 * omega for theta, omega in state.shafts)
     return shaft_torques(torques, middle_1, middle_2, plant)
 
@@ -345,15 +345,12 @@ def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
 
 
 def holding_torques(preload: Scalar, plant: Plant) -> Torques:
-    """Motor torques that hold both ropes at tension preload/2 in N on the drums' radius of the data sheet."""
+    """Motor torques that hold both ropes at tension preload/2 in N, with the drum radii of the data sheet."""
     return Torques(*(side.winch.drum_radius / side.winch.gear_ratio * preload / 2 for side in plant.sides))
 
 
 def rigid_plant(plant: Plant) -> Plant:
-    """The same machine whose ropes neither stretch by a law of their own nor weigh, and whose gears do not give.
-
-    Friction on the rail follows the speed at once.
-    """
+    """The same machine with massless Kelvin–Voigt ropes, rigid lossless gears and rail friction without bristles."""
     rigid = {"gear_stiffness": 0.0, "gear_loss": 0.0}
     return replace(
         plant,
@@ -367,7 +364,7 @@ def rigid_plant(plant: Plant) -> Plant:
 
 
 def specified_plant(plant: Plant) -> Plant:
-    """The plant of the data sheets, without what is unknown of it."""
+    """The plant of the data sheets, without its unknown errors."""
     return replace(
         plant,
         vehicle=replace(plant.vehicle, stiction=0.0, bristle_stiffness=0.0, bristle_damping=0.0),
@@ -380,7 +377,7 @@ def specified_plant(plant: Plant) -> Plant:
 
 
 def plant_structure(plant: Plant) -> Plant:
-    """The laws of a plant's ropes and whether they go slack, with numbers of no plant in particular."""
+    """A plant with the same rope laws, slack behaviour and optional effects, and placeholder values."""
     return Plant(
         rope_slack=plant.rope_slack,
         vehicle=shape_of(plant.vehicle),
@@ -396,14 +393,14 @@ def plant(values: Plant | None = None) -> ca.Function:
     """The plant as a named CasADi function to call, print, differentiate or generate code from.
 
     Args:
-        values: the structure (``rope_slack``, the ropes' laws) and, if given, the values of the parameters. Without
-            it the parameters are an input, those of the paper's ropes.
+        values: the structure (``rope_slack``, the ropes' laws) and the values of the parameters. Default: the paper's
+            structure, with the parameters as an input.
 
     Returns:
         ``plant(x, u, w, p) -> (dx, F)`` with the state x (6 fields of `PlantState`, more where ropes have mass or
-        gears give), the torques u (2), the environment w (3, fields of `DisturbanceInputs`) and the parameters p (in
-        the order of ``numbers(Plant())``); dx is the time derivative and F (2) are the tensions in N. With `values`
-        there is no p.
+        gears are compliant), the torques u (2), the disturbances w (3, fields of `DisturbanceInputs`) and the
+        parameters p (in the order of ``numbers(Plant())``); dx is the time derivative and F (2) are the tensions in N.
+        With `values` there is no p.
     """
     instance("values", values, Plant, optional=True)
     structure = values or Plant()

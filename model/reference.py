@@ -1,9 +1,8 @@
 """Reference motions of the vehicle: the paper's (Section 4.1, E5), through way-points, or from a file.
 
-With a jerk limit, every change of the paper's speeds takes as long and as far as without, but its acceleration rises
-and falls along straight ramps and is a little larger between them: an S-curve. Cruise, joints and end position stay
-exactly the paper's. The step of `uniform` becomes the shortest S-curve from rest to its speed, with no phase of
-constant acceleration.
+With a jerk limit, every change of speed is an S-curve: it takes the same time and distance as without, but its
+acceleration rises and falls linearly and is a little larger in between. Cruise, joints and end position stay exactly
+the paper's. The speed step of `uniform` becomes the shortest S-curve from rest, with no phase of constant acceleration.
 """
 
 from collections.abc import Sequence
@@ -37,13 +36,11 @@ from dualwinch.model.scalar import Scalar
 
 @dataclass(frozen=True)
 class Reference:
-    """Which motion the vehicle is asked to make."""
+    """The reference motion of the vehicle."""
 
     kind: Annotated[
         Literal["uniform", "profile", "way-points", "file"],
-        Quantity(
-            "", "constant speed from the start; speed up, cruise and brake; rest to rest; recorded", "paper Section 4.1"
-        ),
+        Quantity("", "constant speed; accelerate, cruise and brake; rest to rest; recorded", "paper Section 4.1"),
         Mark.TIMING,
     ] = "profile"
     speed: Annotated[
@@ -59,13 +56,13 @@ class Reference:
     jerk_limit: Annotated[
         float | None,
         at.Gt(0),
-        Quantity("m/s^3", "bound on the rate of the reference acceleration (default: none, it steps)", "assumption"),
+        Quantity("m/s^3", "limit of the reference jerk (default: none, the acceleration steps)", "assumption"),
     ] = None
     acceleration: Annotated[Positive, Quantity("m/s^2", "way-points: largest acceleration", "paper Section 4.1")] = 0.1
     points: Annotated[tuple[float, ...], at.Ge(0), Quantity("m", "way-points: positions to reach in turn, from 0")] = (
         NONE
     )
-    pauses: Annotated[tuple[float, ...], at.Ge(0), Quantity("s", "way-points: rest at each point (default: none)")] = (
+    pauses: Annotated[tuple[float, ...], at.Ge(0), Quantity("s", "way-points: pause at each point (default: none)")] = (
         NONE
     )
     file: Annotated[str | None, Quantity("", "file: CSV or Parquet file that holds the motion"), Mark.FILE] = None
@@ -82,14 +79,14 @@ class Reference:
     time_column: Annotated[str, Quantity("", "file: column of the times")] = "t"
     time_unit: Annotated[str | None, Quantity("", "file: unit of the times (default: as the file says, else s)")] = None
     digest: Annotated[
-        str | None, Quantity("", "file: of the numbers that were read; other ones are an error"), Mark.DIGEST
+        str | None, Quantity("", "file: digest of the numbers read; others are an error"), Mark.DIGEST
     ] = None
     field_marks: ClassVar = frozenset({Mark.DRAWN_AHEAD})
 
     recording: Annotated[Recording | None, Mark.CONTENT] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Read the file, where it is the motion.
+        """Read the file of a recorded motion.
 
         Raises:
             ConfigurationError: it cannot be read.
@@ -124,7 +121,7 @@ class Reference:
         """The motion of the file.
 
         Raises:
-            ConfigurationError: there is none, or a unit is not stated or is of another quantity.
+            ConfigurationError: there is none, or a unit is missing or of another quantity.
         """
         if self.recording is None:
             raise ConfigurationError('reference.file: must be given where reference.kind = "file"')
@@ -141,7 +138,7 @@ PAPER_DURATION = {"uniform": 25.0, "profile": 50.0}
 
 
 def own_duration(reference: Reference) -> float:
-    """How long in s a run lasts where nothing else is said: the paper's, else until the motion is over."""
+    """Default duration in s of a run: the paper's, else until the end of the motion."""
     if reference.kind == "way-points" and reference.points:
         ended = reference.moves[-1].finish if reference.moves else 0.0
         return ended + (reference.pauses[-1] if reference.pauses else 0.0)
@@ -158,8 +155,8 @@ def cruise_speed(reference: Reference) -> float:
 def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
     """First and last time in s of the steady state: the constant-speed phase (A13).
 
-    For `uniform` that is the last fifth of the run, 20 to 25 s in the paper's cases; for way-points and files the
-    longest stretch of constant speed, and the whole run where there is none.
+    For `uniform` the last fifth of the run, 20 to 25 s in the paper's cases; for way-points and files the longest phase
+    of constant speed, or the whole run without one.
     """
     if reference.kind in {"way-points", "file"}:
         known = longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise
@@ -171,7 +168,7 @@ def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
 
 
 def setpoint(t: Scalar, reference: Reference) -> Setpoint:
-    """Reference position, speed and acceleration at the time t in s; at a joint, of the piece before it."""
+    """Reference position, speed and acceleration at the time t in s; at a joint, those of the piece before it."""
     speed, jerk_limit = cruise_speed(reference), reference.jerk_limit
     if reference.kind == "file":
         return reference.recorded.at(t)
@@ -198,9 +195,10 @@ def setpoint(t: Scalar, reference: Reference) -> Setpoint:
 
 
 def departures(t: Scalar, times: Sequence[float], reference: Reference) -> Departures:
-    """How the reference departs, at some times in s ahead of t, from going on as it is at t: lists of what t is.
+    """Deviations of the future reference, at some `times` in s ahead of t, from constant acceleration since t.
 
-    Beyond the end of a run the motion goes on: at rest where it has ended, at its speed where it has not.
+    Each is a list with elements of the type of t. Beyond the end of a run the motion continues: at rest where it has
+    ended, else at its speed.
     """
     now, found = setpoint(t, reference), []
     for by in times:

@@ -1,8 +1,8 @@
-"""Ropes: the law of a rope's tension, the Kelvin–Voigt rope of the paper (Section 2.2), creep, and the ropes' lengths.
+"""Ropes: tension laws, the Kelvin–Voigt rope of the paper (Section 2.2), creep, and the ropes' lengths.
 
-A law of your own is a frozen dataclass of its numbers with one method, `RopeLaw.tension`. What else is asked of a rope
-follows from that expression: spring rate and damping are its derivatives, the stretch at a tension its solution by
-Newton's method. A law that knows these in closed form may write those methods too.
+A custom law is a frozen dataclass of its parameters with one method, `RopeLaw.tension`. The other methods follow from
+that expression: spring rate and damping are its derivatives, the stretch at a tension its solution by Newton's method.
+A law with closed forms may override those methods.
 """
 
 import math
@@ -29,12 +29,12 @@ class Track:
     length: Annotated[Positive, Quantity("m", "length of the rail, L_0 in the paper", "Table 1")] = 50.0
     roller_spacing: Annotated[
         NonNegative,
-        Quantity("m", "distance of the rollers that carry the ropes; 0: one span", "A14"),
+        Quantity("m", "spacing of the rollers that carry the ropes; 0: one span", "A14"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     roller_friction: Annotated[
         NonNegative,
-        Quantity("1", "friction of the rollers over the weight they carry", "0.05 to 0.2, A14"),
+        Quantity("1", "friction coefficient of the rollers", "0.05 to 0.2, A14"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
     tilt: Annotated[
@@ -48,7 +48,7 @@ class Track:
     waviness: Annotated[
         NonNegative,
         at.Le(0.1),
-        Quantity("rad", "amplitude of the slope of a wavy rail, beside tilt", "A14"),
+        Quantity("rad", "amplitude of the slope of a wavy rail, in addition to tilt", "A14"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
@@ -72,7 +72,7 @@ def rope_lengths(x: Scalar, track: Track) -> tuple[Scalar, Scalar]:
 
 
 NEW = 0.0
-"""Time in s at which a rope has not crept yet: the beginning of a run."""
+"""Time in s at which a rope has not crept: the start of a run."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Creep:
 
     elongation: Annotated[
         UnitInterval,
-        Quantity("m", "permanent elongation of the rope in the long run", "assumption"),
+        Quantity("m", "final permanent elongation of the rope", "assumption"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
@@ -98,27 +98,27 @@ def crept(t: Scalar, creep: Creep) -> tuple[Scalar, Scalar]:
 
 @dataclass(frozen=True, kw_only=True)
 class RopeLaw(Part):
-    """Tension of a rope: a frozen dataclass of the law's own numbers, beside those of mass and sag that every rope has.
+    """Tension law of a rope: a frozen dataclass of its parameters, in addition to the mass and sag of every rope.
 
-    There are two ropes: the numbers stand below the name of the field that holds the rope, ``plant.rope_1.k``. What
-    mass, weight and water do to a rope of any law is in `model.heavy_ropes`; all are zero unless given (A14).
+    There are two ropes: parameters are addressed by the field that holds the rope, ``plant.rope_1.k``. The effects of
+    mass, weight and water, the same for all laws, are in `model.heavy_ropes`; all are zero unless given (A14).
     """
 
     mass_per_length: Annotated[
         NonNegative,
-        Quantity("kg/m", "mass of the rope; 0: waves along the rope are left out", "EN 12385-4: 2.36 for 24 mm, A14"),
+        Quantity("kg/m", "mass of the rope; 0: no waves along the rope", "EN 12385-4: 2.36 for 24 mm, A14"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     segments: Annotated[
         int,
         at.Ge(1),
         at.Le(16),
-        Quantity("1", "equal parts into which a rope with mass is lumped", "model.heavy_ropes"),
+        Quantity("1", "equal segments into which a rope with mass is lumped", "model.heavy_ropes"),
         Mark.SHAPES_CODE,
     ] = 2
     shortest_mass: Annotated[
         NonNegative,
-        Quantity("m", "a shorter rope weighs as much as one of this length (mass scaling)", "model.heavy_ropes"),
+        Quantity("m", "a shorter rope has the mass of one of this length (mass scaling)", "model.heavy_ropes"),
         Mark.COURSE,
     ] = 6.0
     spare_length: Annotated[
@@ -133,7 +133,7 @@ class RopeLaw(Part):
     ] = 0.0
     added_mass_per_length: Annotated[
         NonNegative,
-        Quantity("kg/m", "water that moves across with the rope", "0.6 for 24 mm, A14"),
+        Quantity("kg/m", "added mass of the water in transverse motion", "0.6 for 24 mm, A14"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
     diameter: Annotated[Positive, Quantity("m", "diameter of the rope", "from area, Table 1")] = 0.024
@@ -150,12 +150,12 @@ class RopeLaw(Part):
     ] = 0.0
     hysteresis_strain: Annotated[
         Positive,
-        Quantity("1", "strain after which that friction has changed by 1 − 1/e of the way", "4e-6, A14"),
+        Quantity("1", "strain over which that friction changes by the share 1 − 1/e", "4e-6, A14"),
         Mark.COURSE,
     ] = 4e-6
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """What follows from a tension is not inherited by a law that writes another one."""
+        """Reset the methods derived from the tension in a subclass that overrides it."""
         super().__init_subclass__(**options)
         if "tension" in vars(cls):
             for name in DERIVED.difference(vars(cls)):
@@ -163,35 +163,35 @@ class RopeLaw(Part):
 
     @classmethod
     def table(cls) -> str:
-        """Its numbers have no table of their own, but that of the field that holds it."""
+        """No table of its own: the parameters stand in that of the field that holds the rope."""
         return ""
 
     @abstractmethod
     def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
-        """Tension in N, over floats or CasADi symbols; it grows with the stretch.
+        """Tension in N, over floats or CasADi symbols; it increases with the stretch.
 
-        Where a rope is slack, or would push, the plant makes it zero: a law need not look at that.
+        The plant sets it to zero where a rope is slack or would push; a law need not.
 
         Args:
-            stretch: elongation in m; negative while the rope hangs loose.
+            stretch: elongation in m; negative while the rope is slack.
             stretch_rate: its rate in m/s.
-            length: of the unstretched rope in m.
+            length: length of the unstretched rope in m.
         """
 
     def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
-        """`tension`, where ``closeness``, 1/length in 1/m, is known already."""
+        """`tension`, with 1/length in 1/m given as ``closeness``."""
         return self.tension(stretch, stretch_rate, length)
 
     def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
-        """Stretch in m at which a rope of a length in m rests under a tension in N."""
+        """Stretch in m at rest under a tension in N, of a rope of a length in m."""
         (stretch,) = _called(_resting(alike(self)), self, tension, length)
         return stretch
 
     def steady_stretch(self, tension: Scalar, length: Scalar, length_rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch in m at which the tension stays constant while the rope gets longer or shorter.
+        """Stretch in m at constant tension while the length of the rope changes at a constant rate.
 
         Exact at rest, and for all laws whose stretch at a tension is proportional to the length. For others the rate
-        of the stretch's own slope is left out.
+        of change of the slope is neglected.
 
         Args:
             tension: in N.
@@ -205,35 +205,35 @@ class RopeLaw(Part):
         return stretch, slope
 
     def tangent(self, tension: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
-        """Spring rate in N/m and damping in N s/m about rest under a tension in N, of a rope of a length in m."""
+        """Spring rate in N/m and damping in N s/m, linearised at rest under a tension in N, for a length in m."""
         stretch = self.resting_stretch(tension, length)
         _, spring, damping, _ = _called(_slopes(alike(self)), self, stretch, 0.0, length)
         return spring, damping
 
 
 DERIVED = frozenset({"pull", "resting_stretch", "steady_stretch", "tangent"})
-"""Methods that follow from `RopeLaw.tension`."""
+"""Methods derived from `RopeLaw.tension`."""
 
 NEWTON_STEPS = 30
-"""Newton steps for the stretch at rest, each of which squares the error, or halvings of where it may be."""
+"""Newton or bisection steps for the stretch at rest."""
 
 CORRECTIONS = 8
-"""Newton steps from there to the stretch of a rope that gets longer or shorter."""
+"""Newton steps from there to the stretch of a rope whose length changes."""
 
 STRAINS = (-40.0, -7.0, 3.0)
-"""Natural logarithms of the strains that they look between, and of the one from which they start."""
+"""Natural logarithms of the lower bound, the initial value and the upper bound of the strain."""
 
 TINY = 1e-60
-"""Floor under what is divided by, or has a logarithm; small, yet its square and its slope are numbers."""
+"""Floor of divisors and arguments of logarithms; its square and slope do not underflow."""
 
 
 def one_sided(stretch: Scalar, pull: Scalar) -> Scalar:
-    """Tension in N of a rope that would pull or push with a force in N: zero while it is slack (A2)."""
+    """Tension in N from the two-sided force `pull` in N: zero while the rope is slack or would push (A2)."""
     return where(minimum(stretch, pull) > 0, pull, 0.0)
 
 
 def _called(function: ca.Function, rope: RopeLaw, *values: Scalar) -> list[Scalar]:
-    """What a function gives of some values and of a rope's numbers: floats of floats."""
+    """Outputs of a function for some values and a rope's parameters; floats for floats."""
     found = function.call([*values, *numbers(rope).values()])
     return [float(value) if isinstance(value, ca.DM) else value for value in found]
 
@@ -253,8 +253,8 @@ def _slopes(rope: RopeLaw) -> ca.Function:
 def _resting(rope: RopeLaw) -> ca.Function:
     """``(tension, length, *numbers) -> stretch`` at rest.
 
-    Newton's method for the logarithm of the strain, which solves for a tension that is a power of the stretch in one
-    step; where it would leave the interval that the strain is known to be in, the interval is halved.
+    Newton's method for the logarithm of the strain, exact in one step for a tension that is a power of the stretch,
+    safeguarded by bisection of the bracket.
     """
     symbols = [ca.SX.sym(name) for name in numbers(rope)]
     tension, length = ca.SX.sym("tension"), ca.SX.sym("length")
@@ -274,8 +274,8 @@ def _resting(rope: RopeLaw) -> ca.Function:
 def _steady(rope: RopeLaw) -> ca.Function:
     """``(tension, length, length_rate, *numbers) -> (stretch, slope)`` of `RopeLaw.steady_stretch`.
 
-    While the tension T(s, ds/dt, l) stays, dT = 0 gives ds/dl = −(∂T/∂l)/(∂T/∂s). By how much that rate changes the
-    stretch at rest is little, and found by Newton's method.
+    At constant tension T(s, ds/dt, l), dT = 0 gives ds/dl = −(∂T/∂l)/(∂T/∂s). That rate changes the stretch little:
+    Newton's method starts from the stretch at rest.
     """
     symbols = [ca.SX.sym(name) for name in numbers(rope)]
     tension, length, length_rate = (ca.SX.sym(name) for name in ("tension", "length", "length_rate"))
@@ -295,7 +295,7 @@ class Rope(RopeLaw):
     damping: Annotated[NonNegative, Quantity("N s/m", "axial damping", "Table 1"), Mark.OFF_AT_ZERO] = 1000.0
     loss_factor: Annotated[
         NonNegative,
-        Quantity("1", "loss factor of the rope at its first mode, beside damping", "0.02, A14"),
+        Quantity("1", "loss factor of the rope at its first mode, in addition to damping", "0.02, A14"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
 
@@ -303,7 +303,7 @@ class Rope(RopeLaw):
         Rule(
             ("loss_factor", "mass_per_length"),
             lambda rope: (rope.loss_factor == 0) | (rope.mass_per_length > 0),
-            lambda _, table: f"must be 0 without {table}mass_per_length > 0: its damping is that of the first mode",
+            lambda _, table: f"must be 0 without {table}mass_per_length > 0: it needs the rope's first mode",
         ),
     )
 
@@ -315,7 +315,7 @@ class Rope(RopeLaw):
         return stiffness(length, self) * stretch + viscosity(self) * stretch_rate
 
     def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
-        """The same without a division."""
+        """Tension in N without a division."""
         return self.modulus * self.area * closeness * stretch + viscosity(self) * stretch_rate
 
     def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
@@ -323,12 +323,12 @@ class Rope(RopeLaw):
         return tension / stiffness(length, self)
 
     def steady_stretch(self, tension: Scalar, length: Scalar, length_rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch in m, and its slope over the length: the strain, F / (E A + c dlength/dt)."""
+        """Stretch in m, and its slope with respect to the length: the strain, F / (E A + c dlength/dt)."""
         strain = tension / (self.modulus * self.area + viscosity(self) * length_rate)
         return strain * length, strain
 
     def tangent(self, tension: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:  # noqa: ARG002
-        """Spring rate in N/m and damping in N s/m, at all tensions the same."""
+        """Spring rate in N/m and damping in N s/m, the same at all tensions."""
         return stiffness(length, self), viscosity(self)
 
 
@@ -338,10 +338,10 @@ def stiffness(length: Scalar, rope: Rope) -> Scalar:
 
 
 def viscosity(rope: Rope) -> Scalar:
-    """Damping in N s/m of a rope: its own, and what its loss factor comes to at its first longitudinal mode.
+    """Damping in N s/m of a rope: ``damping`` plus that of the loss factor at the first longitudinal mode.
 
     A loss factor eta is the damping eta k/omega; with k = E A/L and the first mode of a fixed–free bar,
-    omega = pi/2 sqrt(E A/mu)/L, that is 2/pi eta sqrt(E A mu) whatever the length.
+    omega = pi/2 sqrt(E A/mu)/L, that is 2/pi eta sqrt(E A mu) for every length.
     """
     if not present(rope.loss_factor):
         return rope.damping
@@ -349,20 +349,20 @@ def viscosity(rope: Rope) -> Scalar:
 
 
 def compliance(length: Scalar, rope: Rope) -> Scalar:
-    """Stretch in m under a tension of 1 N of a rope of a length in m: length / (E A)."""
+    """Compliance in m/N of a rope of a length in m: length / (E A)."""
     return length / (rope.modulus * rope.area)
 
 
 def is_kelvin_voigt(rope: RopeLaw) -> bool:
-    """Whether a rope's law is that of `Rope`; one that is made of it may write another tension."""
+    """Whether a rope has the tension of `Rope`, which subclasses may override."""
     return isinstance(rope, Rope) and type(rope).tension is Rope.tension
 
 
 def kelvin_voigt(rope: RopeLaw) -> Rope:
-    """A rope, for what is made for Kelvin–Voigt ropes alone.
+    """The rope, checked to be a Kelvin–Voigt rope.
 
     Raises:
-        ConfigurationError: it is of another law.
+        ConfigurationError: it has another law.
     """
     if isinstance(rope, Rope) and is_kelvin_voigt(rope):
         return rope
@@ -370,9 +370,9 @@ def kelvin_voigt(rope: RopeLaw) -> Rope:
 
 
 def tangent_rope(rope: RopeLaw, tension: Scalar, length: Scalar) -> Rope:
-    """The Kelvin–Voigt rope that is like a rope about rest under a tension in N at a length in m.
+    """The Kelvin–Voigt rope tangent to a rope's law at rest under a tension in N at a length in m.
 
-    Its spring rate and damping are the law's there; its cross-section is the default one, for what counts is E A.
+    It has the law's spring rate and damping there, and the default cross-section: only E A matters.
     """
     if type(rope) is Rope:
         return rope

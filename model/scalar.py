@@ -1,7 +1,7 @@
-"""Scalars: the laws of this project are written over floats and CasADi symbols alike.
+"""Functions of scalars, for laws that take floats and CasADi symbols alike.
 
 Use these functions instead of `math` or `numpy` in a law. They return a float for floats and a symbol for symbols;
-`where` takes NumPy arrays too, so that laws of the time alone can be evaluated for many times at once.
+`where` also takes NumPy arrays, so that functions of time alone can be evaluated for many times at once.
 """
 
 from typing import Any, TypeAlias
@@ -16,8 +16,8 @@ Scalar: TypeAlias = Any
 
 
 def present(value: Scalar) -> bool:
-    """Whether a number is not zero for good; a symbol may be any number, of an array one element is enough."""
-    if isinstance(value, (int, float)):  # as most are
+    """Whether a number may be other than zero: any symbol, and an array with a non-zero element."""
+    if isinstance(value, (int, float)):
         return bool(value)
     return bool(np.any(value)) if isinstance(value, (np.ndarray, np.number)) else True
 
@@ -35,12 +35,12 @@ def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
 
 
 def both(first: Scalar, second: Scalar) -> Scalar:
-    """1 where both conditions hold, else 0 (a product: compilers carry it out in vector lanes)."""
+    """1 where both conditions hold, else 0 (a product, which compilers can vectorise)."""
     return first * second
 
 
 def either(first: Scalar, second: Scalar) -> Scalar:
-    """1 where one condition or the other holds, else 0."""
+    """1 where at least one condition holds, else 0."""
     return ca.fmax(first, second)
 
 
@@ -100,9 +100,9 @@ def sqrt(value: Scalar) -> Scalar:
 
 
 def reciprocals(first: Scalar, second: Scalar) -> tuple[Scalar, Scalar]:
-    """1/first and 1/second by one division, which costs as much as ten products; their product must not overflow."""
+    """1/first and 1/second by a single division, as costly as ten products; first × second must not overflow."""
     product = first * second
-    with as_written():  # or CasADi makes two divisions of it again
+    with as_written():  # else CasADi turns it back into two divisions
         return second / product, first / product
 
 

@@ -1,4 +1,4 @@
-"""A given signal: numbers over the time, from a file or from arrays, for what acts on the plant from outside."""
+"""Given signals over time, from a file or from arrays, for the disturbances of the plant."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -21,14 +21,14 @@ Interpolation: TypeAlias = Literal["linear", "previous"]
 Beyond: TypeAlias = Literal["hold", "zero", "error"]
 
 COARSE, LONGER = 0.5, 100.0
-"""Median step in s, and duration over that of a run, beyond which the unit of times must be stated."""
+"""Median step in s, and duration relative to the run, beyond which the unit of the times must be stated."""
 
 EARLY = 1e-9
-"""Time in s by which a value counts before its own time: instants of samples are rounded."""
+"""Tolerance of times in s: sample times are rounded."""
 
 
 def _seconds(t: Iterable[Any]) -> Iterable[Any]:
-    """Times as they are; dates as seconds since the first one, spans of time in seconds."""
+    """Times unchanged; dates as seconds since the first one, time spans in seconds."""
     given = np.asarray(t if isinstance(t, np.ndarray) else list(t))
     if given.dtype == object and all(isinstance(each, datetime | timedelta) for each in given):
         start = given[0] if isinstance(given[0], datetime) else timedelta()
@@ -52,10 +52,10 @@ def _numbers(name: str, given: Iterable[Any]) -> Floats:
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal given as numbers over the time; without any it is zero throughout.
+    """A signal given as values over time; zero without any.
 
-    A file is read when the signal is made, once: every run with the signal afterwards, also with a copy with other
-    values, has the numbers that were read. Two signals are equal where their numbers are.
+    A file is read once, when the signal is created: all runs with the signal and its copies use the values read then.
+    Signals with equal values are equal.
     """
 
     file: Annotated[
@@ -65,7 +65,7 @@ class Signal:
         None
     )
     unit: Annotated[str | None, Quantity("", "its unit, such as kN or km/h (default: as the file says)")] = None
-    scale: Annotated[float, Quantity("1", "what it is multiplied by")] = 1.0
+    scale: Annotated[float, Quantity("1", "factor on its values")] = 1.0
     interpolation: Annotated[Interpolation, Quantity("", "between two times: straight lines, or the value before")] = (
         "linear"
     )
@@ -81,7 +81,7 @@ class Signal:
         default=NONE, repr=False
     )
     digest: Annotated[
-        str | None, Quantity("", "of the numbers that were read; other ones are an error (default: any)"), Mark.DIGEST
+        str | None, Quantity("", "digest of the numbers read; others are an error (default: any)"), Mark.DIGEST
     ] = None
     field_marks: ClassVar = frozenset({Mark.DRAWN_AHEAD})
 
@@ -91,7 +91,7 @@ class Signal:
         """Read the numbers.
 
         Raises:
-            ConfigurationError: they cannot be read, or make no signal.
+            ConfigurationError: they cannot be read, or are no signal.
         """
         keep = object.__setattr__
         keep(self, "times", numbers_of(self.times))
@@ -122,7 +122,7 @@ class Signal:
         beyond: Beyond = "hold",
         time_column: str = "t",
     ) -> "Signal":
-        """A signal from a column of a CSV or Parquet file; arguments as the fields."""
+        """A signal from a column of a CSV or Parquet file; arguments as in the fields."""
         return cls(fspath(file), column, unit, 1.0, interpolation, beyond, time_column)
 
     @classmethod
@@ -138,14 +138,14 @@ class Signal:
         """A signal from arrays.
 
         Args:
-            t: (n,) times in s, ascending; or dates, which count from the first one.
+            t: (n,) times in s, ascending; or dates, counted from the first one.
             values: (n,) values at these times.
             unit: of the values, such as ``kN``.
-            interpolation: as the field.
-            beyond: as the field.
+            interpolation: as in the field.
+            beyond: as in the field.
 
         Raises:
-            ConfigurationError: fewer than two values, not as many as times, or what is no finite number.
+            ConfigurationError: fewer than two values, unequal lengths, or an element that is no finite number.
         """
         for name, given in (("t", t), ("values", values)):
             if not isinstance(given, Iterable):
@@ -158,14 +158,14 @@ class Signal:
 
     @property
     def given(self) -> bool:
-        """Whether there is any signal."""
+        """Whether there is a file or there are values."""
         return self.file is not None or bool(self.times) or bool(self.values)
 
     def sampled(self, t: Floats, si: str) -> Floats:
         """The signal's values in an SI unit at the times t in s, (n,); zero where there is no signal.
 
         Raises:
-            ConfigurationError: its unit is not stated, or is of another quantity.
+            ConfigurationError: its unit is missing, or is of another quantity.
         """
         if self.recording is None:
             return np.zeros(len(t))
@@ -179,7 +179,7 @@ class Signal:
         return found
 
     def check(self, si: str, last: float) -> None:
-        """Raise `ConfigurationError` where the signal cannot be had in an SI unit, or up to the time `last` in s."""
+        """Raise `ConfigurationError` for a signal without values in an SI unit, or none up to the time `last` in s."""
         if self.recording is None:
             return
         self.recording.column(0, self.unit, si)
@@ -187,16 +187,16 @@ class Signal:
         if end < -EARLY or start > last + EARLY:
             raise ConfigurationError(
                 f"{self.file or 'times'}: none of its times is in the run: has {start:.10g} to {end:.10g} s, must have "
-                f"some of 0 to {last:g} s; count them from the run's start, and see to time_unit"
+                f"some of 0 to {last:g} s; count them from the run's start, and check time_unit"
             )
         step = float(np.median(np.diff(self.recording.t)))
         if self.recording.time_unit is None and step > COARSE and end - start > LONGER * last:
             raise ConfigurationError(
-                f"{self.file}: has a row every {step:g} s and ends after {end:g} s, the run after {last:g} s, as "
-                f'{self.time_column} is read in s: must be stated, time_unit = "s" or "ms"'
+                f"{self.file}: has a row every {step:g} s and ends after {end:g} s, the run after {last:g} s, if "
+                f'{self.time_column} is in s: must be stated, time_unit = "s" or "ms"'
             )
         if self.beyond == "error" and not (start <= EARLY and last <= end + EARLY):
             raise ConfigurationError(
                 f"{self.file or 'times'}: is too short: holds {start:g} to {end:g} s, must hold 0 to {last:g} s; "
-                'or say what holds beyond, beyond = "hold" or "zero"'
+                'or set beyond = "hold" or "zero"'
             )

@@ -1,4 +1,4 @@
-"""Units that numbers of files and settings may come in, by the SI unit of their quantity."""
+"""Units accepted for numbers in files and settings, by the SI unit of their quantity."""
 
 import difflib
 import math
@@ -15,18 +15,18 @@ UNITS: dict[str, dict[str, float]] = {
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi},
     "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rpm": math.pi / 30, "Hz": 2 * math.pi},
 }
-"""SI unit → units it may be given in, each with its factor."""
+"""SI unit → accepted units, each with its factor."""
 
 OTHER_FORMS = {
     "1/min": "rpm", "min^-1": "rpm", "U/min": "rpm", "r/min": "rpm", "rev/min": "rpm", "rev/s": "Hz", "kph": "km/h",
     "N.m": "Nm", "N-m": "Nm", "kN.m": "kNm", "kN-m": "kNm", "sec": "s", "msec": "ms", "kt": "kn", "kts": "kn",
 }  # fmt: skip
-"""Other forms of units → theirs above."""
+"""Other spellings of units → the spelling above."""
 
 CHARACTERS = str.maketrans(
     {"·": "", "⋅": "", "*": "", " ": "", "\u00a0": "", "µ": "u", "μ": "u", "°": "deg", "²": "^2", "⁻": "^-", "¹": "1"}
 )
-"""Products are written with and without a sign; characters that ASCII lacks have substitutes."""
+"""Removes product signs and spaces, and replaces characters outside ASCII."""
 
 
 def _plain(unit: str) -> str:
@@ -35,14 +35,14 @@ def _plain(unit: str) -> str:
 
 
 KNOWN_UNITS = {si: {_plain(name): value for name, value in units.items()} for si, units in UNITS.items()}
-"""SI unit → the same without spaces."""
+"""`UNITS` with plain spellings."""
 
 
 def factor(unit: str, si: str) -> float:
-    """What a number in a unit is multiplied by to be in an SI unit; ``-kN`` is a reading of the opposite sign.
+    """Factor from a unit to an SI unit; ``-kN`` reverses the sign.
 
     Raises:
-        ConfigurationError: the unit is not one of that quantity; the message lists the units that are.
+        ConfigurationError: the unit is not one of that quantity; the message lists those that are.
     """
     plain = _plain(unit)
     found = KNOWN_UNITS[si].get(plain.removeprefix("-"))
@@ -56,10 +56,10 @@ def factor(unit: str, si: str) -> float:
 
 
 def is_unit(text: str, si: str | None = None) -> bool:
-    """Whether a text is a unit, of any quantity or of that with an SI unit."""
+    """Whether a text is a unit of any quantity, or of the one with the SI unit `si`."""
     return any(_plain(text) in units for name, units in KNOWN_UNITS.items() if si in {None, name})
 
 
 def is_same_unit(one: str, other: str) -> bool:
-    """Whether two texts are forms of one unit."""
+    """Whether two texts are spellings of one unit."""
     return any(units.get(_plain(one), 0.0) == units.get(_plain(other)) for units in KNOWN_UNITS.values())

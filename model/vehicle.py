@@ -1,8 +1,8 @@
-"""The underwater vehicle and what holds it back: rail friction, the rail's slope and drag (paper Section 2.3).
+"""The underwater vehicle and its resistance: rail friction, the rail's slope and drag (paper Section 2.3).
 
-Friction is Coulomb's, smoothed about rest (A3), with Stribeck's excess at low speeds where it is given. With
-``bristle_stiffness`` it is LuGre's (`model.friction`): the vehicle sticks, breaks away, and in steady motion feels the
-same Stribeck curve::
+Friction is Coulomb friction, smoothed about rest (A3), with the Stribeck effect where ``stiction`` is given. With
+``bristle_stiffness`` it is LuGre friction (`model.friction`): the vehicle sticks and breaks away, and its steady-state
+friction is the same Stribeck curve::
 
     F = sigma_0 z + sigma_1 dz/dt,    dz/dt = v − |v| z sigma_0/g(v),    g(v) = mu N (1 + stiction exp(−(v/v_s)²))
 """
@@ -85,22 +85,22 @@ def friction(v: Scalar, vehicle: Vehicle, normal_force_variation: Scalar = 0.0) 
 
 
 def stribeck(v: Scalar, vehicle: Vehicle, normal_force_variation: Scalar = 0.0) -> Scalar:
-    """Size in N of the rail friction in steady motion at the speed v in m/s: Stribeck's curve."""
+    """Magnitude in N of the rail friction in steady motion at the speed v in m/s: Stribeck's curve."""
     sliding = vehicle.friction_coefficient * (vehicle.normal_force + normal_force_variation)
     share = v / vehicle.stribeck_velocity
     return sliding * (1 + vehicle.stiction * exp(-share * share))
 
 
 def slope_force(x: Scalar, vehicle: Vehicle, track: Track) -> Scalar:
-    """Force in N down a rail that rises towards winch 1, at the position x in m, for angles of at most 0.1 rad.
+    """Downhill force in N on a rail that rises towards winch 1, at the position x in m, for angles of at most 0.1 rad.
 
-    What weighs is what buoyancy leaves of the vehicle's weight, and the rail carries: the mean force on it.
+    The weight is the vehicle's net weight in water, which is the mean force on the rail.
     """
     return vehicle.normal_force * (track.tilt + track.waviness * sin(2 * math.pi / track.wavelength * x))
 
 
 def blank_bristles(vehicle: Vehicle) -> Any:
-    """A state of the bristles whose numbers mean nothing; none where there are none."""
+    """A bristle state with placeholder values; `NO_STATE` without bristles."""
     return Bristles(0.0) if present(vehicle.bristle_stiffness) else NO_STATE
 
 
@@ -121,9 +121,9 @@ def steady_bristles(v: Scalar, vehicle: Vehicle) -> Any:
 def rail_friction(
     v: Scalar, bristles: Any, vehicle: Vehicle, normal_force_variation: Scalar, step: Scalar
 ) -> tuple[Scalar, Any]:
-    """Friction in N on the rail, and the rate of the bristles' state, its mean over a step (`bristle_rate`).
+    """Rail friction in N, and the mean rate of the bristles' state over a step (`bristle_rate`).
 
-    Friction is that of bristles at the end of the step: they move before the vehicle does (semi-implicit).
+    The friction is that of the bristles at the end of the step (semi-implicit: they move before the vehicle).
     """
     if not isinstance(bristles, Bristles):
         return friction(v, vehicle, normal_force_variation), bristles

@@ -1,12 +1,12 @@
 """Winch: motor, gearbox and drum; positive in the direction that retrieves rope (paper Section 2.4, E1).
 
-A drum need be neither true nor of one layer. A turn by dtheta retrieves ``radius(theta) dtheta``, with::
+A drum may be eccentric and wound in several layers. A turn by dtheta retrieves ``radius(theta) dtheta``, with::
 
     radius(theta) = drum_radius (1 + radius_error)
-                    + layer_thickness/layer_laps theta/(2 π)                     the rope's own layers
+                    + layer_thickness/layer_laps theta/(2 π)                     the rope's layers
                     + eccentricity cos(theta + eccentricity_angle)               the drum's run-out
 
-The layers grow evenly, as on a spiral; the radius of the data sheet is that at the angle 0, where every run begins.
+The layers grow linearly, as on a spiral; the data sheet gives the radius at the angle 0, where every run begins.
 """
 
 import math
@@ -22,14 +22,14 @@ from dualwinch.model.scalar import Scalar, absolute, clip, cos, present, sin, ta
 
 @dataclass(frozen=True)
 class Winch:
-    """One winch; what is marked as unknown is what makes a real one differ from its data sheet."""
+    """One winch; the fields marked as unknown are its deviations from the data sheet."""
 
     inertia: Annotated[Positive, Quantity("kg m^2", "inertia at the drum", "Table 1")] = 1.8
     drum_radius: Annotated[Positive, Quantity("m", "radius of the drum", "Table 1")] = 0.8
-    gear_ratio: Annotated[Positive, Quantity("1", "motor turns a drum turn", "Table 1")] = 36.0
+    gear_ratio: Annotated[Positive, Quantity("1", "motor turns per drum turn", "Table 1")] = 36.0
     rotor_inertia: Annotated[
         NonNegative,
-        Quantity("kg m^2", "inertia of the motor's rotor, at its own shaft, beside inertia", "0.02, A14"),
+        Quantity("kg m^2", "inertia of the motor's rotor at its own shaft, in addition to inertia", "0.02, A14"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
     gear_stiffness: Annotated[
@@ -51,12 +51,15 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     transmission_waves: Annotated[
-        NonNegative, Quantity("1", "waves of the transmission error a drum turn", "A14"), Mark.UNKNOWN, Mark.COURSE
+        NonNegative,
+        Quantity("1", "periods of the transmission error per drum turn", "A14"),
+        Mark.UNKNOWN,
+        Mark.COURSE,
     ] = 6.0
     gear_loss: Annotated[
         NonNegative,
         at.Lt(1),
-        Quantity("1", "share of the rope's torque that the gearbox adds as friction", "A14"),
+        Quantity("1", "friction of the gearbox as a share of the rope's torque", "A14"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     coulomb_friction: Annotated[
@@ -68,7 +71,7 @@ class Winch:
     layer_thickness: Annotated[
         NonNegative,
         at.Le(0.5),
-        Quantity("m", "growth of the radius by a full layer of rope; 0: one layer", "assumption"),
+        Quantity("m", "growth of the radius per full layer of rope; 0: one layer", "assumption"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
     layer_laps: Annotated[float, at.Ge(1), Quantity("1", "drum turns that fill a layer", "assumption"), Mark.COURSE] = (
@@ -105,12 +108,12 @@ class Winch:
     ] = 0.0
     torque_ripple: Annotated[
         UnitInterval,
-        Quantity("1", "amplitude of the torque's ripple, as a share of the torque", "assumption"),
+        Quantity("1", "amplitude of the torque ripple as a share of the torque", "assumption"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
     ripple_waves: Annotated[
-        NonNegative, Quantity("1", "waves of the ripple a motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
+        NonNegative, Quantity("1", "periods of the ripple per motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
     ] = 6.0
     ripple_angle: Annotated[
         float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN, Mark.COURSE
@@ -126,7 +129,7 @@ class Winch:
             ("gear_stiffness", "rotor_inertia"),
             lambda winch: (winch.gear_stiffness == 0) | (winch.rotor_inertia > 0),
             lambda _, table: (
-                f"must be 0 (rigid) without {table}rotor_inertia > 0: a gearbox gives between two inertias"
+                f"must be 0 (rigid) without {table}rotor_inertia > 0: a compliant gearbox is between two inertias"
             ),
         ),
     )
@@ -152,8 +155,13 @@ def drum_acceleration(
 ) -> Scalar:
     """Acceleration of the drum in rad/s² (paper Section 2.4, E3).
 
-    By its speed in rad/s, rope tension in N, motor torque in N m before the gearbox, the radius in m on which the rope
-    leaves the drum (default: its drum_radius), and the inertia in kg m² of the rope on it.
+    Args:
+        omega: drum speed in rad/s.
+        tension: rope tension in N.
+        torque: motor torque in N m, before the gearbox.
+        winch: the winch.
+        radius: radius in m on which the rope leaves the drum; default: ``drum_radius``.
+        rope: inertia in kg m² of the rope on the drum.
     """
     lever = winch.drum_radius if radius is None else radius
     drive = winch.gear_ratio * torque - lever * tension - friction_torque(omega, winch)
@@ -162,14 +170,14 @@ def drum_acceleration(
 
 @dataclass(frozen=True)
 class Rotor:
-    """The motor's rotor behind a gearbox that gives, in angles of the drum's shaft."""
+    """State of the motor's rotor behind a compliant gearbox, referred to the drum's shaft."""
 
     theta: Annotated[Scalar, Quantity("rad", "angle of the motor over the gear ratio")]
     omega: Annotated[Scalar, Quantity("rad/s", "speed of the motor over the gear ratio"), Mark.RATE]
 
 
 def total_inertia(winch: Winch) -> Scalar:
-    """Inertia in kg m² of drum and rotor at the drum, as a rigid gearbox joins them."""
+    """Inertia in kg m² of drum and rotor at the drum, with a rigid gearbox."""
     return winch.inertia + winch.gear_ratio**2 * winch.rotor_inertia
 
 
@@ -177,7 +185,7 @@ def steady_motor(load: Scalar, theta: Scalar, omega: Scalar, winch: Winch) -> An
     """State of the rotor while its gearbox transmits a constant torque.
 
     Args:
-        load: that torque in N m; its sign says on which flank the teeth are in contact.
+        load: that torque in N m; its sign decides which tooth flanks are in contact.
         theta: drum angle in rad.
         omega: drum speed in rad/s.
         winch: the winch.
@@ -190,14 +198,14 @@ def steady_motor(load: Scalar, theta: Scalar, omega: Scalar, winch: Winch) -> An
 
 
 def with_gear_loss(tension: Scalar, omega: Scalar, winch: Winch) -> Scalar:
-    """Tension in N that the drum has to carry at its speed in rad/s, the gearbox's friction under load included."""
+    """Rope tension in N plus the gearbox's load-dependent friction, as a tension, at the drum speed in rad/s."""
     if not present(winch.gear_loss):
         return tension
     return tension + winch.gear_loss * absolute(tension) * tanh(omega / FRICTION_SPEED)
 
 
 def blank_motor(winch: Winch) -> Any:
-    """A state of the rotor whose numbers mean nothing; none where the gearbox is rigid."""
+    """A rotor state with placeholder values; `NoState` where the gearbox is rigid."""
     return Rotor(0.0, 0.0) if present(winch.gear_stiffness) else NoState()
 
 
@@ -207,25 +215,25 @@ def transmission(theta: Scalar, winch: Winch) -> Scalar:
 
 
 def gear_torque(theta: Scalar, omega: Scalar, rotor: Rotor, winch: Winch) -> Scalar:
-    """Torque in N m that the gearbox transmits to the drum: a spring and a damper across its backlash.
+    """Torque in N m that the gearbox transmits to the drum: a spring and a damper with backlash.
 
-    Where teeth part, within the backlash, it transmits nothing.
+    It is zero within the backlash, where the teeth are not in contact.
     """
     twist, half = rotor.theta - theta - transmission(theta, winch), winch.backlash / 2
     pressed = twist - clip(twist, -half, half)
     torque = winch.gear_stiffness * pressed + winch.gear_damping * (rotor.omega - omega)
-    return where(pressed * torque > 0, torque, 0.0)  # teeth push, they do not stick
+    return where(pressed * torque > 0, torque, 0.0)  # teeth push, never pull
 
 
 def winch_rates(
     theta: Scalar, omega: Scalar, motor: Any, tension: Scalar, torque: Scalar, winch: Winch, rope: Scalar
 ) -> tuple[Scalar, Any]:
-    """Acceleration of the drum in rad/s², and the rates of the rotor's own state.
+    """Acceleration of the drum in rad/s², and the rates of the rotor's state.
 
     Args:
         theta: drum angle in rad.
         omega: drum speed in rad/s.
-        motor: state of the rotor; none where the gearbox is rigid.
+        motor: state of the rotor; `NoState` where the gearbox is rigid.
         tension: of the rope at the drum in N.
         torque: motor torque in N m, before the gearbox.
         winch: the winch.
@@ -243,13 +251,13 @@ def winch_rates(
 
 
 def shaft_torque(torque: Scalar, theta: Scalar, winch: Winch) -> Scalar:
-    """Torque in N m that a motor gives instead of `torque`, at the drum angle theta in rad: its error, its ripple."""
+    """Motor torque in N m for the command `torque`, with torque error and ripple, at the drum angle theta in rad."""
     wave = sin(winch.ripple_waves * winch.gear_ratio * theta + winch.ripple_angle)
     return torque * (1 + winch.torque_error + winch.torque_ripple * wave)
 
 
 def specified_winch(winch: Winch) -> Winch:
-    """The winch of the data sheet, without what is unknown of it."""
+    """The winch of the data sheet, without its unknown errors."""
     return replace(
         winch, radius_error=0.0, eccentricity=0.0, torque_error=0.0, torque_ripple=0.0, transmission_error=0.0
     )
@@ -261,16 +269,16 @@ TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Winding:
-    """Rope and radius around one drum angle, as a series of third order in the turn from there.
+    """Wound rope and radius about one drum angle, as a third-order Taylor series in the turn from there.
 
-    An eccentric drum's rope is off by eccentricity turn⁴/24: by 1e-17 m in a sample of 1 ms at 1 m/s.
+    The truncation error for an eccentric drum is eccentricity turn⁴/24: 1e-17 m in a sample of 1 ms at 1 m/s.
 
     Attributes:
-        base: radius in m of the part that is the same at all angles.
+        base: constant part of the radius in m.
         theta: the angle in rad.
-        beyond: rope in m that is wound beyond ``base theta``.
+        beyond: wound rope in m beyond ``base theta``.
         excess: radius in m beyond `base`.
-        growth, bend: first and second derivative of the radius by the angle, in m.
+        growth, bend: first and second derivative of the radius with respect to the angle, in m.
     """
 
     base: Scalar
@@ -282,7 +290,7 @@ class Winding:
 
     @property
     def rope(self) -> Scalar:
-        """Rope in m that is wound since the angle 0."""
+        """Rope in m wound since the angle 0."""
         return self.base * self.theta + self.beyond
 
     @property
@@ -295,7 +303,7 @@ class Winding:
         return self.base + (self.excess + turn * (self.growth + turn / 2 * self.bend))
 
     def beyond_of(self, rope: Scalar) -> Scalar:
-        """Rope in m beyond ``base theta`` at the angle theta, not far from here, at which so much rope is wound."""
+        """Wound rope in m beyond ``base theta`` at the nearby angle theta at which `rope` m are wound."""
         radius = self.radius
         straight = (rope - self.rope) / radius
         turn = straight - straight**2 * (self.growth / 2 + straight * self.bend / 6) / radius
@@ -318,11 +326,11 @@ def winding(theta: Scalar, winch: Winch) -> Winding:
 
 
 NEWTON = 4
-"""Steps to an angle from that on a true drum; each leaves about the third power of the last one's error."""
+"""Newton steps from the angle of a round drum; each leaves about the third power of the previous error."""
 
 
 def angle_of(rope: Scalar, winch: Winch) -> Scalar:
-    """Angle in rad at which so much rope in m is wound since the angle 0, by Newton's method."""
+    """Angle in rad at which `rope` m are wound since the angle 0, by Newton's method."""
     theta = rope / base_radius(winch)
     for _ in range(NEWTON):
         theta = (rope - winding(theta, winch).beyond_of(rope)) / base_radius(winch)
@@ -330,5 +338,5 @@ def angle_of(rope: Scalar, winch: Winch) -> Scalar:
 
 
 def base_radius(winch: Winch) -> Scalar:
-    """Radius in m of a drum's part that is the same at all angles."""
+    """Constant part of a drum's radius in m."""
     return winch.drum_radius * (1 + winch.radius_error)
