@@ -1,8 +1,8 @@
 """CSV files as data loggers and spreadsheets write them: columns of numbers with their units.
 
-Read are any of the usual separators, decimal points and commas, of which each column has one, text in UTF-8, UTF-16 or
-Latin-1, lines before the header, headers such as ``F1 [kN]``, a row of units, numbers and time stamps (`STAMPS`), and
-gaps in their usual words.
+The reader accepts the usual separators, decimal points or commas (one per column), UTF-8, UTF-16 and Latin-1, lines
+before the header, headers such as ``F1 [kN]``, a row of units, numbers and time stamps (`STAMPS`), and the usual marks
+of missing values.
 """
 
 import csv
@@ -29,37 +29,37 @@ from dualwinch.model.units import factor, is_same_unit, is_unit
 Floats = NDArray[np.float64]
 
 SEPARATORS = {"\t": "tab", ";": ";", "|": "|", ",": ","}
-"""Separators of cells, the rarest in other places first, and their names."""
+"""Separators of cells, the least ambiguous first, and their names."""
 
 GAPS = frozenset((
     "", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "<na>", "nat", "nil", "null", "none", "missing",
     "-", "--", "---", "?", ".",
 ))  # fmt: skip
-"""Cells without a reading, in small letters."""
+"""Cells without a reading, in lower case."""
 
 ALSO_WORDS = frozenset(["min"])
-"""Units that end names that have none."""
+"""Units that may also be the last word of a name."""
 
 DIMENSIONLESS = frozenset(["", "-", "1"])
-"""In the place of a unit: there is none."""
+"""Texts in place of a unit that mean a pure number."""
 
 DAY = 86400.0
-"""In s."""
+"""A day in s."""
 
 SAMPLE = 200
-"""Lines by which separator and header are recognised."""
+"""Number of lines from which separator and header are recognised."""
 
 STAMPS = "2024-12-31T23:59:59.9 (ISO 8601), 31.12.2024 23:59:59.9, 12/31/2024 23:59:59.9 or 23:59:59.9"
-"""Forms of time stamps that are read."""
+"""Accepted forms of time stamps."""
 
 DECIMALS = {mark: rf"[+-]?\d*\{mark}\d+(?:[eE][+-]?\d+)?" for mark in ".,"}
-"""Decimal mark → numbers that have it."""
+"""Decimal mark → pattern of numbers with it."""
 
 LINE = r"(?m)^[ \t]*{}[ \t]*$"
-"""A cell that is a number, in a text with a line for each cell."""
+"""Pattern of a cell that is a number, in a text with one cell per line."""
 
 GROUPED = {mark: rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d\d\d)+" for mark in ".,"}
-"""Mark → numbers in which it may as well be one between thousands."""
+"""Mark → pattern of numbers in which it may also be a thousands separator."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,17 +67,17 @@ class TableColumn:
     """A column of a file.
 
     Attributes:
-        header: as the file has it.
-        name: without its unit.
-        unit: where the file states one.
-        cut: line of the last row of the file where that is incomplete, and left out; 0: it is none.
-        other_unit: that a row of units states, where the header states another one.
-        values: (rows,) finite numbers; NaN where there is none. Time stamps in s since 1970, UTC.
-        stamps: whether they are time stamps.
-        cells: texts, one a row; none in a file that is no text.
-        words: rows with what is neither a finite number nor a gap.
-        lines: of the rows in the file; none in a file that is no text.
-        content: what it has in the place of real numbers, in words; it has no values then.
+        header: header as in the file.
+        name: header without its unit.
+        unit: unit, where the file states one.
+        cut: line of an incomplete last row, which is left out; 0: none.
+        other_unit: unit in the row of units, where it contradicts the header.
+        values: (rows,) finite numbers, NaN for missing ones; time stamps in s since 1970, UTC.
+        stamps: whether the values are time stamps.
+        cells: texts, one per row; none in a binary file.
+        words: rows that are neither a finite number nor a gap.
+        lines: lines of the rows in the file; none in a binary file.
+        content: type of a column that is not numeric and has no values.
     """
 
     header: str
@@ -96,12 +96,12 @@ class TableColumn:
     def of_numbers(
         cls, header: str, name: str, unit: str | None, values: Floats, *, stamps: bool = False
     ) -> "TableColumn":
-        """A column of a file that is no text; what is infinite is no number."""
+        """A column of a binary file; infinite values count as missing."""
         words = np.flatnonzero(np.isinf(values)).tolist()
         return cls(header, name, unit, np.where(np.isfinite(values), values, np.nan), stamps, words=words)
 
     def place(self, row: int) -> str:
-        """Where a row is in the file."""
+        """Place of a row in the file."""
         return f"line {self.lines[row]}" if len(self.lines) else f"row {row + 1}"
 
     def at(self, row: int) -> str:
@@ -111,14 +111,14 @@ class TableColumn:
         return f"{self.place(row)}: {self.header} = {cell}"
 
     def factor(self, si: str, unit: str | None = None) -> float:
-        """What its numbers are multiplied by to be in an SI unit.
+        """Factor from the column's unit to an SI unit.
 
         Args:
-            si: the unit.
-            unit: that they are in; default: as the file says, else the SI unit.
+            si: the SI unit.
+            unit: the column's unit; default: as the file states, else the SI unit.
 
         Raises:
-            ConfigurationError: a unit of another quantity, or the header and the row of units state different ones.
+            ConfigurationError: a unit of another quantity, or different units in the header and the row of units.
         """
         if unit is None and self.other_unit:
             raise ConfigurationError(self.contradiction)
@@ -130,15 +130,12 @@ class TableColumn:
 
     @property
     def contradiction(self) -> str:
-        """What is wrong where its header and the row of units state different units."""
+        """Error message for different units in the header and the row of units."""
         return f"column '{self.header}': is in {self.unit} by its header, in {self.other_unit} by the row of units"
 
 
 def named_columns(table: Sequence[TableColumn], name: str) -> list[TableColumn]:
-    """The columns with a header, else those with it as the last part of theirs, else those with a name.
-
-    Letters are the same whether their accents are characters of their own or not (Unicode's form NFC).
-    """
+    """Columns by header, else by the last part of the header after a dot, else by name (all in Unicode form NFC)."""
     forms = [[each.header for each in table], [each.header.rpartition(".")[2] for each in table]]
     forms.append([each.name for each in table])
     composed = partial(normalize, "NFC")
@@ -149,14 +146,14 @@ def named_columns(table: Sequence[TableColumn], name: str) -> list[TableColumn]:
 
 
 def read_csv(path: Path, marks: str = "") -> list[TableColumn]:
-    """Read a CSV file, also one that gzip has packed.
+    """Read a CSV file, also one packed by gzip.
 
     Args:
-        path: of the file.
-        marks: separator, or separator and decimal mark, such as ``;,`` or ``tab.``; default: as the file shows.
+        path: path of the file.
+        marks: separator, or separator and decimal mark, such as ``;,`` or ``tab.``; default: recognised in the file.
 
     Raises:
-        ConfigurationError: not text, rows of different lengths, or other marks.
+        ConfigurationError: not text, rows of different lengths, or invalid marks.
         OSError: the file cannot be read.
     """
     separator, decimal = csv_marks(marks)
@@ -203,13 +200,13 @@ def _rows(text: str, separator: str, path: Path) -> list[tuple[int, list[str]]]:
     """Rows that are not empty, each with the number of its first line.
 
     Raises:
-        ConfigurationError: a quote that is not closed on its line.
+        ConfigurationError: a quote is not closed on its line.
     """
     rows, line = list[tuple[int, list[str]]](), 1
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
     try:
         for row in reader:
-            # a cell may have lines of its own, but no cells of further rows
+            # a quoted cell may contain line breaks, but not with separators: these are cells of further rows
             if reader.line_num > line and any(separator in cell and re.search(r"[\r\n]", cell) for cell in row):
                 raise ConfigurationError(f'{path}: line {line}: has a quote (") that is not closed on this line')
             if any(map(str.strip, row)):
@@ -221,12 +218,12 @@ def _rows(text: str, separator: str, path: Path) -> list[tuple[int, list[str]]]:
 
 
 def _width(row: Sequence[str], usual: int) -> int:
-    """Number of cells of a row, but for empty ones beyond the usual number."""
+    """Number of cells of a row, without empty ones beyond the usual number."""
     return usual if len(row) > usual and not any(map(str.strip, row[usual:])) else len(row)
 
 
 def _units_below(rows: list[tuple[int, list[str]]], width: int) -> list[str | None]:
-    """Units of the columns by a row between the header and the first row of data; takes out that row and all before."""
+    """Units from a row between the header and the first row of data; removes that row and all before it."""
     for number, (_, row) in enumerate(islice(rows, SAMPLE)):
         cells = [cell.strip().strip("[]()").strip() for cell in row]
         if len(row) < width - 1 or _is_data([cell for cell in cells if cell not in DIMENSIONLESS]):
@@ -238,9 +235,9 @@ def _units_below(rows: list[tuple[int, list[str]]], width: int) -> list[str | No
 
 
 def _cut_end(rows: list[tuple[int, list[str]]], width: int, separator: str, *, ended: bool) -> int:
-    """Leave out words below the last row, and a last row amid which the logger stopped; its line, 0 where it did not.
+    """Remove text below the last row, and an incomplete last row; returns the line of the latter, else 0.
 
-    What follows a quote that is not closed is one cell, with the end of the line in it.
+    After an unclosed quote the rest is one cell that ends with the line break.
     """
     while rows and len(rows[-1][1]) < width and not _is_data(separator.join(rows[-1][1]).split(separator)):
         rows.pop()
@@ -250,10 +247,10 @@ def _cut_end(rows: list[tuple[int, list[str]]], width: int, separator: str, *, e
 
 
 def csv_marks(text: str) -> tuple[str, str]:
-    """Separator and decimal mark of a text such as ``;,`` or ``tab.``; empty where it does not say.
+    """Separator and decimal mark from a text such as ``;,`` or ``tab.``; empty where it has none.
 
     Raises:
-        ConfigurationError: another text.
+        ConfigurationError: the text is invalid.
     """
     named = {name: mark for mark, name in SEPARATORS.items()}
     named["space"] = " "
@@ -266,7 +263,7 @@ def csv_marks(text: str) -> tuple[str, str]:
 
 
 def split_header(text: str) -> tuple[str, str | None]:
-    """Name and unit of a header such as ``F1 [kN]``, or ``F1 (kN)``, ``F1/kN``, ``F1_kN`` where that is a unit."""
+    """Name and unit of a header such as ``F1 [kN]``, or ``F1 (kN)``, ``F1/kN``, ``F1_kN`` with a known unit."""
     if parts := re.fullmatch(r"(.*\S)\s*\[(.*)\]", text):
         unit = parts[2].strip()
         return parts[1], None if unit in DIMENSIONLESS else unit
@@ -283,7 +280,7 @@ def split_header(text: str) -> tuple[str, str | None]:
 
 
 def csv_units(path: Path) -> dict[str, str]:
-    """Units of a CSV file, where `simulation.results.file_formats` has put its metadata beside it."""
+    """Units of a CSV file from the metadata file that `simulation.results.file_formats` writes beside it."""
     beside = path.with_name(path.name + "-metadata.json")
     if not beside.exists():
         return {}
@@ -291,7 +288,7 @@ def csv_units(path: Path) -> dict[str, str]:
         columns = json.loads(beside.read_text(encoding="utf-8"))["tableSchema"]["columns"]
         return {column["name"]: column["dualwinch:unit"] for column in columns if "dualwinch:unit" in column}
     except (ValueError, LookupError, TypeError):
-        return {}  # metadata of another kind, which says nothing of units
+        return {}  # another kind of metadata
 
 
 def _decoded(path: Path) -> str:
@@ -314,9 +311,9 @@ def _decoded(path: Path) -> str:
 
 
 def _separator(text: str) -> str:
-    """The first separator that cuts most lines into one number of cells, two or more; spaces are the last.
+    """The first separator that splits most lines into the same number of cells, two or more; spaces come last.
 
-    Spaces also separate numbers with commas in them, which are decimal marks then.
+    Where spaces separate numbers with commas, the commas are decimal marks.
     """
     lines = [line for line in islice(text.splitlines(), SAMPLE) if line.strip()]
     spaced = sum(bool(re.search(r"\d[ ]+[+-]?\d+,\d", line)) for line in lines)
@@ -339,9 +336,9 @@ def _is_data(row: Sequence[str]) -> bool:
 
 
 def _decimal_marks(columns: Sequence[Sequence[str]], stated: str) -> list[str]:
-    """The decimal mark of each column: the one that most of its numbers have.
+    """The decimal mark of each column: the one in most of its numbers.
 
-    Where it may as well stand between thousands in all of them, it is the stated one, else that of all other columns.
+    Where all of these may also be thousands separators, it is the stated mark, else that of the other columns.
     """
     found = list[str]()
     for cells in columns:
@@ -358,7 +355,7 @@ def _decimal_marks(columns: Sequence[Sequence[str]], stated: str) -> list[str]:
 
 
 def has_other_mark(cell: str) -> bool:
-    """Whether a text would be a number with another decimal mark, or without marks between thousands."""
+    """Whether a text would be a number with another decimal mark, or without thousands separators."""
     return bool(re.fullmatch(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?", cell.strip()))
 
 
@@ -374,7 +371,7 @@ def _number(cell: str, mark: str) -> float | None:
 
 
 def _stamp(cell: str, *, day_first: bool = False) -> float | None:
-    """Seconds since 1970 of a time stamp, or since midnight of a time of day; 12/31/2024 unless the day is first."""
+    """Seconds since 1970 of a time stamp, or since midnight of a time of day; month first unless `day_first`."""
     cell = cell.strip()
     if parts := re.fullmatch(r"(\d{1,2})([./])(\d{1,2})[./](\d{4})[ T]+(.*)", cell):
         first, second = int(parts[1]), int(parts[3])
@@ -391,9 +388,9 @@ def _stamp(cell: str, *, day_first: bool = False) -> float | None:
 
 
 def _numbers(cells: Sequence[str], mark: str) -> tuple[Floats, list[int], bool]:
-    """Numbers or time stamps of cells, rows of words, and whether they are time stamps."""
+    """Numbers or time stamps of cells, rows that are neither, and whether they are time stamps."""
     text = "\n".join(cells)
-    if not ("_" in text or (mark == "," and "." in text)):  # which NumPy takes for digits, or a decimal point
+    if not ("_" in text or (mark == "," and "." in text)):  # NumPy would accept both
         try:
             values = np.array([cell.replace(",", ".") for cell in cells] if mark == "," else cells, float)
             return np.where(np.isfinite(values), values, np.nan), np.flatnonzero(np.isinf(values)).tolist(), False
@@ -404,10 +401,10 @@ def _numbers(cells: Sequence[str], mark: str) -> tuple[Floats, list[int], bool]:
     values, words = _cells(cells, filled, _stamp if stamps else partial(_number, mark=mark))
     if stamps and re.match(r"\s*\d+/\d+/\d{4}", cells[filled[0]]):
         day_first, no_dates = _cells(cells, filled, partial(_stamp, day_first=True))
-        # the order in which fewer cells are no dates, else in which the dates are nearer to each other
+        # the order with fewer invalid dates, else with the smaller span
         if (len(no_dates), _span(day_first)) < (len(words), _span(values)):
             values, words = day_first, no_dates
-    if stamps and np.nanmax(values) < DAY:  # times of day, which begin anew at midnight
+    if stamps and np.nanmax(values) < DAY:  # times of day, which restart at midnight
         known = np.isfinite(values)
         values[known] += DAY * np.cumsum(np.diff(values[known], prepend=0.0) < -DAY / 2)
     return values, words, stamps
@@ -421,7 +418,7 @@ def _span(values: Floats) -> float:
 def _cells(
     cells: Sequence[str], filled: Sequence[int], read: Callable[[str], float | None]
 ) -> tuple[Floats, list[int]]:
-    """What some cells read, and the rows of those that cannot be read."""
+    """Values of the filled cells, and the rows that cannot be read."""
     values, words = np.full(len(cells), np.nan), list[int]()
     for row in filled:
         value = read(cells[row])

@@ -1,8 +1,8 @@
 """Motions of a reference: setpoints with their preview, S-curves, moves through way-points, recorded motions.
 
-A setpoint alone implies that a motion goes on with its acceleration. A part of the controller may ask for a preview,
-setpoints of some times ahead. Its signals are how the motion departs from going on with its acceleration; at constant
-speed it does not, so that steady motion needs no preview.
+A setpoint alone implies a motion of constant acceleration. A part of the controller may request a preview: setpoints at
+some times ahead. Its signals are the deviations from constant acceleration, which are zero at constant speed, so that
+steady motion needs no preview.
 """
 
 import math
@@ -23,27 +23,24 @@ from dualwinch.model.scalar import Scalar, maximum, sqrt, where
 
 @dataclass(frozen=True)
 class Setpoint:
-    """Where the vehicle should be."""
+    """Reference position, speed and acceleration of the vehicle."""
 
     x: Annotated[Scalar, Quantity("m", "reference position")]
     v: Annotated[Scalar, Quantity("m/s", "reference speed")]
     a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
 
     def ahead(self, by: float) -> "Setpoint":
-        """Where it should be a time in s later, as far as that is known: it goes on with its acceleration.
-
-        A setpoint with a preview (`model.motions.Previewed`) knows better.
-        """
+        """Setpoint a time in s later at constant acceleration; `model.motions.Previewed` has the true one."""
         return later(self, by)
 
 
 def later(setpoint: Setpoint, by: Scalar) -> Setpoint:
-    """Where it should be a short time in s later, the acceleration being what it is."""
+    """Setpoint a time in s later, at constant acceleration."""
     return Setpoint(setpoint.x + by * (setpoint.v + by / 2 * setpoint.a), setpoint.v + by * setpoint.a, setpoint.a)
 
 
 def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoint) -> Setpoint:
-    """The piece whose end is the first not before t, or the last one, which has no end."""
+    """The first piece with an end at or after t, else `last`, which has no end."""
     found = last
     for end, piece in reversed(pieces):
         found = Setpoint(
@@ -56,26 +53,26 @@ def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoin
 
 @dataclass(frozen=True)
 class Departures:
-    """How a motion departs, at k times ahead, from going on with its acceleration: vectors (k,)."""
+    """Deviations of a motion, at k times ahead, from constant acceleration: vectors (k,)."""
 
-    x: Annotated[Any, Quantity("m", "departure of the reference position from speed and acceleration now")]
-    v: Annotated[Any, Quantity("m/s", "departure of the reference speed from acceleration now")]
-    a: Annotated[Any, Quantity("m/s^2", "departure of the reference acceleration from that now")]
+    x: Annotated[Any, Quantity("m", "deviation of the future reference position from constant acceleration")]
+    v: Annotated[Any, Quantity("m/s", "deviation of the future reference speed from constant acceleration")]
+    a: Annotated[Any, Quantity("m/s^2", "deviation of the future reference acceleration from the present one")]
 
 
 def no_departures(times: Sequence[float]) -> Departures:
-    """A motion that goes on as it is."""
+    """Deviations of zero: constant acceleration."""
     return Departures(*(np.zeros(len(times)) for _ in range(3)))
 
 
 @dataclass(frozen=True)
 class Previewed(Setpoint):
-    """A setpoint, and those of some times ahead."""
+    """A setpoint, and the setpoints at some times ahead."""
 
     known: Annotated[Mapping[float, Setpoint], Mark.CONTENT] = field(default_factory=dict)
 
     def ahead(self, by: float) -> Setpoint:
-        """Where the vehicle should be a time in s later.
+        """Setpoint a time in s later.
 
         Raises:
             ConfigurationError: the time is not in a preview.
@@ -87,7 +84,7 @@ class Previewed(Setpoint):
 
 
 def previewed(setpoint: Setpoint, times: Sequence[float], departures: Departures | None = None) -> Previewed:
-    """A setpoint with those of some times ahead in s; without departures the motion goes on as it is."""
+    """A setpoint with those at some times ahead in s; without departures at constant acceleration."""
     known = {}
     for index, time in enumerate(times):
         point = later(setpoint, time)
@@ -104,18 +101,18 @@ def least_duration(speed: Scalar, jerk_limit: Scalar) -> Scalar:
 
 
 def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | None) -> Setpoint:
-    """Motion from rest at t = 0 to a speed in a given time, over ``speed * duration / 2`` whatever the jerk limit.
+    """Motion from rest at t = 0 to a speed in a given time, over ``speed * duration / 2`` with any jerk limit.
 
     Args:
         t: time in s, 0 to `duration`.
-        duration: in s, at least `least_duration` where there is a jerk limit.
-        speed: at the end, in m/s.
+        duration: in s, at least `least_duration` with a jerk limit.
+        speed: final speed in m/s.
         jerk_limit: slope in m/s³ of the acceleration's two ramps; ``None``: constant acceleration.
     """
     if jerk_limit is None:
         acceleration = speed / duration
         return Setpoint(acceleration * t**2 / 2, acceleration * t, acceleration)
-    # ramp * (duration - ramp) * jerk_limit = speed; the root is written without a difference of nearly equal numbers
+    # ramp * (duration - ramp) * jerk_limit = speed, solved without cancellation
     spare = maximum(duration**2 - 4 * speed / jerk_limit, 0.0)
     ramp = 2 * speed / jerk_limit / (duration + sqrt(spare))
     acceleration, after, left = jerk_limit * ramp, t - ramp, duration - t
@@ -143,17 +140,16 @@ class MoveLimits:
 
 @dataclass(frozen=True)
 class Move:
-    """A motion from rest to rest: speed up, cruise, and brake as the speed was gained.
+    """A motion from rest to rest: accelerate, cruise, and brake in reverse of the acceleration.
 
-    With a jerk limit these are the seven segments of an S-curve: acceleration rises, holds and falls, none, and the
-    same backwards. Where the way is short there is no cruise; where it is shorter still, no constant acceleration
-    either.
+    With a jerk limit these are the seven segments of an S-curve: rising, constant and falling acceleration, cruise, and
+    the same in reverse. A short distance has no cruise, a still shorter one no constant acceleration.
 
     Attributes:
-        start, end: in m.
-        begin: time in s.
-        ramp, cruise: time in s from rest to the speed, and at it.
-        speed: in m/s, negative on the way back.
+        start, end: positions in m.
+        begin: start time in s.
+        ramp, cruise: durations in s of the acceleration from rest, and of the constant speed.
+        speed: in m/s, negative for motion towards smaller x.
     """
 
     start: float
@@ -196,12 +192,12 @@ def gaining_time(speed: float, limits: MoveLimits) -> float:
 
 
 def top_speed(distance: float, limits: MoveLimits) -> float:
-    """Largest speed in m/s on a way of a distance in m from rest to rest."""
+    """Largest speed in m/s over a distance in m from rest to rest."""
     acceleration, jerk = limits.acceleration, limits.jerk
     if jerk is None:
         peak = math.sqrt(acceleration * distance)
     else:
-        # speed times gaining time is the distance, for speeding up and braking take half of it each
+        # acceleration and braking take half the distance each: distance = speed * gaining_time
         peak = (distance**2 * jerk / 4) ** (1 / 3)
         if peak > acceleration**2 / jerk:
             lost = acceleration**2 / jerk
@@ -211,7 +207,7 @@ def top_speed(distance: float, limits: MoveLimits) -> float:
 
 @lru_cache(maxsize=64)
 def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: MoveLimits) -> tuple[Move, ...]:
-    """The moves from 0 m to each of some points in m in turn, with a pause in s at each; the same twice is no move."""
+    """Moves from 0 m to each point in m in turn, with a pause in s at each; equal successive points make no move."""
     found, t = [], 0.0
     for (start, end), pause in zip(pairwise((0.0, *points)), pauses or (0.0,) * len(points), strict=True):
         if end != start:
@@ -239,7 +235,7 @@ def way_point_motion(t: Scalar, found: tuple[Move, ...], jerk: float | None) -> 
 
 
 def longest_cruise(found: tuple[Move, ...]) -> tuple[float, float] | None:
-    """First and last time in s of the longest stretch of constant speed; ``None`` where there is none."""
+    """First and last time in s of the longest phase of constant speed; ``None`` without one."""
     cruises = [(move.cruise, move) for move in found if move.cruise > 0]
     if not cruises:
         return None
@@ -250,30 +246,29 @@ def longest_cruise(found: tuple[Move, ...]) -> tuple[float, float] | None:
 Floats = NDArray[np.float64]
 
 EQUAL = 1e-6
-"""Share of the largest speed by which two speeds may differ and be the same: numbers of files are rounded."""
+"""Tolerance of equal speeds as a share of the largest speed: numbers in files are rounded."""
 
 MOVING = 1e-3
-"""Share of the largest speed below which the vehicle stands."""
+"""Share of the largest speed below which the vehicle counts as at rest."""
 
 SLOWEST = 5e-3
-"""Largest speed in m/s of a motion below which the unit of its times must be stated."""
+"""Peak speed in m/s below which the unit of the times must be stated."""
 
 LIKE, OTHER_SCALE = 0.8, 2.0
-"""Correlation of a recorded column with the derivative of another one from which on their ratio is judged, and what the
-ratio and its inverse must be below."""
+"""Least correlation of a recorded column with the derivative of another for a check of their ratio, and the bound of
+the ratio and its inverse."""
 
 
 class RecordedMotion:
-    """A curve through recorded positions, with its speed and its acceleration.
+    """A curve through recorded positions, with its speed and acceleration.
 
-    Through positions alone it is the cubic spline whose speed and acceleration are continuous. Where speeds are
-    recorded too, it is the cubic curve through both, whose acceleration may step at a row. A recorded acceleration
-    stands in place of the curve's own, in straight lines from row to row. Before the first row and after the last the
-    vehicle rests where the row says.
+    From positions alone it is a cubic spline with continuous speed and acceleration. With recorded speeds it is the
+    cubic Hermite curve through both, with steps of the acceleration at the rows. A recorded acceleration replaces that
+    of the curve, interpolated linearly. Before the first row and after the last the vehicle rests at that row.
     """
 
     def __init__(self, t: Floats, x: Floats, v: Floats | None = None, a: Floats | None = None) -> None:
-        """Lay the curve at (n,) times in s, through positions in m, speeds in m/s and accelerations in m/s²."""
+        """Interpolate at (n,) times in s: positions in m, speeds in m/s and accelerations in m/s²."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
         self.t, self.x, self.a = t, x, a
@@ -289,7 +284,7 @@ class RecordedMotion:
 
     @cached_property
     def longest_cruise(self) -> tuple[float, float] | None:
-        """First and last time in s of the longest stretch of rows at one speed; ``None`` where there is none."""
+        """First and last time in s of the longest phase of rows at constant speed; ``None`` without one."""
         speeds = np.diff(self.x) / np.diff(self.t)
         largest = np.abs(speeds).max()
         same = (np.abs(np.diff(speeds)) <= EQUAL * largest) & (np.abs(speeds[1:]) > MOVING * largest)
@@ -299,7 +294,7 @@ class RecordedMotion:
 
 
 def _ratio(values: Floats, derivative: Floats) -> float | None:
-    """How many times a derivative some values are; None: they are the derivative, or like no multiple of it."""
+    """Ratio of values to a derivative; None: they agree, or are no multiple of it."""
     size = float(np.sqrt((values @ values) * (derivative @ derivative)))
     if not size or abs(values @ derivative) < LIKE * size:
         return None
@@ -308,13 +303,12 @@ def _ratio(values: Floats, derivative: Floats) -> float | None:
 
 
 def _check_recorded(recording: Recording, found: dict[str, Floats], named: dict[str, str]) -> None:
-    """Refuse a motion whose times or derivatives must be in another unit."""
+    """Raise `ConfigurationError` where times or derivatives must be in another unit."""
     file, time = recording.origin.file, recording.origin.time_column
     fastest = np.abs(np.diff(found["m"]) / np.diff(recording.t)).max()
     if 0 < fastest < SLOWEST and recording.time_unit is None:
         raise ConfigurationError(
-            f"{file}: moves at {fastest:.3g} m/s at most, as {time} is read in s: must be stated, "
-            'time_unit = "s" or "ms"'
+            f'{file}: moves at {fastest:.3g} m/s at most, if {time} is in s: must be stated, time_unit = "s" or "ms"'
         )
     for si, of in (("m/s", "m"), ("m/s^2", "m/s")):
         ratio = _ratio(found[si], np.gradient(found[of], recording.t)) if si in found and of in found else None
@@ -329,10 +323,10 @@ def _check_recorded(recording: Recording, found: dict[str, Floats], named: dict[
 def recorded_motion(
     recording: Recording, units: tuple[str | None, ...], derivatives: tuple[str, ...]
 ) -> RecordedMotion:
-    """The motion of a recording whose columns are in some units (``None``: as the file says) of SI derivatives.
+    """The motion of a recording whose columns have these units (``None``: as the file states), `derivatives` in SI.
 
     Raises:
-        ConfigurationError: a unit is not stated, or is of another quantity, or columns contradict each other.
+        ConfigurationError: a unit is missing or of another quantity, or columns contradict each other.
     """
     found = {
         si: recording.column(index, unit, si) for index, (unit, si) in enumerate(zip(units, derivatives, strict=True))

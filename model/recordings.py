@@ -1,6 +1,6 @@
-"""Recordings: columns of CSV and Parquet files, or lists of numbers, over the time, in named units.
+"""Recordings: columns of CSV and Parquet files, or lists of numbers, over time, in stated units.
 
-A file is read once and kept: it is the content behind a signal or a reference. Errors name file and line or row.
+A file is read once and kept, as the content of a signal or a reference. Errors name file and line or row.
 """
 
 import hashlib
@@ -18,18 +18,18 @@ from dualwinch.model.quantities.quantity import NONE, Numbers, unknown
 from dualwinch.model.units import factor
 
 KEPT_FILES = 32
-"""Latest readings that are kept: the scenarios of an ensemble may read the same few files in turn."""
+"""Number of cached files: the scenarios of an ensemble may read the same few files in turn."""
 
 SINCE_1970 = 3e8
-"""Times in s from which on they do not count from the beginning of a run."""
+"""Times in s from here on are dates, not times since the start of a run."""
 
 
 def read_table(file: str, names: tuple[str | None, ...]) -> list[TableColumn]:
-    """Some columns of a file, finite numbers in every row; kept until the file is another one.
+    """Some columns of a file, with finite numbers in every row; cached until the file changes.
 
     Args:
         file: ``.csv`` (`model.csv_files`) or ``.parquet``.
-        names: of the columns; ``None`` is the only one that is none of the others.
+        names: names of the columns; ``None`` stands for the only remaining one.
 
     Raises:
         ConfigurationError: the file cannot be read, lacks a column, has fewer than two rows, or a cell of these
@@ -66,7 +66,7 @@ def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> 
 
 
 def chosen(file: Path, names: Sequence[str | None], table: Sequence[TableColumn]) -> list[TableColumn]:
-    """The columns to be read, by header or name; without one it is the only one beside the named ones."""
+    """The columns by header or name; ``None`` stands for the only remaining one."""
     named = {name: _named(file, name, table) for name in names if name is not None}
     others = [column for column in table if not any(column is each for each in named.values())]
     if None in names and len(others) != 1:
@@ -89,10 +89,10 @@ def _named(file: Path, name: str, table: Sequence[TableColumn]) -> TableColumn:
 
 
 def read_parquet(path: Path) -> list[TableColumn]:
-    """Read all columns of a Parquet file; units by its metadata, else by their names.
+    """Read all columns of a Parquet file; units from its metadata, else from the column names.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: it is no Parquet file.
         OSError: it cannot be read.
     """
     import pyarrow as pa
@@ -116,7 +116,7 @@ def read_parquet(path: Path) -> list[TableColumn]:
 
 
 READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".csv": read_csv, ".parquet": read_parquet}
-"""Suffix → what reads it."""
+"""Suffix → reader."""
 
 
 Floats = NDArray[np.float64]
@@ -124,13 +124,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Origin:
-    """Where numbers over the time come from: columns of a file, or lists.
+    """Source of a recording: columns of a file, or lists.
 
     Attributes:
         file: its path; ``None`` where the numbers are given.
-        time_column, time_unit: the column of the times; without a unit of its own or of the file, in s.
-        columns: names of the others; ``None`` is the only one there is beside the named ones.
-        times, values: the numbers, where there is no file.
+        time_column, time_unit: column of the times and its unit; default: that of the file, else s.
+        columns: names of the other columns; ``None`` stands for the only remaining one.
+        times, values: the numbers, without a file.
     """
 
     file: str | None
@@ -143,16 +143,16 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Numbers over the time, as they were read.
+    """Numbers over time, as read.
 
     Attributes:
-        origin: where they come from.
+        origin: their source.
         t: (n,) times in s, ascending.
-        columns: the others, each (n,), in the units they came in.
-        names: of the columns; ``values`` where they are a list.
-        units: of the columns, where the file says them.
-        time_unit: of the times, where the origin or the file says it.
-        digest: SHA-256 of times, columns and their units, the first 16 digits.
+        columns: the other columns, each (n,), in their original units.
+        names: names of the columns; ``values`` for a list.
+        units: units of the columns, where the file states them.
+        time_unit: unit of the times, where the origin or the file states it.
+        digest: first 16 digits of the SHA-256 of times, columns and their units.
     """
 
     origin: Origin
@@ -168,11 +168,11 @@ class Recording:
 
         Args:
             index: its number.
-            unit: that it came in; ``None``: as the file says.
+            unit: its original unit; ``None``: as the file states.
             si: the SI unit.
 
         Raises:
-            ConfigurationError: no unit is stated, two different ones are, or it is of another quantity.
+            ConfigurationError: no unit, contradicting units, or a unit of another quantity.
         """
         said = self.units[index]
         stated = said if unit is None else unit
@@ -188,12 +188,12 @@ class Recording:
 
 
 def recorded(origin: Origin, kept: Recording | None, digest: str | None) -> Recording:
-    """The recording of an origin: the kept one where it is of this origin, else read now.
+    """The recording of an origin: `kept` if it has this origin, else read now.
 
-    The digest is that of the kept one, or of what is expected.
+    `digest` is that of `kept`, or the expected one.
 
     Raises:
-        ConfigurationError: the numbers cannot be read, or are not those expected.
+        ConfigurationError: the numbers cannot be read, or do not have the expected digest.
     """
     if kept is not None and kept.origin == origin:
         return kept

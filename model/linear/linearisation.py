@@ -1,4 +1,4 @@
-"""Exact linearisation of the plant at an operating point: Jacobians of the very functions that are simulated."""
+"""Exact linearisation of the plant at an operating point: Jacobians of the simulated functions."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -33,7 +33,7 @@ from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.tree import leaves, numbers, symbols
 
 STATES = tuple(describe(PlantState))
-"""States of a plant whose ropes have neither mass nor weight and whose gears are rigid; others have more."""
+"""States of a plant with massless ropes and rigid gears; other plants have more."""
 
 INPUTS = ("tau_1", "tau_2", "D", "current")
 OUTPUTS = ("x", "v", "F1", "F2", "omega_1", "omega_2")
@@ -48,7 +48,7 @@ UNITS = {
 
 
 def names_of(plant: Plant) -> dict[str, Any]:
-    """What the linear model of a plant calls its signals, by field of `LinearSystem`."""
+    """Names and units of the signals of a plant's linear model, by field of `LinearSystem`."""
     states = {key: leaf.quantity.unit for key, leaf in describe_parts(blank_state(plant)).items()}
     return {"states": tuple(states), "inputs": INPUTS, "outputs": OUTPUTS, "units": UNITS | states}
 
@@ -67,21 +67,21 @@ def linearise(
 ) -> LinearSystem:
     """The plant without controller, linearised at an operating point.
 
-    States are those of `PlantState`, with those of ropes that have mass or weight and of rotors behind gearboxes that
-    give; inputs the motor torques tau_1 and tau_2, the disturbance force D and the ambient current; outputs x, v, F1,
-    F2, omega_1, omega_2. In a cruise, position, rope lengths and the sag's depth are frozen at x: the system holds for
-    motions that are quick against length/v. Ropes stay taut, and teeth in contact as they are at the operating point.
+    States are those of `PlantState`, with those of ropes with mass or weight and of rotors behind compliant gearboxes;
+    inputs the motor torques tau_1 and tau_2, the disturbance force D and the ambient current; outputs x, v, F1, F2,
+    omega_1, omega_2. In a cruise, position, rope lengths and the sag's depth are frozen at x: the system is valid for
+    motions that are fast compared with length/v. Ropes stay taut, and teeth in contact as at the operating point.
 
     Args:
-        x: position in m; default: amid the track.
+        x: position in m; default: the middle of the track.
         v: speed in m/s.
         preload: sum of both tensions in N.
         plant: default: the paper's.
         current: ambient current in m/s, constant.
         force: disturbance force in N along the track, constant.
-        tension_min: lower limit of a tension in N, as `model.linear.operating_point.operating_point` uses it.
+        tension_min: lower limit of a tension in N, as in `model.linear.operating_point.operating_point`.
         tension_max: upper limit of a tension in N.
-        dt: sample time in s of a discrete system whose inputs are held; None: continuous time.
+        dt: sample time in s of a discrete system (zero-order hold); None: continuous time.
 
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
@@ -102,20 +102,20 @@ def linearise_sweep(
     dt: float | None = None,
     **outside: float,
 ) -> list[LinearSystem]:
-    """Many linearisations at once: x, v and preload are broadcast against each other; other arguments as `linearise`.
+    """Many linearisations at once: x, v and preload are broadcast; other arguments as in `linearise`.
 
     Raises:
-        ConfigurationError: as `linearise`, for the first point that is wrong.
+        ConfigurationError: as in `linearise`, for the first invalid point.
     """
     given = plant or Plant()
     return linearise_at(operating_points(x, v, preload, given, **outside), given, dt)
 
 
 def linearise_at(points: Sequence[OperatingPoint], plant: Plant, dt: float | None = None) -> list[LinearSystem]:
-    """The plant linearised at operating points that are known already (see `linearise`).
+    """The plant linearised at given operating points (see `linearise`).
 
     Raises:
-        ConfigurationError: a rope is slack: there the plant has a kink, and no Jacobian.
+        ConfigurationError: a rope is slack: the plant is not differentiable there.
     """
     for point in points:
         if point.slack_1 or point.slack_2:

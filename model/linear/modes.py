@@ -1,4 +1,4 @@
-"""Modes of a linear system: how fast, how damped, in which states, what to call them; followed along a sweep."""
+"""Modes of a linear system: frequency, damping, participation, shape and label; tracked along a sweep."""
 
 import math
 from collections import Counter
@@ -26,16 +26,16 @@ RIGID = 0.05
 """A mode is rigid where the ropes stretch by less than this share of the largest displacement."""
 
 TAKES_PART = 0.2
-"""A body (a rope) takes part with this share of the kinetic energy (the elastic energy), or more."""
+"""Least share of the kinetic (elastic) energy with which a body (a rope) takes part in a mode."""
 
 
 class Inside(NamedTuple):
-    """A mode within a rope and a gearbox: complex displacements in m, along the track but for the sag.
+    """A mode inside a rope and a gearbox: complex displacements in m, along the track except for the sag.
 
     Attributes:
-        nodes: of the rope, from the drum to the vehicle.
-        sag: of the rope, 0 where it has none.
-        rotor: at the drum's rim; None where the gearbox is rigid.
+        nodes: nodes of the rope, from the drum to the vehicle.
+        sag: sag of the rope, 0 without any.
+        rotor: rotor, at the drum's rim; None where the gearbox is rigid.
     """
 
     nodes: tuple[complex, ...]
@@ -51,7 +51,7 @@ class Inside(NamedTuple):
 class Shape(NamedTuple):
     """A mode of the plant in metres: complex displacements along the track, the drums' at their rims.
 
-    `inner` is what goes on within rope and gearbox of winch 1 and winch 2.
+    `inner` has the displacements inside rope and gearbox of winch 1 and winch 2.
     """
 
     vehicle: complex
@@ -72,7 +72,7 @@ class Shape(NamedTuple):
 
     @property
     def is_rigid(self) -> bool:
-        """Whether nothing moves against anything else."""
+        """Whether all displacements are equal, within `RIGID`."""
         apart = [*self.stretches, *(inside.sag for inside in self.inner)]
         for inside, drum in zip(self.inner, (self.drum_1, self.drum_2), strict=True):
             apart += [node - self.vehicle for node in inside.nodes]
@@ -81,15 +81,15 @@ class Shape(NamedTuple):
 
 
 def label(system: LinearSystem, participation: Mapping[str, float], shape: Mapping[str, complex], plant: Plant) -> str:
-    """A mode's name in words, by each state's share in it and complex amplitude.
+    """Label of a mode in words, from each state's participation factor and complex amplitude.
 
-    What has most of its kinetic energy names it: drums and vehicle, waves in a rope, a gearbox whose rotor and drum
-    swing against each other, or the sag; of friction that settles, where it is. Longitudinal modes of a rope are
-    counted from the one in which all of it moves one way, at c/4L where the drum has no inertia; a heavy drum makes
-    that its own mode, and the second is near c/2L.
+    The mode is named after the largest share of its kinetic energy: drums and vehicle, waves in a rope, a gearbox whose
+    rotor swings against its drum, or the sag; a friction state after its place. Longitudinal modes of a rope are
+    counted from the one in which the whole rope moves in one direction, at c/4L for a drum without inertia; with a
+    heavy drum that is the drum's mode, and the second is near c/2L.
 
-    How much of it is on which side follows from how far the states of that winch and rope participate. Without damping
-    that is their share of the energy; in a closed loop a mode of one gearbox may shake the other further than itself.
+    The shares of the two sides are the participation factors of the states of that winch and rope. Without damping
+    these are the shares of energy; in a closed loop a mode of one gearbox may move the other one further.
     """
     prefix = plant_prefix(system.states)
     x = system.operating_point.get("x")
@@ -131,7 +131,7 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
 
 
 def _side_share(number: int, shares: Mapping[str, float], known: Mapping[str, Leaf]) -> float:
-    """What the states of a winch and its rope participate in a mode, but for friction that settles."""
+    """Participation of the states of a winch and its rope in a mode, without friction states."""
     begins = f"theta_{number}", f"omega_{number}", f"rope_{number}.", f"motor_{number}."
     return sum(
         share for key, share in shares.items() if key.startswith(begins) and Mark.SETTLES not in known[key].marks
@@ -139,7 +139,7 @@ def _side_share(number: int, shares: Mapping[str, float], known: Mapping[str, Le
 
 
 def _side_factors(energies: Sequence[float], shares: Sequence[float]) -> list[float]:
-    """Factors on the energies of both sides that keep their sum, and make them as the shares are."""
+    """Factors on the energies of both sides that make them proportional to the shares and keep their sum."""
     if not all(energies) or not sum(shares):
         return [1.0, 1.0]
     whole = sum(energies) / sum(shares)
@@ -154,7 +154,7 @@ def _inside(side: Side, shape: Mapping[str, complex], prefix: str) -> Inside:
 
 
 class SideMasses(NamedTuple):
-    """Masses in kg of a winch and its rope, as they move along the track or, of the sag, amid a span."""
+    """Masses in kg of a winch and its rope, referred to motion along the track or, for the sag, at midspan."""
 
     drum: float
     rotor: float
@@ -165,7 +165,8 @@ class SideMasses(NamedTuple):
     def energies(self, drum: complex, vehicle: complex, inside: Inside) -> dict[str, float]:
         """Kind of a mode → twice its kinetic energy over the square of its angular frequency.
 
-        That of rotor and drum is that of their centre of mass, the drum's, and of their swing about it, the gear's.
+        The energy of rotor and drum is divided into that of their centre of mass ("drum") and of the relative motion
+        ("gear").
         """
         moving = {
             "drum": self.drum * abs(drum) ** 2,
@@ -201,11 +202,11 @@ MODE_KINDS = {
     "gear": ("gearbox {}", "both gearboxes {}"),
     "sag": ("sag of rope {}", "sag of both ropes {}"),
 }
-"""Kind of a mode within ropes and gearboxes → its name, of one side and of both."""
+"""Kind of a mode inside ropes and gearboxes → its label for one side and for both."""
 
 
 def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
-    """A mode's name by its kind and the energies that both sides have of it."""
+    """Label of a mode from its kind and its energies on both sides."""
     one, two = MODE_KINDS[kind]
     stronger = int(energies[1] > energies[0])
     nodes = moved.inner[stronger].nodes
@@ -218,9 +219,9 @@ def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
 
 
 def _sign_changes(along: Sequence[complex]) -> int:
-    """Nodes of a mode's shape, by its displacements from the vehicle to the drum; small ones do not count.
+    """Number of nodes of a mode's shape, from the displacements between vehicle and drum; small ones are ignored.
 
-    The drum's always does: a heavy one hardly moves, yet against the rope next to it.
+    The drum always counts: a heavy one hardly moves, but in the opposite direction to the rope next to it.
     """
     largest = max(along, key=abs)
     shown = [(way / largest).real for way in along[:-1] if abs(way) > RIGID * abs(largest)]
@@ -229,7 +230,7 @@ def _sign_changes(along: Sequence[complex]) -> int:
 
 
 def plant_prefix(states: Sequence[str]) -> str | None:
-    """What stands before the names of the plant's six states; None where they are not all there."""
+    """Prefix of the names of the plant's six states; None where one is missing."""
     for name in states:
         prefix = name.removesuffix("theta_1")
         if prefix != name and all(prefix + state in states for state in describe(PlantState)):
@@ -249,7 +250,7 @@ def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") 
 
 
 def _by_energies(moved: Shape, masses: Sequence[float], springs: Sequence[float]) -> str:
-    """A mode's name by the bodies and ropes, of given masses in kg and spring rates in N/m, that have its energy."""
+    """Label of a mode from the energies of bodies (masses in kg) and ropes (spring rates in N/m)."""
     vehicle, *drums = _taking_part(masses, moved[:3])
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]
@@ -277,24 +278,24 @@ def _by_states(participation: Mapping[str, float]) -> str:
 Complex = NDArray[np.complex128]
 
 ZERO_EIGENVALUE = 1e-8
-"""Eigenvalues below this share of the largest are zero but for round-off (of a double one, its square root)."""
+"""Eigenvalues below this share of the largest are zero up to round-off (the square root of it for a double one)."""
 
 SAMPLES_A_PERIOD = 10
-"""Samples in a period of a mode that a controller acting on it needs (Åström and Wittenmark: 10 to 30)."""
+"""Samples per period that control of a mode requires (Åström and Wittenmark: 10 to 30)."""
 
 DEADBEAT = 1e-3
-"""Eigenvalue of a discrete system below which a mode is gone after a sample and has no frequency."""
+"""Magnitude of a discrete eigenvalue below which a mode vanishes within a sample and has no frequency."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode; an oscillation stands for both of its conjugate eigenvalues.
+    """One mode; an oscillation represents both of its conjugate eigenvalues.
 
     Attributes:
-        eigenvalue: of A: in 1/s, or per sample of a discrete system.
-        rate: the same in 1/s; of a discrete system ``log(eigenvalue) / dt`` (minus infinity below `DEADBEAT`).
-        participation: state → its share in the mode; the shares sum to one and do not depend on units.
-        shape: state → complex amplitude; the states' units.
+        eigenvalue: eigenvalue of A in 1/s, or per sample for a discrete system.
+        rate: the same in 1/s; for a discrete system ``log(eigenvalue) / dt`` (minus infinity below `DEADBEAT`).
+        participation: state → participation factor; these sum to one and do not depend on units.
+        shape: state → complex amplitude, in the states' units.
         label: in words, e.g. "rope 2 – drum 2".
     """
 
@@ -311,24 +312,24 @@ class Mode:
 
     @property
     def damping(self) -> float:
-        """Damping ratio: 1 and more for a decay without oscillation, 0 for what stays, negative for what grows."""
+        """Damping ratio: 1 for a decay without oscillation, 0 for an integrator, negative for an unstable mode."""
         if math.isinf(self.natural_frequency):
             return 1.0
         return -self.rate.real / self.natural_frequency if self.rate else 0.0
 
     @property
     def time_constant(self) -> float:
-        """Time in s in which the mode falls to 1/e; infinite for what stays, negative for what grows."""
+        """Time in s in which the mode decays to 1/e; infinite for an integrator, negative for an unstable mode."""
         return -1 / self.rate.real if self.rate.real else math.inf
 
     @property
     def sample_rate(self) -> float:
-        """Sample rate in Hz with `SAMPLES_A_PERIOD` samples in a period of the natural frequency."""
+        """Sample rate in Hz with `SAMPLES_A_PERIOD` samples per period of the natural frequency."""
         return SAMPLES_A_PERIOD * self.natural_frequency / (2 * math.pi)
 
     @property
     def main_states(self) -> tuple[str, ...]:
-        """The states that make up the mode, the largest share first, until they sum to 90 %."""
+        """The states with the largest participation, in descending order, up to a sum of 90 %."""
         total, names = 0.0, []
         for name, share in sorted(self.participation.items(), key=lambda item: -item[1]):
             names.append(name)
@@ -342,7 +343,7 @@ class Mode:
 class Spectrum:
     """All eigenvalues of a system (n), with right eigenvectors (columns) and left ones (rows of the inverse).
 
-    A chain of integrators, which has one eigenvector only, has a basis of its subspace instead.
+    A chain of integrators has only one eigenvector; a basis of its invariant subspace replaces it.
     """
 
     eigenvalues: Complex
@@ -354,7 +355,7 @@ def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
     """Modes of a linear system, the slowest first.
 
     Args:
-        system: the plant's or any other; where its states contain the plant's six, modes are labelled by their shape.
+        system: any linear system; if its states include the plant's six, modes are labelled by their shape.
         plant: the plant that was linearised, for the labels (default: the paper's).
     """
     instance("system", system, LinearSystem, hint=" (linearise makes one)")
@@ -379,7 +380,7 @@ def mode(system: LinearSystem, spectrum: Spectrum, k: int, plant: Plant) -> Mode
 
 
 def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
-    """Eigenvalues and eigenvectors of systems of one size, all at once; rigid motion's eigenvalue is exactly zero."""
+    """Eigenvalues and eigenvectors of systems of one size, all at once; those of rigid motion are exactly zero."""
     matrices = np.array([system.A for system in systems])
     steady = np.array([0.0 if system.dt is None else 1.0 for system in systems])[:, None]
     eigenvalues, right = np.linalg.eig(matrices)
@@ -393,7 +394,7 @@ def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
 
 
 def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
-    """Basis of what does not decay: a chain of integrators has fewer eigenvectors than eigenvalues."""
+    """Basis of the subspace of zero eigenvalues: a chain of integrators has fewer eigenvectors than eigenvalues."""
     from scipy.linalg import matrix_balance, schur
 
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
@@ -403,7 +404,7 @@ def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
     ordered: Any = schur(balanced, output="complex", sort=lambda rate: abs(rate) <= between)
     basis = scale[:, None] * ordered[1][:, :count]
     basis /= np.linalg.norm(basis, axis=0)
-    # a chain's later vectors are free up to the first: with it, they show the displacement that the drift leads to
+    # later vectors of a chain may include multiples of the first: then they show the displacement of the drift
     basis[:, 1:] += basis[:, :1]
     return basis
 
@@ -415,12 +416,12 @@ def _rate(eigenvalue: complex, dt: float | None) -> complex:
 
 
 CLEAR = 0.8
-"""Overlap from which a mode is the one before beyond doubt."""
+"""Overlap above which two successive modes are certainly the same."""
 
 
 @dataclass(frozen=True)
 class ModeTrack:
-    """One mode along a sweep: at every point the mode, under the label it has most often."""
+    """One mode along a sweep, with its most frequent label."""
 
     label: str
     modes: tuple[Mode, ...]
@@ -442,19 +443,19 @@ class ModeTrack:
 
 
 def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> tuple[ModeTrack, ...]:
-    """Follow the modes along systems that change little from one to the next.
+    """Track the modes along systems that change little from one to the next.
 
-    Two modes belong together where the left eigenvector of each fits the right one of the other (a measure that no
-    scaling of states changes) and their eigenvalues are near. Where modes mix, as those of two equal ropes in the
-    middle of the track do, they are matched with what they were before.
+    Modes are matched by linear assignment: the left eigenvector of each with the right one of the other (a measure
+    independent of the scaling of states), and the distance of their eigenvalues. Where modes mix, as those of two equal
+    ropes in the middle of the track, they are matched with the last distinct ones.
 
     Args:
-        systems: of the same states, in the order of the sweep.
+        systems: systems with the same states, in the order of the sweep.
         plant: the plant that was linearised, for the labels (default: the paper's).
 
     Returns:
-        The tracks, the slowest at the first point first. An oscillation is one track; where it splits into two
-        decays, the other one is a track of its own.
+        The tracks, in ascending natural frequency at the first point. An oscillation is one track; where it splits into
+        two decays, the second one is a separate track.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -189,7 +189,7 @@ def test_what_does_not_go_together_is_one_line(values: dict[str, object], messag
         (
             "t,x\n0,0\n20000,4\n40000,8\n",
             {},
-            r'moves at 0.0002 m/s at most, as t is .*: must be stated, time_unit = "s"',
+            r'moves at 0.0002 m/s at most, if t is .*: must be stated, time_unit = "s"',
         ),
         (
             "t,x,v\n0,0,0\n1,1,2000\n2,4,4000\n",

@@ -162,7 +162,10 @@ def test_exports_take_the_setpoints_ahead() -> None:
 
 def test_the_closed_loop_says_what_departs_when() -> None:
     about = {variable.name: variable for variable in block("closed-loop", EXPERIMENT).inputs}
-    assert about["ahead.v.2"].description == "departure of the reference speed from acceleration now, 1 s ahead"
+    assert (
+        about["ahead.v.2"].description
+        == "deviation of the future reference speed from constant acceleration, 1 s ahead"
+    )
     assert about["ahead.v.2"].start == 0
 
 
