@@ -1,11 +1,11 @@
-"""Operating points: where the plant is linearised. At rest an equilibrium, else an instant of steady motion.
+"""Operating points of the linearisation: an equilibrium at rest, or an instant of steady motion.
 
-In steady motion speed, tensions and drum speeds stay constant. The length of rope between winch and vehicle changes as
-the vehicle moves, and with it the spring rate E A / length. A tension stays constant if the *strain* does: with the
-stretch ``s = strain * length`` and ``F = E A / length * s + c ds/dt``, the strain is ``F / (E A + c dlength/dt)``. So a
-drum turns a little slower than the vehicle moves, by the share ``strain`` of the speed. (Were drum and vehicle equally
-fast, the tension would rise by ``F v / length`` newtons a second.) This is an exact solution of the plant, not an
-approximation; only position and drum angles change along it. `RopeLaw.steady_stretch` is the strain of other ropes.
+In steady motion speed, tensions and drum speeds are constant. The length of rope between winch and vehicle changes as
+the vehicle moves, and with it the spring rate E A / length. A tension is constant if the *strain* is: with the stretch
+``s = strain * length`` and ``F = E A / length * s + c ds/dt``, the strain is ``F / (E A + c dlength/dt)``. A drum
+therefore turns slower than the vehicle moves, by the share ``strain`` of the speed. (At equal speeds the tension would
+rise by ``F v / length`` newtons per second.) This is an exact solution of the plant, along which only position and drum
+angles change. `RopeLaw.steady_stretch` gives the strain of other ropes.
 """
 
 import math
@@ -59,7 +59,7 @@ TENSION_MIN, TENSION_MAX = 200.0, 6000.0
 
 
 class SteadyMotion(NamedTuple):
-    """State and input at one instant of steady motion, with the tensions in N."""
+    """State, motor torques and tensions in N at one instant of steady motion."""
 
     state: PlantState
     torques: Torques
@@ -70,7 +70,7 @@ class SteadyMotion(NamedTuple):
 def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant, x: Scalar = 0.0) -> Scalar:
     """Net rope force F1 − F2 in N at the drums that keeps the speed v in m/s (paper Section 2.3).
 
-    Friction, slope, drag and disturbance of the vehicle at x in m, and what water and rollers put against the ropes.
+    The sum of friction, slope, drag and disturbance of the vehicle at x in m, and of the ropes' resistance.
     """
     opposing = friction(v, plant.vehicle, environment.normal_force_variation) + rope_resistance(x, v, plant)
     opposing += slope_force(x, plant.vehicle, plant.track)
@@ -80,9 +80,8 @@ def resistance(v: Scalar, environment: DisturbanceInputs, plant: Plant, x: Scala
 def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_max: Scalar) -> tuple[Scalar, Scalar]:
     """Tensions F1 and F2 in N with the difference `net` (paper Section 3.2).
 
-    Their sum is the preload. Where that takes a tension across a limit, the other rope takes over: the sum is as near
-    to the preload as the limits allow. A net force beyond ``tension_max - tension_min`` leaves one tension at
-    tension_min and the other above tension_max.
+    Their sum is the preload, or as near to it as the limits allow. A net force beyond ``tension_max - tension_min``
+    leaves one tension at tension_min and the other above tension_max.
     """
     total = maximum(minimum(preload, 2 * tension_max - absolute(net)), 2 * tension_min + absolute(net))
     return (total + net) / 2, (total - net) / 2
@@ -95,12 +94,11 @@ def steady_motion(
     plant: Plant,
     creep: tuple[Scalar, Scalar] = (0.0, 0.0),
 ) -> SteadyMotion:
-    """State and torques of the steady motion that passes x in m at v in m/s, with the tensions F1 and F2 in N.
+    """State and torques of the steady motion through x in m at v in m/s, with the tensions F1 and F2 in N.
 
-    The ropes have become longer by their creep in m.
-
-    The environment is held constant; its forces enter through the tensions. On a drum whose radius changes with its
-    angle, and with ropes whose friction changes with their length, the motion is steady for that instant.
+    `creep` is the permanent elongation of the ropes in m. The disturbances are constant; their forces enter through the
+    tensions. If the drum radius depends on its angle, or the ropes' friction on their length, the motion is steady only
+    at this instant.
     """
     drums, ropes, motors, torques, density = [], [], [], [], plant.vehicle.water_density
     lengths = rope_lengths(x, plant.track)
@@ -122,17 +120,17 @@ def steady_motion(
 
 
 FASTEST = 10.0
-"""Bound in m/s on the speed of an operating point, far beyond what the ropes can give."""
+"""Bound in m/s on the speed of an operating point, far beyond any possible speed."""
 
 MANY = "; linearise_sweep of dualwinch.model.linear.linearisation takes arrays, and gives the operating points"
-"""What an error says where there is more than one number."""
+"""Hint of the error message for more than one number."""
 
 TOLERANCE = 1e-9
-"""Share by which a limit may be passed: round-off."""
+"""Relative tolerance of limits, for round-off."""
 
 
 def check_range(key: str, value: float, lower: float, upper: float, unit: str, *, strictly: bool = False) -> None:
-    """Raise `ConfigurationError` for a number that is not finite or out of its range."""
+    """Raise `ConfigurationError` for a number that is not finite or out of range."""
     if math.isfinite(value) and (lower < value < upper if strictly else lower <= value <= upper):
         return
     ends = [
@@ -160,7 +158,7 @@ def check_position(x: float, track: Track) -> None:
 def violations(
     v: float, forces: Sequence[float], torques: Sequence[float], plant: Plant, limits: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Limits tension_min and tension_max that tensions in N and torques in N m exceed at a speed in m/s, in words."""
+    """Violations of tension_min and tension_max by tensions in N and torques in N m at a speed in m/s, in words."""
     words, (lower, upper) = [], limits
     motion = f"cruise at {v:g} m/s" if v else "rest"
     for (number, _, winch, *_), force, torque in zip(plant.sides, forces, torques, strict=True):
@@ -178,7 +176,7 @@ def violations(
 
 
 def remarks(preload: float, forces: Sequence[float]) -> tuple[str, ...]:
-    """What else is to be known of tensions in N that were asked to sum up to a preload in N, in words."""
+    """Remark in words where the sum of the tensions in N differs from the preload in N."""
     total = sum(forces)
     if abs(total - preload) <= TOLERANCE * preload:
         return ()
@@ -186,7 +184,7 @@ def remarks(preload: float, forces: Sequence[float]) -> tuple[str, ...]:
 
 
 def gear_torques(state: PlantState, plant: Plant) -> dict[str, float]:
-    """Torques in N m that gearboxes that give transmit to their drums: ``gear_1``, ``gear_2``."""
+    """Torques in N m that compliant gearboxes transmit to their drums: ``gear_1``, ``gear_2``."""
     of_sides = zip(plant.sides, state.motors, state.drums, strict=True)
     return {
         f"gear_{side.number}": float(gear_torque(*drum, motor, side.winch))
@@ -196,18 +194,18 @@ def gear_torques(state: PlantState, plant: Plant) -> dict[str, float]:
 
 
 def contact(torques: Mapping[str, float], plant: Plant) -> tuple[str, ...]:
-    """Of which contact a linearisation is, in words: nothing where no gearbox has backlash.
+    """Remark in words on the tooth contact that a linearisation assumes; empty without backlash.
 
     Args:
-        torques: what gearboxes transmit in N m, by the names ``gear_1`` and ``gear_2``; others are ignored.
-        plant: says which have backlash.
+        torques: transmitted torques in N m, as ``gear_1`` and ``gear_2``; other names are ignored.
+        plant: the plant.
     """
     sides = {f"gear_{side.number}": side for side in plant.sides if side.winch.backlash > 0}
     touching = [(side.number, torques[name]) for name, side in sides.items() if name in torques]
     if not touching:
         return ()
     words = " and ".join(f"{torque:.4g} N m in gearbox {number}" for number, torque in touching)
-    return (f"linear while ropes stay taut and teeth in contact, which transmit {words}",)
+    return (f"linear while the ropes stay taut and the teeth, which transmit {words}, stay in contact",)
 
 
 def _newtons(force: float) -> str:
@@ -228,15 +226,15 @@ class OperatingPoint:
     tau_2: Annotated[float, Quantity("N m", "motor torque of winch 2")]
     F1: Annotated[float, Quantity("N", "tension of rope 1")]
     F2: Annotated[float, Quantity("N", "tension of rope 2")]
-    preload: Annotated[float, Quantity("N", "sum of both tensions asked for")]
+    preload: Annotated[float, Quantity("N", "requested sum of both tensions")]
     force: Annotated[float, Quantity("N", "disturbance force along the track")]
     current: Annotated[float, Quantity("m/s", "ambient current along the track")]
-    residual: Annotated[float, Quantity("m/s^2", "largest acceleration left (round-off)")]
-    tension_rate: Annotated[float, Quantity("N/s", "largest rate of a tension left (round-off)")]
-    slack_1: Annotated[bool, Quantity("", "rope 1 hangs loose")]
-    slack_2: Annotated[bool, Quantity("", "rope 2 hangs loose")]
-    violations: Annotated[tuple[str, ...], Quantity("", "limits that are not respected, in words")]
-    remarks: Annotated[tuple[str, ...], Quantity("", "what else is to be known, in words")]
+    residual: Annotated[float, Quantity("m/s^2", "largest remaining acceleration (round-off)")]
+    tension_rate: Annotated[float, Quantity("N/s", "largest remaining rate of a tension (round-off)")]
+    slack_1: Annotated[bool, Quantity("", "rope 1 is slack")]
+    slack_2: Annotated[bool, Quantity("", "rope 2 is slack")]
+    violations: Annotated[tuple[str, ...], Quantity("", "violated limits, in words")]
+    remarks: Annotated[tuple[str, ...], Quantity("", "further remarks, in words")]
     rope_1: Any = MASSLESS
     rope_2: Any = MASSLESS
     motor_1: Any = NO_STATE
@@ -255,7 +253,7 @@ class OperatingPoint:
 
     @property
     def environment(self) -> DisturbanceInputs:
-        """What acts from outside."""
+        """The disturbances."""
         return DisturbanceInputs(self.force, self.current)
 
 
@@ -270,14 +268,14 @@ def operating_point(
     tension_min: float = TENSION_MIN,
     tension_max: float = TENSION_MAX,
 ) -> OperatingPoint:
-    """State, torques and tensions with which the vehicle passes x at the constant speed v.
+    """State, torques and tensions of the steady motion through x at the constant speed v.
 
-    The tensions differ by what friction, drag and disturbance ask for. Their sum is the preload, or as near to it as
-    the limits allow, as the controller shares them (paper Section 3.2). An operating point that needs more than
+    The difference of the tensions balances friction, drag and disturbance. Their sum is the preload, or as near to it
+    as the limits allow, as the controller shares them (paper Section 3.2). An operating point that needs more than
     tension_max, or torques beyond the winches' limits, is returned with its violations in words.
 
     Args:
-        x: position in m; default: amid the track.
+        x: position in m; default: the middle of the track.
         v: speed in m/s, -10 to 10; negative: towards winch 2.
         preload: sum of both tensions in N, between twice tension_min and twice tension_max.
         plant: default: the paper's.
@@ -309,12 +307,10 @@ def operating_points(
     tension_min: float = TENSION_MIN,
     tension_max: float = TENSION_MAX,
 ) -> list[OperatingPoint]:
-    """Many operating points at once: x, v and preload are broadcast against each other (see `operating_point`).
-
-    Without x they are amid the track.
+    """Many operating points at once: x, v and preload are broadcast (see `operating_point`).
 
     Raises:
-        ConfigurationError: as `operating_point`, for the first point that is wrong.
+        ConfigurationError: as in `operating_point`, for the first invalid point.
     """
     given = {"x": plant.track.length / 2 if x is None else x, "v": v, "preload": preload}
     asked = np.broadcast_arrays(*(np.atleast_1d(number_array(name, values)) for name, values in given.items()))
@@ -355,7 +351,7 @@ def operating_point_law(structure: Plant) -> ca.Function:
 
 @built_once
 def _left(structure: Plant) -> ca.Function:
-    """``state, torques, (force, current), p -> what is left``: largest acceleration and rate of a tension."""
+    """``state, torques, (force, current), p -> residuals``: largest acceleration and rate of a tension."""
     plant, p = symbols(structure, "p")
     (state, x), (asked, u), w = symbols(blank_state(structure), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
     (angle_1, _), (angle_2, _) = state.shafts

@@ -1,9 +1,9 @@
 """Controllability and observability, transmission zeros and DC gains of a linear system.
 
-What the inputs can move and the sensors can see is found by the test of Popov, Belevitch and Hautus, mode by mode. All
-measures are taken in balanced states (diagonal scaling), with every input and output of unit size, so that the choice
-of units does not matter. They say what is possible with perfect sensors and unlimited inputs: a small but positive
-number still asks for a sensor better by its inverse.
+Controllability and observability are tested mode by mode (Popov, Belevitch and Hautus). All measures are taken in
+balanced states (diagonal scaling), with inputs and outputs scaled to unit size, so that the choice of units does not
+matter. They assume perfect sensors and unlimited inputs: a small but positive number requires a sensor better by its
+inverse.
 """
 
 import math
@@ -29,7 +29,7 @@ class Balanced:
 
     Attributes:
         A, B, C, D: matrices; the columns of B and the rows of C have unit length (or are zero).
-        inputs, outputs: how many units of the system's input (output) one unit of the balanced one is.
+        inputs, outputs: size of one balanced unit in units of the system's input (output).
     """
 
     A: Array
@@ -41,7 +41,7 @@ class Balanced:
 
 
 def balanced(system: LinearSystem) -> Balanced:
-    """A system in states scaled by powers of two so that rows and columns of A are alike in size."""
+    """A system in states scaled by powers of two, so that rows and columns of A have similar norms."""
     from scipy.linalg import matrix_balance
 
     A, (scale, _) = matrix_balance(system.A, permute=False, separate=True)
@@ -60,11 +60,11 @@ def mode_controllability(system: LinearSystem, inputs: Sequence[str] | None = No
 
     Args:
         system: the system.
-        inputs: those to use; default: all.
+        inputs: inputs to use; default: all.
 
     Returns:
         Smallest singular value of ``[A - lambda I, B]`` over the norm of A, for the eigenvalues in the order of
-        ``system.poles()`` (n); 0 but for round-off where no input moves the mode.
+        ``system.poles()`` (n); 0 up to round-off where no input affects the mode.
 
     Raises:
         ConfigurationError: an unknown input.
@@ -92,19 +92,19 @@ def _distances(A: Array, C: Array, eigenvalues: NDArray[np.complex128]) -> Array
 
 
 def is_controllable(system: LinearSystem, inputs: Sequence[str] | None = None) -> bool:
-    """Whether the inputs (default: all) move every mode."""
+    """Whether every mode is controllable from the inputs (default: all)."""
     return bool(np.all(mode_controllability(system, inputs) > LOST))
 
 
 def is_observable(system: LinearSystem, outputs: Sequence[str] | None = None) -> bool:
-    """Whether the outputs (default: all) see every mode."""
+    """Whether every mode is observable from the outputs (default: all)."""
     return bool(np.all(mode_observability(system, outputs) > LOST))
 
 
 def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
-    """The smallest sets of outputs from which every mode can be seen: none can spare an output.
+    """The minimal sets of outputs from which every mode is observable.
 
-    Sets of fewer outputs come first; empty where not even all outputs suffice.
+    Smaller sets come first; empty where not even all outputs suffice.
     """
     return tuple(_smallest(system))
 
@@ -123,24 +123,24 @@ def _smallest(system: LinearSystem) -> Iterator[tuple[str, ...]]:
 Matrices: TypeAlias = tuple[Array, Array, Array, Array]
 
 RANK = 1e-11
-"""Singular values below this are zero, of rows that are of unit length."""
+"""Singular values below this count as zero, for rows of unit length."""
 
 INTEGRATOR = 1e-10
 """Poles nearer to 0 (discrete: to 1) than this share of the norm of A are integrators."""
 
 NO_GAIN = 1e-9
-"""An integrator that adds less than this to an output does not reach it; both ends in balanced units."""
+"""Gain in balanced units below which an integrator does not reach an output."""
 
 
 def zeros(system: LinearSystem) -> NDArray[np.complex128]:
-    """Finite invariant zeros: rates at which the system can be driven without any answer of its outputs.
+    """Finite invariant zeros: rates of input signals that leave the outputs at zero.
 
-    Zeros at infinity are taken away by orthogonal reductions before eigenvalues are computed (Emami-Naeini and Van
-    Dooren, Automatica 18, 1982), so that none of them turns up as a large number. Inputs and outputs may differ in
-    number; modes that no input moves or no output shows are among the zeros.
+    Orthogonal reductions remove zeros at infinity before the eigenvalues are computed (Emami-Naeini and Van Dooren,
+    Automatica 18, 1982), so that none of them appears as a large number. Inputs and outputs may differ in number;
+    uncontrollable and unobservable modes are among the zeros.
 
     Returns:
-        In 1/s; of a discrete system in the z plane.
+        In 1/s; for a discrete system in the z plane.
     """
     part = balanced(system)
     A, B, C, D = _transposed(_reduced(_transposed(_reduced((part.A, part.B, part.C, part.D)))))
@@ -166,18 +166,18 @@ def _reduced(matrices: Matrices) -> Matrices:
         seen = int(np.sum(sizes > RANK))
         if not seen:
             return A, B, C_fed, D_fed
-        # silent outputs hold the states they see at zero; what keeps them there becomes the new outputs
+        # zero outputs hold the states they observe at zero; the derivatives of these become the new outputs
         held, free = V[:seen].T, V[seen:].T
         C, D = np.vstack([held.T @ A @ free, C_fed @ free]), np.vstack([held.T @ B, D_fed])
         A, B = free.T @ A @ free, free.T @ B
 
 
 def dc_gains(system: LinearSystem) -> Array:
-    """Change of every output for a lasting unit change of every input, once all has settled.
+    """Steady-state change of every output for a unit step of every input.
 
     Returns:
         Array of shape (outputs, inputs), in output units per input unit; infinite where an integrator lies between.
-        It says nothing about stability: unstable modes are taken to be held by a controller.
+        Stability is not required: unstable modes are assumed to be stabilised by a controller.
     """
     from scipy.linalg import schur, solve_sylvester
 
@@ -200,15 +200,15 @@ def dc_gains(system: LinearSystem) -> Array:
 
 
 def states_that_matter(A: Array, B: Array, C: Array) -> NDArray[np.bool_]:
-    """States of many systems that something depends on and that move.
+    """States of many systems that are not constant and that affect an output, directly or through other states.
 
     Args:
         A: matrices (s, n, n) of discrete systems.
-        B: theirs of the inputs, (s, n, m).
-        C: theirs of the outputs, (s, p, n).
+        B: their input matrices, (s, n, m).
+        C: their output matrices, (s, p, n).
 
     Returns:
-        (s, n); a state that keeps its value whatever happens, such as an integral without a gain, does not matter.
+        (s, n); false for constant states, such as an integral without a gain.
     """
     depends, matters = A != 0, (C != 0).any(axis=1)
     while True:

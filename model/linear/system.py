@@ -1,11 +1,11 @@
-"""Linear systems whose states, inputs and outputs have names and units, and their files.
+"""Linear systems with named states, inputs and outputs with units, and their files.
 
 A file is JSON, MATLAB (for MATLAB, Octave and SciPy) or NumPy, chosen by its suffix. Every format has the same entries:
 ``A, B, C, D, dt, states, inputs, outputs, units, operating_point``. A continuous system has ``dt`` null in JSON and 0
 elsewhere, so that ``ss(A, B, C, D, dt)`` is right in MATLAB and Octave.
 
-A sweep of systems fills the same entries: matrices get one more axis over the points (the first; in MATLAB files the
-last, so that ``A(:, :, k)`` is a matrix), and every number of the operating point becomes a list.
+A sweep has the same entries: matrices have an additional axis over the points (the first; in MATLAB files the last, so
+that ``A(:, :, k)`` is a matrix), and every number of the operating point becomes a list.
 """
 
 import json
@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 
 
 LARGEST_SHOWN = 16
-"""Rows and columns of the largest matrix that is shown; of a larger system only the names are."""
+"""Rows and columns of the largest matrix shown; a larger system shows only its names."""
 
 ROUND_OFF = 4 * np.finfo(float).eps
-"""Share of the largest pole within which a frequency is at a pole."""
+"""Tolerance of a frequency at a pole, relative to the largest pole."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """``dx/dt = A x + B u, y = C x + D u``, or ``x[k+1] = A x[k] + B u[k]`` where it has a sample time.
+    """``dx/dt = A x + B u, y = C x + D u``, or ``x[k+1] = A x[k] + B u[k]`` with a sample time.
 
     x, u and y are deviations from the operating point.
 
@@ -46,7 +46,7 @@ class LinearSystem:
         dt: sample time in s; None: continuous time.
         states, inputs, outputs: names of the n states, m inputs and p outputs.
         units: name → unit of every state, input and output ("1" for a pure number).
-        operating_point: name → value of where the linearisation was taken; empty where there is none.
+        operating_point: name → value at the operating point of the linearisation; may be empty.
     """
 
     A: Array
@@ -65,7 +65,7 @@ class LinearSystem:
         for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
             matrix = np.asarray(getattr(self, name), dtype=np.float64)
             if matrix.shape != shape:
-                raise ConfigurationError(f"{name} has the shape {matrix.shape}: the names ask for {shape}")
+                raise ConfigurationError(f"{name} has the shape {matrix.shape}: must be {shape} for these names")
             object.__setattr__(self, name, matrix)
         for name in (*self.states, *self.inputs, *self.outputs):
             if name not in self.units:
@@ -82,7 +82,7 @@ class LinearSystem:
             omega: angular frequencies in rad/s (k).
 
         Returns:
-            Array of shape (k, p, m); ``inf + nan j`` at a pole of that output by that input.
+            Array of shape (k, p, m); ``inf + nan j`` at a pole of that element.
         """
         angular = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         s = 1j * angular if self.dt is None else np.exp(1j * angular * self.dt)
@@ -111,7 +111,7 @@ class LinearSystem:
         """The same system with only some of its inputs and outputs, in the order given.
 
         Raises:
-            ConfigurationError: an unknown name; the message says which is nearest.
+            ConfigurationError: an unknown name; the message suggests the nearest one.
         """
         chosen_in, chosen_out = tuple(inputs), tuple(outputs)
         columns = [_index(name, self.inputs, "input") for name in chosen_in]
@@ -126,13 +126,13 @@ class LinearSystem:
         )
 
     def discretised(self, dt: float) -> "LinearSystem":
-        """The same system seen at sampling instants, its inputs held in between (zero-order hold).
+        """The sampled system with zero-order hold of its inputs.
 
         Args:
             dt: sample time in s.
 
         Raises:
-            ConfigurationError: a sample time that is not positive, or a system that is discrete already.
+            ConfigurationError: a sample time that is not positive, or a discrete system.
         """
         from scipy.linalg import expm
 
@@ -148,13 +148,13 @@ class LinearSystem:
             scaled = block * dt
             exponential = expm(scaled) if np.isfinite(scaled).all() else np.full_like(block, np.inf)
         if not np.isfinite(exponential).all():
-            raise ConfigurationError(f"dt = {dt:g}: is too long a sample time, the matrices overflow")
+            raise ConfigurationError(f"dt = {dt:g}: is too long a sample time: the matrices overflow")
         return replace(self, A=exponential[:n, :n], B=exponential[:n, n:], dt=dt)
 
     def to_control(self) -> Any:
         """The system as a `control.StateSpace` of python-control with the same names.
 
-        A dot in a name becomes an underscore, as python-control reserves it. A continuous system has ``dt = 0``.
+        Dots in names become underscores, as python-control reserves them. A continuous system has ``dt = 0``.
 
         Raises:
             MissingExtraError: python-control is not installed.
@@ -169,7 +169,7 @@ class LinearSystem:
         return control.StateSpace(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **names)
 
     def _repr_html_(self) -> str:
-        """Names, units and, of a small system, the matrix [A B; C D] with its rows and columns named."""
+        """Names, units and, for a small system, the matrix [A B; C D] with named rows and columns."""
         kinds = {"state": self.states, "input": self.inputs, "output": self.outputs}
         words = ", ".join(f"{len(names)} {kind}s" for kind, names in kinds.items())
         time = "continuous time" if self.dt is None else f"sampled every {self.dt:g} s"
@@ -192,8 +192,8 @@ class LinearSystem:
         """Write the system to a file: .json, .mat (MATLAB and Octave) or .npz (see `model.linear.system`).
 
         Args:
-            path: of the file.
-            figures: what was found of the system, plain data; the entry `figures`, as JSON text in .mat and .npz.
+            path: path of the file.
+            figures: results of an analysis, plain data, for the entry `figures`; as JSON text in .mat and .npz.
 
         Raises:
             ConfigurationError: unknown suffix.
@@ -205,7 +205,7 @@ class LinearSystem:
 def save_sweep(
     systems: Sequence[LinearSystem], path: str | PathLike[str], figures: Mapping[str, Any] | None = None
 ) -> None:
-    """Write systems of the same names to one file (see `model.linear.system`), with figures as `LinearSystem.save`.
+    """Write systems with the same names to one file (see `model.linear.system`); figures as in `LinearSystem.save`.
 
     Raises:
         ConfigurationError: unknown suffix.
@@ -220,7 +220,7 @@ def save_sweep(
 def _write(
     path: str | PathLike[str], first: LinearSystem, own: dict[str, Any], figures: Mapping[str, Any] | None
 ) -> None:
-    """Write a file, which appears whole or not at all: entries of a system, some of them replaced by `own`."""
+    """Write a file atomically: entries of a system, some of them replaced by `own`."""
     write_format = writer(path)
     entries = {field.name: getattr(first, field.name) for field in fields(first)} | own
     with atomic(Path(path)) as unfinished:
@@ -228,7 +228,7 @@ def _write(
 
 
 def writer(path: str | PathLike[str]) -> Callable[[Path, dict[str, Any]], None]:
-    """What writes the format of a path's suffix.
+    """The writer for the suffix of a path.
 
     Raises:
         ConfigurationError: unknown suffix.
@@ -262,9 +262,9 @@ def _write_mat(path: Path, entries: dict[str, Any]) -> None:
     def form(name: str, value: Any) -> Any:
         if name == "figures":
             return json.dumps(value)
-        if isinstance(value, Mapping):  # a field of a structure has no dots
+        if isinstance(value, Mapping):  # fields of a MATLAB structure have no dots
             return {field.replace(".", "_"): item for field, item in value.items()}
-        if isinstance(value, tuple):  # names, as a column cell array of texts
+        if isinstance(value, tuple):  # names, as a column cell array
             return np.array([*value, ""], dtype=object)[:-1, None]
         return np.moveaxis(value, 0, -1) if np.ndim(value) == 3 else value
 
@@ -277,7 +277,7 @@ WRITERS: dict[str, Callable[[Path, dict[str, Any]], None]] = {
     ".mat": _write_mat,
     ".npz": _write_npz,
 }
-"""Suffix → what writes it."""
+"""Suffix → writer."""
 
 
 def _index(name: str, names: tuple[str, ...], kind: str) -> int:

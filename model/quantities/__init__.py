@@ -1,1 +1,1 @@
-"""Quantities: what numbers are, the groups and parts they stand in, and how these are taken apart and checked."""
+"""Quantities of numbers, the groups and parts that hold them, and how these are flattened and checked."""

@@ -1,8 +1,8 @@
 """The scalars of a group: each with its key, quantity, type and bounds, as a `Leaf`.
 
 A group is a frozen dataclass, of floats or of CasADi symbols, that may have further groups and parts
-(`model.quantities.part`) as fields. Its `field_marks`, if it has any, are those of fields without marks of their own.
-Its type is described with every registered part, an instance with those it has.
+(`model.quantities.part`) as fields. Its `field_marks`, if any, apply to fields without marks. The description of a type
+covers every registered part, that of an instance the parts it has.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -36,11 +36,11 @@ class Slot:
 
     Attributes:
         field, hint, metadata, default: its name, type, annotations and default.
-        key: of its scalar; where it has parts, of their kind.
-        below: what the keys of the groups in it begin with.
-        plain: whether it can only have a scalar.
-        choice: where it has parts: what there is to choose from.
-        tied: what the keys that its group shares with others begin with; empty: it shares none.
+        key: key of its scalar, or of the kind of its parts.
+        below: prefix of the keys of the groups in it.
+        plain: whether it can only hold a scalar.
+        choice: choice of its parts, if any.
+        tied: prefix of the keys that its group shares with others; empty without any.
     """
 
     field: str
@@ -55,7 +55,7 @@ class Slot:
 
     @property
     def declared(self) -> Any:
-        """The type it holds; where that is any, the one of its default."""
+        """The type it holds; for ``Any`` the type of its default."""
         return type(self.default) if self.hint is Any and is_dataclass(self.default) else self.hint
 
     def find(self, kind: type) -> Any:
@@ -63,7 +63,7 @@ class Slot:
         return _first(self.metadata, kind)
 
     def groups(self, value: Any) -> tuple[Any, ...]:
-        """The groups that a value of this field is, or is made of; of its type all registered parts."""
+        """The groups in a value of this field; all registered parts for its type."""
         if self.choice and value is self.hint:
             return tuple(self.choice.registry.values())
         if self.choice and self.choice.several:
@@ -77,7 +77,7 @@ def _first(metadata: Iterable[Any], kind: type) -> Any:
 
 @cache
 def slots(group: type, prefix: str) -> tuple[Slot, ...]:
-    """The fields with keys of a group type, whose keys begin with a prefix, in declaration order."""
+    """The fields of a group type that have keys, below a prefix, in declaration order."""
     hints, own = get_type_hints(group, include_extras=True), own_prefix(group, prefix)
     found = []
     for field in fields(group):
@@ -105,7 +105,7 @@ def slots(group: type, prefix: str) -> tuple[Slot, ...]:
 
 
 def own_prefix(group: type, prefix: str) -> str:
-    """What the keys of a group's own scalars begin with: a part's, in its own table."""
+    """Prefix of the keys of a group's own scalars; a part has its own table."""
     table = group.table() if issubclass(group, Part) else ""
     return f"{prefix}{table}." if table else prefix
 
@@ -115,7 +115,7 @@ def _all_plain(options: tuple[Any, ...]) -> bool:
 
 
 PLAIN = (float, int, bool, str, tuple[float, ...], type(None))
-"""Types of scalars; a list of numbers counts as one."""
+"""Types of scalars, lists of numbers included."""
 
 
 def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
@@ -123,7 +123,7 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
 
     Args:
         group: a dataclass type whose scalar fields are annotated with a `Quantity`.
-        prefix: put before every key.
+        prefix: prefix of every key.
 
     Returns:
         Dotted key → `Leaf`.
@@ -138,9 +138,9 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
 
 
 def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
-    """Every scalar below a group or a group type, with the part, else group, that has it.
+    """Every scalar below a group or a group type, with the part, else the group, that holds it.
 
-    A key that several parts share comes with each.
+    A key shared by several parts is repeated for each.
     """
     owner = group if isinstance(group, type) else type(group)
     for slot in slots(owner, prefix):
@@ -160,15 +160,15 @@ def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
 
 
 def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
-    """Every scalar below an instance, by the types of the parts it is made of; keys as in `leaves`.
+    """Every scalar below an instance, from the types of its parts; keys as in `leaves`.
 
     Args:
-        group: an instance of a dataclass, whose parts may be of any dataclass type.
-        prefix: put before every key.
+        group: an instance of a dataclass, with parts of any dataclass type.
+        prefix: prefix of every key.
 
     Raises:
-        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; a part is none; or two
-            parts mean something else by a key.
+        ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; a part is invalid; or
+            two parts use one key for different quantities.
     """
     shape = tuple(_shape(group, prefix)), prefix
     if shape not in _described:
@@ -182,11 +182,11 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
 
 
 _described: dict[tuple[Any, str], Mapping[str, Leaf]] = {}
-"""What groups of a shape are, once they have been asked for."""
+"""Cache of descriptions by shape."""
 
 
 def _shape(group: Any, prefix: str) -> Iterator[Any]:
-    """What the description of a group depends on: the types of its groups and the shapes of its arrays."""
+    """Everything the description of a group depends on: the types of its groups and the shapes of its arrays."""
     yield type(group)
     for slot in slots(type(group), prefix):
         if slot.plain:
@@ -202,7 +202,7 @@ def _shape(group: Any, prefix: str) -> Iterator[Any]:
 
 
 def _check_base(slot: Slot, value: Any) -> None:
-    """Raise `ConfigurationError` where what stands in a part's place is no object of the part's base."""
+    """Raise `ConfigurationError` where the value of a part's field is no instance of the part's base."""
     if not (slot.choice and slot.choice.several) and not isinstance(value, slot.hint):
         given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
         hint = f"; write {value.__name__}()" if isinstance(value, type) and issubclass(value, slot.hint) else ""
@@ -210,13 +210,13 @@ def _check_base(slot: Slot, value: Any) -> None:
 
 
 def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type, Leaf]]) -> None:
-    """Raise `ConfigurationError` where a part means something else by a key than others that have it.
+    """Raise `ConfigurationError` where a part's key has another meaning in another part or group.
 
-    Parts may share a group of numbers, and its keys; they may not by accident. Others are scalars with their groups.
+    Parts may share the keys of a common group of numbers. `others` are scalars with their groups.
     """
     tables = {key[:end] for key in own for end, character in enumerate(key) if character == "."}
     for owner, leaf in others:
-        if Mark.PARTS in leaf.marks:  # a list of kinds, and the table of those parts' own numbers
+        if Mark.PARTS in leaf.marks:  # this key names both the list of kinds and the table of these parts
             continue
         mine, above = own.get(leaf.key), (key for key in own if leaf.key.startswith(f"{key}."))
         if leaf.key in tables or any(above) or (mine is not None and not _alike(mine, leaf)):
@@ -232,7 +232,7 @@ def _alike(leaf: Leaf, other: Leaf) -> bool:
 
 @cache
 def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> tuple[Leaf, ...]:
-    """What a scalar is, or the elements of an array, by what their keys end in."""
+    """Leaves of a scalar, or of the elements of an array, by the suffixes of their keys."""
     each = slot.find(Elements)
     if each is None:
         leaf = _leaf(group, slot)
@@ -248,7 +248,7 @@ def _element_leaves(group: type, slot: Slot, ends: tuple[str, ...]) -> tuple[Lea
 
 @cache
 def _choice_leaf(slot: Slot, choices: tuple[str, ...]) -> Leaf:
-    """What the kind of a part is, or the kinds of several."""
+    """Leaf of the kind of a part, or of the kinds of several."""
     if slot.choice and slot.choice.several:
         return Leaf(slot.key, slot.find(Quantity), tuple, choices, marks=frozenset({Mark.PARTS}), default=())
     return Leaf(slot.key, slot.find(Quantity), str, choices, marks=frozenset({Mark.PART}))
@@ -297,7 +297,7 @@ def _bounds(metadata: tuple[Any, ...], name: str) -> Iterator[at.BaseMetadata]:
 
 
 def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...]]:
-    """Whose a key is: the key that chooses among parts below a group type, and the registered kinds that have it."""
+    """Owners of a key: the key that chooses among parts below a group type, and the registered kinds with this key."""
     for slot in slots(group, prefix):
         inside = slot.groups(slot.hint)
         if slot.choice:

@@ -1,11 +1,11 @@
 """Parts: objects that own their gains and are chosen by their kind, such as a position law.
 
-A part is a frozen dataclass of its own gains with a `kind`, its name in files and on command lines. Its keys stand in
-the table of what it is part of: a number ``k`` of the part ``mine`` of ``controller`` is ``controller.mine.k``, and a
-group of numbers keeps the name of its field, ``controller.observer.l0``. So parts that share a group share its keys.
+A part is a frozen dataclass of its gains with a `kind`, its name in files and on command lines. Its keys stand in the
+table of its owner: a number ``k`` of the part ``mine`` of ``controller`` is ``controller.mine.k``, and a group of
+numbers keeps the name of its field, ``controller.observer.l0``. Parts with a common group therefore share its keys.
 
-A class that cannot be a part is refused in one line that says what to write instead (`check_class`). Files that record
-a part note where its class comes from (`source_of`) and a `digest` of that source.
+An invalid class raises a one-line error with the correction (`check_class`). Files that record a part note the source
+of its class (`source_of`) and a `digest` of it.
 """
 
 import hashlib
@@ -29,16 +29,16 @@ from dualwinch.model.quantities.quantity import unknown
 PACKAGE = __name__.partition(".")[0]
 
 PLUGIN = "_plugin_of_dualwinch_"
-"""What the names of modules begin with that were imported from a file by its path."""
+"""Prefix of the names of modules imported from a file by its path."""
 
 
 def built_in(part: type) -> bool:
-    """Whether a part comes with the product."""
+    """Whether a part belongs to the product."""
     return part.__module__.partition(".")[0] == PACKAGE
 
 
 def source_of(part: type) -> str:
-    """Where a part is defined: the path of a file for one from a script or a named file, else the name of a module."""
+    """Source of a part: the path of a script or named file, else the name of its module."""
     module = sys.modules.get(part.__module__)
     path = _path(module) if module else None
     if path and (part.__module__ == "__main__" or part.__module__.startswith(PLUGIN)):
@@ -47,9 +47,9 @@ def source_of(part: type) -> str:
 
 
 def origin(part: type) -> tuple[str, str]:
-    """What is the same for a part that is defined again, such as by a notebook's cell: its file, else module, and name.
+    """Identity of a part across repeated definitions, as by a notebook's cell: its file, else module, and its name.
 
-    One file may be known under several modules' names.
+    One file may have several module names.
     """
     module = sys.modules.get(part.__module__)
     path = _path(module) if module else None
@@ -57,16 +57,16 @@ def origin(part: type) -> tuple[str, str]:
 
 
 def named(part: type) -> str:
-    """A part as errors name it: its class, and where it is defined."""
+    """Name of a part in errors: its class and source."""
     source, name = source_of(part), part.__qualname__.rpartition("<locals>.")[2]
     return f"{name} of {Path(source).name}" if source.endswith(".py") else f"{source}.{name}"
 
 
 def digest(part: type) -> str:
-    """SHA-256 of the sources that define a part; empty where they cannot be read, as of what was typed at a prompt.
+    """SHA-256 of the sources that define a part; empty where they cannot be read, as at an interactive prompt.
 
-    These are the modules of its class and of the classes it is made from, and what these take from files beside them or
-    from their own package. Libraries do not count.
+    These are the modules of its class and base classes, and the modules that these import from the same folder or
+    package. Libraries do not count.
     """
     texts = [text_of(module) or text_of(part) for module in modules_of(part)]
     if part.__module__ not in sys.modules or not all(texts):
@@ -76,9 +76,9 @@ def digest(part: type) -> str:
 
 
 def text_of(defined: ModuleType | type) -> str:
-    """The source of a module as it was imported, where its loader keeps that, else as it is now; or that of a class.
+    """The source of a module as imported, where its loader keeps that, else the present one; or the source of a class.
 
-    A notebook's cell has a class, a notebook itself has no source.
+    A class in a notebook's cell has a source, the notebook itself has none.
     """
     spec = getattr(defined, "__spec__", None)
     read = getattr(getattr(spec, "loader", None), "get_source", None)
@@ -89,7 +89,7 @@ def text_of(defined: ModuleType | type) -> str:
 
 
 def modules_of(part: type) -> list[ModuleType]:
-    """The modules that define a part, without the product's own."""
+    """The modules that define a part, without those of the product."""
     waiting = [sys.modules[base.__module__] for base in part.__mro__ if _counts(base.__module__)]
     found: dict[str, ModuleType] = {}
     while waiting:
@@ -106,7 +106,7 @@ def _counts(name: str) -> bool:
 
 
 def _companions(module: ModuleType) -> Iterator[ModuleType]:
-    """Modules beside a module, in its folder or package, that its names come from."""
+    """Modules in the same folder or package from which a module imports names."""
     for value in list(vars(module).values()):
         name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
         other = sys.modules.get(name) if isinstance(name, str) else None
@@ -129,21 +129,21 @@ def _path(module: ModuleType) -> Path | None:
 
 @cache
 def _libraries() -> frozenset[Path]:
-    """Folders of installed modules, which have nothing to do with each other."""
+    """Folders of installed modules, which are unrelated to each other."""
     folders = [*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()]
     return frozenset(Path(folder).resolve() for folder in folders)
 
 
 KIND_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*([-_][A-Za-z0-9]+)*")
-"""Words that can stand in keys, on command lines and in the names of functions."""
+"""Kinds that are valid in keys, on command lines and in the names of functions."""
 
 OF_THE_CLASS = ("kind", "label", "colour", "dashes", "rules")
-"""Attributes of a part's class, which are no fields."""
+"""Class attributes of a part, which are no fields."""
 
 
 @cache
 def check_class(part: type) -> None:
-    """Raise `ConfigurationError` where a class is no frozen dataclass with a kind and all that its base asks for."""
+    """Raise `ConfigurationError` unless a class is a frozen dataclass with a kind and the methods its base requires."""
     _check_fields(part)
     _check_kind(part)
     for method, asked in _asked_for(part).items():
@@ -178,7 +178,7 @@ def _hints(part: type) -> dict[str, Any]:
 
 
 def check_defaults(part: type) -> None:
-    """Raise `ConfigurationError` where a part cannot be made from its kind alone."""
+    """Raise `ConfigurationError` where a field of a part has no default."""
     for field in fields(part):
         if field.init and field.default is MISSING and field.default_factory is MISSING:
             raise ConfigurationError(
@@ -200,7 +200,7 @@ def _check_kind(part: type) -> None:
 
 
 def _asked_for(part: type) -> dict[str, Any]:
-    """The methods that a part's bases want written, by name."""
+    """The abstract methods of a part's bases, by name."""
     return {
         method: vars(base)[method]
         for base in part.__mro__
@@ -224,24 +224,24 @@ def _check_method(part: type, method: str, asked: Any) -> None:
 
 @dataclass(frozen=True)
 class NoState:
-    """The state of what remembers nothing."""
+    """The empty state of a component without memory."""
 
 
 NO_STATE = NoState()
-"""That state."""
+"""The empty state."""
 
 
 class Part(ABC):
     """Base of everything that is chosen by its kind.
 
-    A class that subclasses it directly is a base, such as that of all position laws: it says what a part has to do.
+    A direct subclass is the base of one sort of part, such as of all position laws, and defines its methods.
 
     Attributes:
-        registry: of the parts that share a base; it stands at the base.
+        registry: registry of the parts with this base; an attribute of the base.
         kind: name in files and on command lines, such as ``pid-cascade``.
         label: name in figures and tables; default: the kind.
-        colour: in figures, as matplotlib names it; default: the next that is free.
-        dashes: line style in figures, as matplotlib names it; default: solid.
+        colour: colour in figures, a matplotlib name; default: the next free one.
+        dashes: line style in figures, a matplotlib name; default: solid.
     """
 
     registry: "ClassVar[Registry[Any] | None]" = None
@@ -251,37 +251,37 @@ class Part(ABC):
     dashes: ClassVar[Any] = ""
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
-        """Raise `ConfigurationError` where the class is none that a part can have."""
+        """Raise `ConfigurationError` where the class is no valid part."""
         check_class(cls)
         return super().__new__(cls)
 
     @classmethod
     def table(cls) -> str:
-        """The table of its own numbers: the kind, as it is written in a key; empty: they need no table of their own."""
+        """Name of the table of its own numbers: the kind with underscores; empty: no table."""
         return cls.kind.replace("-", "_")
 
 
 def base_of(part: type[Part]) -> type[Part]:
-    """The base of a part: the class it is made from that subclasses `Part` directly."""
+    """The base of a part: its ancestor that is a direct subclass of `Part`."""
     return next(base for base in part.__mro__ if Part in base.__bases__)
 
 
 HOW_TO_REGISTER = "a kind of your own: dw.register(YourClass), or --plugin FILE"
-"""What to do about a kind that is not known."""
+"""Hint of errors about an unknown kind."""
 
 PartType = TypeVar("PartType", bound=Part)
 
 
 class Registry(Mapping[str, type[PartType]], Generic[PartType]):
-    """Parts of one base that files and command lines know, by kind; in the order they are listed to people."""
+    """Parts of one base that files and command lines accept, by kind, in the order of listings."""
 
     def __init__(self, what: str, *parts: type[PartType], base: type[PartType] | None = None) -> None:
         """Make a registry.
 
         Args:
-            what: what its parts are, in one or two words, e.g. ``position law``.
-            parts: the built-in ones. Where they share a base, this is its registry.
-            base: their base, where there are no built-in ones.
+            what: noun for its parts in messages, e.g. ``position law``.
+            parts: the built-in parts; this becomes the registry of their common base.
+            base: their base, where there are no built-in parts.
         """
         self.what = what
         self._parts = {part.kind: part for part in parts}
@@ -291,10 +291,10 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
 
     @contextmanager
     def adding(self, part: type[PartType]) -> Iterator[None]:
-        """Add a part, for good where nothing is wrong with it in there; defined again, it replaces what it was.
+        """Add a part, and remove it again if the context raises an error; a part defined again replaces the old one.
 
         Raises:
-            ConfigurationError: the class cannot be a part, or its kind is that of another.
+            ConfigurationError: the class is no valid part, or its kind is that of another.
         """
         check_class(part)
         known, before = self._parts.get(part.kind), dict(self._parts)
@@ -325,7 +325,7 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
         """The part of a kind.
 
         Raises:
-            ConfigurationError: there is none; the message lists all and names the nearest.
+            ConfigurationError: unknown kind; the message lists all and suggests the nearest.
         """
         if isinstance(kind, str) and kind in self._parts:
             return self._parts[kind]
@@ -333,19 +333,19 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
 
 
 def registries() -> Iterator[Registry[Any]]:
-    """Every registry there is."""
+    """All registries."""
     yield from (base.registry for base in Part.__subclasses__() if base.registry is not None)
 
 
 @dataclass(frozen=True)
 class PartChoice:
-    """A field that has a part.
+    """A field that holds a part.
 
     Attributes:
-        key: of the part's kind.
-        registry: knows the other kinds.
-        table: where the part's keys stand below its owner; default: beside the owner's own.
-        several: whether it has a tuple of parts, no two of a kind.
+        key: key of the part's kind.
+        registry: registry of all kinds.
+        table: table of the part's keys below its owner; default: that of the owner.
+        several: whether the field holds a tuple of parts, no two of a kind.
     """
 
     key: str

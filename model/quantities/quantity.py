@@ -1,9 +1,9 @@
-"""What a number is: unit, meaning, source and what else matters of it, written once beside the field it describes.
+"""Description of numbers: unit, meaning, source and properties, written once beside the field.
 
-Parameters and signals are frozen dataclasses whose fields are annotated with a `Quantity` and, for parameters,
-with bounds from `annotated_types`. Everything else that needs the names, units or bounds (validation, the
-annotated TOML, result columns, the C header, the search space) reads them from here, as a `Leaf`. A field may also be
-a list of numbers (`Numbers`) or, in a state, a vector or matrix (`elements`).
+Parameters and signals are frozen dataclasses whose fields are annotated with a `Quantity` and, for parameters, with
+bounds from `annotated_types`. Validation, the annotated TOML, result columns, the C header and the search space read
+names, units and bounds from there, as a `Leaf`. A field may also be a list of numbers (`Numbers`) or, in a state, a
+vector or matrix (`elements`).
 """
 
 import difflib
@@ -26,9 +26,9 @@ from dualwinch.model.scalar import Scalar
 
 
 class Numbers(tuple[float, ...]):
-    """A list of numbers, however long, as a field of a group that is hashed and compared time and again.
+    """A list of numbers of any length, as a field of a group that is hashed and compared often.
 
-    Its hash is computed once, and it equals itself without a look at its elements.
+    The hash is computed once, and comparison with itself does not read the elements.
     """
 
     _hash: int | None = None
@@ -46,7 +46,7 @@ class Numbers(tuple[float, ...]):
 
 
 def numbers_of(values: Any) -> Any:
-    """A list or tuple as `Numbers`, its elements floats; anything else, which has yet to be refused, as it is."""
+    """A list or tuple as `Numbers` of floats; invalid values unchanged, for a later check."""
     if isinstance(values, Numbers) or not isinstance(values, (list, tuple)):
         return values
     plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
@@ -54,7 +54,7 @@ def numbers_of(values: Any) -> Any:
 
 
 def _as_float(value: float) -> float:
-    """A number as a float; a whole number beyond every float is infinite."""
+    """A number as a float; a whole number beyond the range of floats is infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -79,21 +79,21 @@ class Quantity:
 
 
 def behind_number(unit: str) -> str:
-    """A unit as it stands behind a number, with a space; nothing for a pure number."""
+    """A unit to follow a number, with a space; empty for a pure number."""
     return "" if unit == "1" else f" {unit}"
 
 
 @dataclass(frozen=True)
 class Tunable:
-    """Where a gain is searched for when it is tuned, in its own unit.
+    """Search range of a gain in tuning, in its own unit.
 
     Attributes:
-        lower, upper: bounds of the search, where what they follow has its default value.
-        log: whether factors count, not differences.
-        standard: whether it is tuned if no search space is given.
-        of: what the bounds are proportional to: keys, as a product such as ``1/plant.vehicle.mass`` (a name
-            without a dot stands in the gain's own table, whose name is ``{table}``), or one for each bound; empty:
-            they are what they are on any machine.
+        lower, upper: bounds of the search, at the default values of the keys in `of`.
+        log: whether the search is logarithmic.
+        standard: whether the gain is tuned if no search space is given.
+        of: a product of keys that scales the bounds, such as ``1/plant.vehicle.mass`` (a name without a dot stands in
+            the gain's own table, whose name is ``{table}``), or one for each bound; empty: the same bounds on any
+            machine.
     """
 
     lower: float
@@ -104,17 +104,17 @@ class Tunable:
 
     @property
     def followed(self) -> tuple[str, str]:
-        """What the lower bound follows, and the upper one."""
+        """The products of keys that scale the lower and the upper bound."""
         return (self.of, self.of) if isinstance(self.of, str) else self.of
 
 
 @dataclass(frozen=True)
 class TunableRatio:
-    """A whole number that is searched for as a ratio with another field of its group.
+    """A whole number that is tuned as a ratio with another field of its group.
 
     Attributes:
         denominator: name of the other field.
-        choices: ratios to choose from where nothing else is asked for, such as ``5/3``.
+        choices: default ratios to choose from, such as ``5/3``.
     """
 
     denominator: str
@@ -123,57 +123,57 @@ class TunableRatio:
 
 @dataclass(frozen=True)
 class Key:
-    """What a field is called in keys, where that is not its own name."""
+    """Name of a field in keys, if not its own name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Tied:
-    """A group that is one of several alike: their gains may be tuned as one, under this name."""
+    """A group that is one of several of a kind: their gains may be tuned as one, under this name."""
 
     name: str
 
 
 class Mark(Enum):
-    """What else a field is."""
+    """A property of a field."""
 
     PART = "the kind of a part"
     PARTS = "the kinds of several parts"
-    SHAPES_CODE = "a number that is written into the compiled code"
-    TIMING = "sets the instants of the samples"
-    FILE = "the path of a file that is read; in a file, relative to that file"
-    CONTENT = "what was read, no scalar: it has no key"
-    DIGEST = "says what was read, and follows where something else is"
-    DRAWN_AHEAD = "shapes signals that are drawn ahead of a run; the closed loop does not take it"
-    COURSE = "says how something comes and goes over time or angle, and nothing of how strong it is"
-    SWITCH = "a truth value that the closed loop takes as a number, 0 or 1"
-    OFF_AT_ZERO = "often zero for good: code of its own leaves out what it multiplies"
-    SCALES_DRAWS = "scales what is drawn ahead of a run: where it is zero, nothing is drawn"
-    SHAPES_CODE_AT_ZERO = "a number whose being zero is written into the compiled code"
-    UNKNOWN = "what makes a real machine differ from its data sheet: no controller believes it"
-    READS_IN_STEPS = "rounds what is read: derivatives are those without it"
-    POSITION = "a state that begins where the vehicle does, and is its position in steady motion"
-    SPEED = "a state that is the vehicle's speed in steady motion"
-    RATE = "a state that is the rate of another one of a mechanism"
-    SETTLES = "a state of friction, which settles faster than steps of an integrator are long"
-    HELD = "a signal that keeps its value from one sample to the next"
-    BOOKKEEPING = "a state that moves nothing while sensors are perfect and no vortices shed"
-    LEARNT = "a state that says what has been learnt of a machine's constants, in thousands of samples"
+    SHAPES_CODE = "a number that is a constant of the compiled code"
+    TIMING = "sets the sampling instants"
+    FILE = "the path of a file to read; in a file, relative to that file"
+    CONTENT = "the content of a file: no scalar, and without a key"
+    DIGEST = "the digest of the content of a file, updated when another file is read"
+    DRAWN_AHEAD = "a parameter of signals drawn before a run; no input of the closed loop"
+    COURSE = "sets the course of an effect over time or angle, not its size"
+    SWITCH = "a truth value that is a number, 0 or 1, in the closed loop"
+    OFF_AT_ZERO = "often zero: specialised code leaves out the terms it multiplies"
+    SCALES_DRAWS = "scales signals drawn before a run: at zero nothing is drawn"
+    SHAPES_CODE_AT_ZERO = "a number that is left out of the compiled code at zero"
+    UNKNOWN = "a deviation of the real machine from its data sheet, unknown to controllers"
+    READS_IN_STEPS = "quantises measurements: derivatives neglect it"
+    POSITION = "a state that starts at the vehicle's position, and equals it in steady motion"
+    SPEED = "a state that equals the vehicle's speed in steady motion"
+    RATE = "a state that is the rate of another mechanical state"
+    SETTLES = "a friction state, which settles within an integration step"
+    HELD = "a signal that is constant from one sample to the next"
+    BOOKKEEPING = "a state without effect while sensors are perfect and no vortices are shed"
+    LEARNT = "an estimate of the machine's constants, which converges over thousands of samples"
 
 
 AHEAD = frozenset({Mark.DRAWN_AHEAD, Mark.FILE, Mark.DIGEST})
-"""Marks of what the closed loop does not take: it is used ahead of a run."""
+"""Marks of fields used before a run, which are no inputs of the closed loop."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """What has to hold between the values of a group; a group lists its own as ``rules``.
+    """A constraint between the values of a group; a group lists its constraints as ``rules``.
 
     Attributes:
-        fields: the fields it is about, the one to blame first.
-        holds: group → whether it holds; also where, of groups whose fields are arrays.
-        wanted: group, what the keys of its fields begin with → what the first field has to be, in words.
+        fields: the fields involved, the one that errors name first.
+        holds: group → whether it holds, element by element for fields that are arrays.
+        wanted: group, prefix of its keys → requirement on the first field, in words.
     """
 
     fields: tuple[str, ...]
@@ -182,7 +182,7 @@ class Rule:
 
 
 COMPARISONS = {at.Gt: (">", gt), at.Ge: (">=", ge), at.Lt: ("<", lt), at.Le: ("<=", le)}
-"""Constraint → its sign, and the comparison of a value with its bound."""
+"""Constraint → its sign and comparison."""
 
 
 def bound_of(constraint: at.BaseMetadata) -> Any:
@@ -199,14 +199,14 @@ class Leaf:
         quantity: unit, meaning and source.
         kind: the Python type (``float``, ``int``, ``bool``, ``str``, or ``tuple`` for a list of numbers), without
             ``None``.
-        choices: the words that are allowed; empty for numbers.
+        choices: the allowed words; empty for numbers.
         optional: whether ``None`` (a default taken from elsewhere) is allowed.
         constraints: the bounds from `annotated_types`.
-        tunable: where it is searched for when it is tuned; ``None``: it is no gain.
-        ratio: what it is searched for together with.
-        tied: the key it shares with its likes when they are tuned as one.
-        marks: what else it is.
-        default: the field's own default; ``None`` where there is none.
+        tunable: its search range in tuning; ``None``: it is no gain.
+        ratio: the ratio by which it is tuned.
+        tied: the common key when several groups are tuned as one.
+        marks: its properties.
+        default: the field's default; ``None`` without any.
     """
 
     key: str
@@ -223,7 +223,7 @@ class Leaf:
 
     @property
     def allowed(self) -> str:
-        """The allowed range in words, e.g. ``> 0`` or ``0 to 1``; empty where anything goes."""
+        """The allowed range in words, e.g. ``> 0``; empty if unrestricted."""
         words = [f"{COMPARISONS[type(each)][0]} {bound_of(each):g}" for each in self.constraints]
         words += ["true or false"] if self.kind is bool else []
         words += [f'"{choice}"' for choice in self.choices]
@@ -231,7 +231,7 @@ class Leaf:
 
     @property
     def wanted(self) -> str:
-        """What a value must be, in words."""
+        """Type, range and unit of a valid value, in words."""
         if Mark.PARTS in self.marks:
             return (
                 f"a list of {self.allowed}, each once" if self.choices else "an empty list: no such part is registered"
@@ -246,7 +246,7 @@ class Leaf:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lower and upper end of the allowed range, infinite where there is none."""
+        """Lower and upper end of the allowed range, infinite without a bound."""
         lower, upper = (0.0, 1.0) if self.kind is bool else (-math.inf, math.inf)
         for constraint in self.constraints:
             if isinstance(constraint, (at.Gt, at.Ge)):
@@ -257,19 +257,19 @@ class Leaf:
 
     @cached_property
     def is_number(self) -> bool:
-        """Whether the value is a number at run time, and not a choice of structure."""
+        """Whether the value is a number at run time, not a choice of structure."""
         if Mark.SHAPES_CODE in self.marks or not self.marks.isdisjoint(AHEAD):
             return False
         return self.kind in {float, int, Any} or Mark.SWITCH in self.marks
 
     @property
     def shapes_code(self) -> bool:
-        """Whether another value is another compiled code."""
+        """Whether another value requires other compiled code."""
         return not self.is_number and self.marks.isdisjoint({*AHEAD, Mark.TIMING})
 
     @property
     def some_value(self) -> float:
-        """Some number that is allowed, the same every time."""
+        """An allowed number, always the same."""
         lower, upper = self.bounds
         for candidate in (1, 0.5, lower, upper, lower + 1, upper - 1, (lower + upper) / 2):
             if self.admits(candidate):
@@ -278,7 +278,7 @@ class Leaf:
 
     def admits(self, value: Any) -> bool:
         """Whether a value is of the right type and within the bounds."""
-        if self.kind is float and type(value) is float:  # as most are
+        if self.kind is float and type(value) is float:  # the common case, first for speed
             return math.isfinite(value) and self._within(value)
         if value is None:
             return self.optional
@@ -310,7 +310,7 @@ class Leaf:
 def _finite(value: Any) -> bool:
     try:
         return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
+    except OverflowError:  # a whole number beyond the range of floats
         return False
 
 
@@ -321,9 +321,10 @@ def _all_kept(values: Numbers, constraints: tuple[at.BaseMetadata, ...]) -> bool
 
 
 def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
-    """The keys most like a mistaken one, the nearest first: by the likeness of the wholes and of their last parts.
+    """The keys most similar to a mistaken one, in descending order of similarity.
 
-    Their section counts so as a part of the whole, and a key of another section is nearest where its last part is.
+    The similarity is the sum of those of the whole keys and of their last parts, so that a wrong section matters less
+    than a wrong name.
     """
 
     def parts(name: str) -> tuple[str, str]:
@@ -340,21 +341,21 @@ def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
 
 
 MOST_LISTED = 24
-"""Names that an error lists; of more it lists the nearest."""
+"""Largest number of names listed in an error; of more only the nearest are listed."""
 
 
 def another(what: str) -> str:
-    """What is not the same, in words: another seed, other constraints."""
+    """The noun with "another" or "other": another seed, other constraints."""
     return f"{'other' if what.endswith('s') else 'another'} {what}"
 
 
 def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
-    """What an error says of a name that there is not: the nearest, and which ones there are.
+    """Hint of an error about an unknown name: the nearest, and the known names.
 
     Args:
-        name: as it was given.
-        known: the names there are.
-        more: what else there may be, in words.
+        name: the given name.
+        known: the known names.
+        more: further possibilities, in words.
     """
     names = list(known)
     if not names:
@@ -366,11 +367,11 @@ def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
 
 
 LONGEST_NAME = 100
-"""Characters of a name that an error shows."""
+"""Largest number of characters of a name shown in an error."""
 
 
 def unknown(what: str, name: Any, known: Iterable[str], more: str = "") -> str:
-    """An error about a name that there is not, as ``unknown metric 'ms'; did you mean 'mse'? Must be one of ...``."""
+    """Message about an unknown name, as ``unknown metric 'ms'; did you mean 'mse'? Must be one of ...``."""
     text = repr(name)
     text = text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
     return f"unknown {what} {text}; {suggestion(name, known, more)}"
@@ -378,19 +379,19 @@ def unknown(what: str, name: Any, known: Iterable[str], more: str = "") -> str:
 
 @dataclass(frozen=True, init=False)
 class Elements:
-    """What the elements of a vector are where they are not alike, in place of one `Quantity` of all.
+    """Quantities of the elements of a vector, in place of one `Quantity` for all.
 
     ``z: Annotated[Any, Elements((Quantity("m", "position"), Mark.POSITION), Quantity("m/s", "drift"))]``
 
     Attributes:
-        quantities, marks: of each element; of a matrix, row by row.
+        quantities, marks: those of each element; of a matrix, row by row.
     """
 
     quantities: tuple[Quantity, ...]
     marks: tuple[frozenset[Mark], ...]
 
     def __init__(self, *each: Quantity | tuple[Quantity | Mark, ...]) -> None:
-        """Say what each element is: its quantity, or a tuple of that and its marks."""
+        """Take for each element its quantity, or a tuple of quantity and marks."""
         groups = [item if isinstance(item, tuple) else (item,) for item in each]
         quantities = tuple(item for group in groups for item in group if isinstance(item, Quantity))
         marks = tuple(frozenset(item for item in group if isinstance(item, Mark)) for group in groups)
@@ -401,22 +402,22 @@ class Elements:
 
 
 def is_array(value: Any) -> bool:
-    """Whether a value is a vector or a matrix, of floats or of symbols, and not a scalar."""
+    """Whether a value is a vector or a matrix, of floats or of symbols."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, (ca.SX, ca.MX, ca.DM)) and value.shape != (1, 1)
 
 
 def vector(values: Sequence[Scalar]) -> Any:
-    """Numbers, or symbols, as a vector of a state."""
+    """Numbers or symbols as a vector of a state."""
     symbolic = any(isinstance(value, (ca.SX, ca.MX)) for value in values)
     return ca.vertcat(*values) if symbolic else np.array(values, dtype=float)
 
 
 def elements(value: Any) -> dict[str, Any]:
-    """What its key ends in → element of a vector (``.0``, ``.1``, …) or a matrix (``.0.0``, ``.0.1``, …), row by row.
+    """Suffix of the key → element of a vector (``.0``, ``.1``, …) or a matrix (``.0.0``, ``.0.1``, …), row by row.
 
-    A single element has the array's own key, for a symbol of one element is a scalar.
+    A single element has no suffix, as a symbol of one element is a scalar.
     """
     rows, columns = (*value.shape, 1)[:2]
     matrix = value.reshape(rows, columns) if isinstance(value, np.ndarray) else value
@@ -428,9 +429,9 @@ def elements(value: Any) -> dict[str, Any]:
 
 
 def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
-    """An array shaped like another, by the ends of its elements' keys: NumPy's where all are floats, else CasADi's.
+    """An array shaped like `value`, from the suffixes of its elements' keys: NumPy for floats, else CasADi.
 
-    Elements that are themselves NumPy arrays, of many runs, add their axes behind.
+    Elements that are NumPy arrays, of many runs, append their axes.
     """
     found = [element(end) for end in elements(value)]
     if any(isinstance(item, (ca.SX, ca.MX)) for item in found):

@@ -1,4 +1,4 @@
-"""Steps of parts over symbols: an error of a user's part is one line that says what to write instead."""
+"""Steps of parts over symbols: an error in a user's part is one line that says what to write instead."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,19 +24,19 @@ HINTS = {
     "interpreted as an integer": FUNCTIONS,
     "casadi SX does not support": FUNCTIONS,
 }
-"""What stands in errors of Python, CasADi and below → what to write instead."""
+"""Text in an error of Python, CasADi or this module → correction."""
 
 AS_FLOAT = ca.SX.__float__
 
 
 @contextmanager
 def over_symbols(name: str) -> Iterator[None]:
-    """Call a user's function over symbols in here; messages call it by a name, e.g. ``mine: its step``.
+    """Context for the call of a user's function over symbols; messages name it, e.g. ``mine: its step``.
 
-    The float of a symbol is an error in here. CasADi gives NaN, of which `math` makes more, without a word.
+    Converting a symbol to a float is an error in here; CasADi would silently return NaN.
 
     Raises:
-        ConfigurationError: the function asks a symbol for its value.
+        ConfigurationError: the function needs the value of a symbol.
     """
     ca.SX.__float__ = _float  # pyright: ignore[reportAttributeAccessIssue]
     try:
@@ -76,11 +76,11 @@ def started(part: Any) -> Any:
 
 
 def stepped(part: Any, state: Any, gives: type, *inputs: Any) -> tuple[Any, Any]:
-    """The next state of a part and its output, which is of the type `gives`; inputs are the step's further arguments.
+    """The next state of a part and its output, of the type `gives`; inputs are the step's further arguments.
 
     Raises:
-        ConfigurationError: it asks a symbol for its value, or gives anything but a state like the one it was given and
-            an output of scalars.
+        ConfigurationError: the step needs the value of a symbol, or does not return a state like the given one and an
+            output of scalars.
     """
     following, output = _given(part, state, inputs, gives.__name__)
     if not isinstance(output, gives):
@@ -93,7 +93,7 @@ def stepped_to_number(part: Any, state: Any, what: str, *inputs: Any) -> tuple[A
     """`stepped` of a part whose output is one number, such as a ``torque``.
 
     Raises:
-        ConfigurationError: as `stepped`.
+        ConfigurationError: as in `stepped`.
     """
     following, output = _given(part, state, inputs, what)
     if not isinstance(output, (int, float, ca.SX, ca.DM)) or is_array(output):
@@ -102,7 +102,7 @@ def stepped_to_number(part: Any, state: Any, what: str, *inputs: Any) -> tuple[A
 
 
 def _given(part: Any, state: Any, inputs: Sequence[Any], gives: str) -> tuple[Any, Any]:
-    """What a step gives: a state like the one it was given, and something else."""
+    """Next state, checked to be like the given one, and output of a step."""
     with over_symbols(f"{part.kind}: its step"):
         given = part.step(state, *inputs)
     if not isinstance(given, tuple) or len(given) != 2:
@@ -121,7 +121,7 @@ def _given(part: Any, state: Any, inputs: Sequence[Any], gives: str) -> tuple[An
 
 
 def _check_scalars(part: Any, group: Any, name: str, wanted: Sequence[str] = ()) -> None:
-    """Raise `ConfigurationError` where a field that is to be a number is none; of others vectors are taken apart."""
+    """Raise `ConfigurationError` where a scalar field is None or an array; arrays in other fields are flattened."""
     for field, value in {**leaves(group), **{field: getattr(group, field) for field in wanted}}.items():
         if value is None or is_array(value):
             wrong = "None" if value is None else "an array"

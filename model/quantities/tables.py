@@ -4,28 +4,28 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 SUPERSCRIPTS = {"^2": "²", "^3": "³"}
-"""Powers as units write them, and as people read them."""
+"""Powers in units → superscripts."""
 
 
 def readable(text: str) -> str:
-    """A text as it is read: ``e²`` for ``e^2``."""
+    """A text with superscripts: ``e²`` for ``e^2``."""
     for power, superscript in SUPERSCRIPTS.items():
         text = text.replace(power, superscript)
     return text
 
 
 def readable_unit(unit: str) -> str:
-    """A unit as it is read: ``m²`` for ``m^2``, nothing for a pure number."""
+    """A unit with superscripts: ``m²`` for ``m^2``; empty for a pure number."""
     return "" if unit == "1" else readable(unit)
 
 
 def relative(deviation: float, value: float) -> str:
-    """A standard deviation as a share of its value, in per cent with two significant digits; empty where it is 1."""
+    """A standard deviation in per cent of its value, with two significant digits; empty from 100 % on."""
     return f"{float(f'{100 * deviation / abs(value):.2g}'):g}%" if value and deviation < abs(value) else ""
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """A table of texts; columns of numbers, by their indices, stand to the right."""
+    """An HTML table of texts; columns of numbers, given by their indices, are aligned right."""
     sides = ["right" if column in numbers else "left" for column in range(len(header))]
 
     def cells(tag: str, texts: Sequence[str]) -> str:
@@ -39,17 +39,17 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequenc
 
 
 def section(title: str, content: str, *, is_open: bool = False) -> str:
-    """Something that folds away under its title."""
+    """A collapsible section."""
     return f"<details{' open' if is_open else ''}><summary>{escape(title)}</summary>{content}</details>"
 
 
 def page(title: str, words: str, *parts: str) -> str:
-    """A title in bold, words behind it, and what stands below."""
+    """A title in bold followed by words, and the parts below."""
     return f"<div><p><strong>{escape(title)}</strong>: {escape(words)}</p>{''.join(parts)}</div>"
 
 
 def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells; a bar in a cell is escaped."""
+    """A Markdown table of cells; vertical bars are escaped."""
     cells = [[cell.replace("|", "\\|") for cell in line] for line in [headings, *rows]]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     cells.insert(1, ["-" * width for width in widths])

@@ -1,4 +1,4 @@
-"""Groups of numbers as trees: taken apart into named scalars, put together again from others, and checked."""
+"""Groups of numbers as trees: flattened into named scalars, rebuilt from others, and checked."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass, replace
@@ -17,21 +17,21 @@ Group = TypeVar("Group")
 
 
 def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, Any]:
-    """Take a dataclass apart into its scalars; vectors and matrices into their elements.
+    """Flatten a dataclass into its scalars, vectors and matrices into their elements.
 
     Args:
         group: an instance of a (nested) dataclass.
-        prefix: put before every key, with its dot, e.g. ``"plant."``.
-        whole: leave arrays in one piece, such as signals over the time.
+        prefix: prefix of every key, with its dot, e.g. ``"plant."``.
+        whole: keep arrays, such as signals over time, in one piece.
 
     Returns:
-        Dotted key → value, in declaration order; the kind of a part among them.
+        Dotted key → value, in declaration order, the kinds of parts included.
     """
     return dict(pairs(group, prefix, whole=whole))
 
 
 def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tuple[str, Any]]:
-    """Keys and values as in `leaves`; a key that two parts share comes once for each."""
+    """Keys and values as in `leaves`; a key shared by two parts comes once for each."""
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
         inside = () if slot.plain else slot.groups(value)
@@ -49,16 +49,16 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
 def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
     """A copy of a dataclass with some of its scalars replaced.
 
-    Another kind of a part is that part with its own defaults, and with what it shares with the one before. Of several
-    parts those stay that are among the kinds asked for; others come with their own defaults.
+    A new kind of a part has its own defaults, and the values of keys it shares with the part it replaces. Of several
+    parts those of a requested kind are kept; others are added with their defaults.
 
     Args:
         group: an instance of a (nested) dataclass.
-        values: dotted key → new value; keys that name nothing here are ignored.
-        prefix: what the keys of this group begin with, e.g. ``"plant."``.
+        values: dotted key → new value; unknown keys are ignored.
+        prefix: prefix of the keys of this group, e.g. ``"plant."``.
 
     Raises:
-        ConfigurationError: a part of an unknown kind, or what a group says of its values when it is made.
+        ConfigurationError: a part of an unknown kind, or invalid values of a group.
     """
     changes: dict[str, Any] = {}
     for slot in slots(type(group), prefix):
@@ -82,7 +82,7 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
 
 
 def _chosen(choice: PartChoice, parts: tuple[Part, ...], kinds: Any, below: str) -> Iterator[Part]:
-    """Parts of some kinds, new ones with what they share with those there are; ``None``: the kinds there are."""
+    """Parts of some kinds, new ones with the values they share with the present parts; ``None``: the present kinds."""
     known = {part.kind: part for part in parts}
     for kind in known if kinds is None else kinds if choice.several else (kinds,):
         if kind in known:
@@ -93,7 +93,7 @@ def _chosen(choice: PartChoice, parts: tuple[Part, ...], kinds: Any, below: str)
 
 
 def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
-    """A copy with some fields changed, or the group itself; what it says of its own values, it says with its key."""
+    """A copy with some fields changed, or the group itself; errors of its constructor get its key."""
     if all(getattr(group, name) is value for name, value in changes.items()):
         return group
     try:
@@ -105,9 +105,9 @@ def _changed(group: Group, changes: dict[str, Any], prefix: str) -> Group:
 
 
 def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
-    """The scalars of a group that are numbers at run time: what a compiled function takes as parameters.
+    """The scalars of a group that are numbers at run time: the parameters of a compiled function.
 
-    A zero that shapes code (`Mark.SHAPES_CODE_AT_ZERO`) is none of them.
+    Zeros that shape code (`Mark.SHAPES_CODE_AT_ZERO`) are not included.
     """
     known = describe_parts(group, prefix)
     return {
@@ -119,7 +119,7 @@ def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def shape_of(group: Group) -> Group:
-    """The group of its type with default numbers that is of the same structure: what shapes code is as in the group."""
+    """A group of the same type and code structure with default numbers."""
     known = describe_parts(group)
     shaping = {key: value for key, value in leaves(group).items() if known[key].shapes_code}
     at_zero = {key for key in known if Mark.SHAPES_CODE_AT_ZERO in known[key].marks}
@@ -129,20 +129,20 @@ def shape_of(group: Group) -> Group:
 
 
 def symbols(group: Group, name: str) -> tuple[Group, ca.SX]:
-    """A group whose numbers are symbols, and the vector of these in the order of ``numbers(group)``."""
+    """A group with symbols as its numbers, and their vector in the order of ``numbers(group)``."""
     keys = list(numbers(group))
     vector = ca.SX.sym(name, len(keys))
     return with_leaves(group, dict(zip(keys, ca.vertsplit(vector), strict=True))), vector
 
 
 def alike(group: Group) -> Group:
-    """A group of the same structure with numbers of no group in particular: a key for what its likes share."""
+    """A group of the same structure with placeholder numbers, as a cache key for all groups of this structure."""
     known = describe_parts(group)
     return with_leaves(group, {key: known[key].some_value for key in numbers(group)})
 
 
 def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
-    """Every rule between values below a group: what the keys of its fields begin with, the group it is of, the rule."""
+    """Every rule between values below a group: prefix of its keys, its group, and the rule."""
     own = own_prefix(type(group), prefix)
     for rule in getattr(group, "rules", ()):
         yield own, group, rule
@@ -152,7 +152,7 @@ def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
 
 
 def shown(value: Any) -> str:
-    """A value as an error shows it: as TOML writes it, and never longer than a line."""
+    """A value for error messages: in TOML, at most 60 characters."""
     if isinstance(value, bool):
         return "true" if value else "false"
     try:
@@ -163,10 +163,10 @@ def shown(value: Any) -> str:
 
 
 def validated(leaf: Leaf, value: Any) -> Any:
-    """The value of a leaf, of the leaf's type.
+    """The value of a leaf, converted to the leaf's type.
 
     Raises:
-        ConfigurationError: it is of another type or out of range.
+        ConfigurationError: it is of the wrong type or out of range.
     """
     if not leaf.admits(value):
         hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
@@ -181,13 +181,13 @@ def validated(leaf: Leaf, value: Any) -> Any:
 
 
 def check_values(group: Any, prefix: str = "") -> None:
-    """Raise `ConfigurationError` where a value is of the wrong type or out of range, or is another in another part."""
+    """Raise `ConfigurationError` where a value is of the wrong type, out of range, or different in two parts."""
     _check_groups(group, prefix)
     known = describe_parts(group, prefix)
     found: dict[str, Any] = {}
     for key, value in pairs(group, prefix, whole=True):
         leaf = known.get(key)
-        if leaf is None or type(value) is list:  # an array or a list has no hash, by which code is found again
+        if leaf is None or type(value) is list:  # arrays and lists have no hash, which the cache of code needs
             kind = "an array" if leaf is None else "a list"
             raise ConfigurationError(f"{key}: is {kind}; must be a number, or a tuple of numbers")
         if not leaf.admits(value):
@@ -197,7 +197,7 @@ def check_values(group: Any, prefix: str = "") -> None:
 
 
 def _check_groups(group: Any, prefix: str) -> None:
-    """Raise `ConfigurationError` where something else stands in place of a group, such as a number of a signal."""
+    """Raise `ConfigurationError` where a group is replaced by something else, such as a signal by a number."""
     for slot in slots(type(group), prefix):
         value = getattr(group, slot.field)
         if isinstance(slot.hint, type) and is_dataclass(slot.hint) and not slot.choice:
@@ -207,7 +207,7 @@ def _check_groups(group: Any, prefix: str) -> None:
 
 
 def check_rules(group: Any, prefix: str = "") -> None:
-    """Raise `ConfigurationError` where values of a group do not go together."""
+    """Raise `ConfigurationError` where the values of a group violate a rule."""
     for table, owner, rule in rules(group, prefix):
         if not rule.holds(owner):
             blamed = getattr(owner, rule.fields[0])

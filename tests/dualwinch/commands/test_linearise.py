@@ -47,7 +47,7 @@ def test_the_nominal_machine_of_an_ensemble_has_modes_of_ropes_gears_and_sag(
     out = tmp_path / "site.json"
     main(["linearise", "--ensemble", "site", "--x", "10", "--v", "1", "--out", str(out)])
     said = " ".join(capsys.readouterr().out.split())
-    assert "linear while ropes stay taut and teeth in contact, which transmit 1480 N m in gearbox 1" in said
+    assert "linear while the ropes stay taut and the teeth, which transmit 1480 N m in gearbox 1" in said
     figures = json.loads(out.read_text())["figures"]["modes"]
     assert {"rope 1 – drum 1", "gearbox 1", "sag of rope 1"} <= {row["mode"] for row in figures["rows"]}
     assert figures["units"]["natural_frequency"] == "Hz"

@@ -71,7 +71,7 @@ def test_rotor_and_drum_swing_on_the_gearbox_as_two_inertias_do() -> None:
             assert mode.damping == pytest.approx(500 * omega / (2 * 1.4e6), rel=1e-6)
     assert point.motor_1.theta - point.theta_1 == pytest.approx(0.8 * 1000 / 1.4e6 + 4.5e-4)
     (remark,) = point.remarks
-    assert remark.startswith("linear while ropes stay taut and teeth in contact, which transmit 800 N m in gearbox 1")
+    assert remark.startswith("linear while the ropes stay taut and the teeth, which transmit 800 N m in gearbox 1")
 
 
 @pytest.mark.parametrize(("tension", "span"), [(200.0, 1.0), (1000.0, 1.0), (6000.0, 5.0)])

@@ -76,7 +76,7 @@ def test_inputs_and_outputs_are_chosen_by_name() -> None:
 
 
 def test_names_must_fit_the_matrices_and_have_units() -> None:
-    with pytest.raises(ConfigurationError, match=r"B has the shape \(2, 2\): the names ask for \(2, 1\)"):
+    with pytest.raises(ConfigurationError, match=r"B has the shape \(2, 2\): must be \(2, 1\) for these names"):
         LinearSystem(
             OSCILLATOR.A,
             OSCILLATOR.B,
