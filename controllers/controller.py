@@ -1,4 +1,4 @@
-"""The whole controller: estimator, position law, coordination of the winches (paper Section 3, Figure 4)."""
+"""The controller: estimator, position law and coordination of the winches (paper Section 3, Figure 4)."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -36,11 +36,11 @@ from dualwinch.model.scalar import Scalar
 
 @dataclass(frozen=True)
 class Controller:
-    """Three parts that own their gains, in the order a signal goes through them, and what all of them share."""
+    """Three parts with their gains, in signal order, and the limits and nominal model that they share."""
 
     estimator: Annotated[
         Estimator,
-        Quantity("", "what stands between the sensors and the position law", "assumption"),
+        Quantity("", "estimator between the sensors and the position law", "assumption"),
         PartChoice("estimator", ESTIMATORS),
     ] = field(default_factory=LowPass)
     law: Annotated[PositionLaw, Quantity("", "position law", "paper Table 2"), PartChoice("kind", POSITION_LAWS)] = (
@@ -56,10 +56,10 @@ class Controller:
 
     @property
     def preview(self) -> tuple[float, ...]:
-        """Times in s ahead, ascending, of which a part wants to know the setpoint.
+        """Times in s ahead, ascending, at which a part requests the setpoint.
 
         Raises:
-            ConfigurationError: a part asks for something else.
+            ConfigurationError: a requested time is invalid.
         """
         times: set[float] = set()
         for part in (self.estimator, self.law, self.coordination):
@@ -72,7 +72,7 @@ class Controller:
 
 @dataclass(frozen=True)
 class ControllerOutput:
-    """What the whole controller gives in one sample."""
+    """Outputs of the parts in one sample."""
 
     estimate: Estimate
     position: PositionOutput
@@ -80,13 +80,13 @@ class ControllerOutput:
 
     @property
     def saturated(self) -> Scalar:
-        """1 where the force command is beyond its limit."""
+        """1 where the force command exceeds its limit."""
         return self.position.u_sat != self.position.u
 
 
 @dataclass(frozen=True)
 class ControllerState:
-    """State of the whole controller; its groups are those of the chosen parts."""
+    """States of the three parts."""
 
     estimator: Any
     law: Any
@@ -94,10 +94,10 @@ class ControllerState:
 
 
 def initial_controller_state(controller: Controller, x: Scalar = 0.0) -> ControllerState:
-    """State before the first sample of a run that begins at x in m: what is marked as a position is moved by that.
+    """State before the first sample of a run that begins at x in m, which is added to states marked as positions.
 
     Raises:
-        ConfigurationError: a part gives none that a state can be.
+        ConfigurationError: the initial state of a part is invalid.
     """
     state = ControllerState(
         estimator=started(controller.estimator),
@@ -117,22 +117,22 @@ def controller_step(
     sample_time: Scalar,
     shared_force: Scalar | None = None,
 ) -> tuple[ControllerState, ControllerOutput]:
-    """One sample of the whole controller.
+    """One sample of the controller: estimator, position law, coordination.
 
     Args:
         state: the controller's state.
         measurement: this sample's sensor values.
-        setpoint: this sample's reference; where it has no preview, it goes on as it is.
+        setpoint: this sample's reference; without a preview it continues at constant acceleration.
         controller: its parts and their gains.
-        nominal: the plant as the controller believes it to be.
+        nominal: the nominal plant.
         sample_time: in s.
-        shared_force: force in N that the winches share in place of the position law's u_sat: cuts the loop there.
+        shared_force: force in N for the coordination instead of the position law's u_sat, which opens the loop there.
 
     Returns:
-        The next state and what the parts gave.
+        The next state and the outputs of the parts.
 
     Raises:
-        ConfigurationError: a part's step does not do what it has to.
+        ConfigurationError: a part's step returns no valid state and output.
     """
     context = Context(nominal, controller.limits, sample_time)
     if not isinstance(setpoint, Previewed):
@@ -147,14 +147,14 @@ def controller_step(
 
 
 SATURATED = "saturated"
-"""Output of every controller beside those of its parts."""
+"""Output of every controller in addition to those of its parts."""
 
 
 def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:
-    """What the parts gave beyond what they pass on to each other: name → value and what it is.
+    """Further signals of the parts, which they do not pass on to each other: name → value and quantity.
 
     Raises:
-        ConfigurationError: two parts give signals of one name, or a part one of a name that is taken.
+        ConfigurationError: two parts have signals of one name, or the name is taken.
     """
     found: dict[str, tuple[Scalar, Quantity]] = {}
     for given, passed_on in (
@@ -178,13 +178,13 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
 
     Args:
         controller: its parts and the values of their gains.
-        nominal: the plant as the controller believes it to be.
+        nominal: the nominal plant.
 
     Returns:
         ``fando_nftsm(state, measurement, setpoint, sample_time) -> (next_state, torques, commands)`` (named after
         the law), with the state in the order of ``leaves(initial_controller_state(controller))``, the fields of
-        `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N. A controller that
-        looks ahead has a further input ``ahead``, a setpoint (3) in a column for each time of its `preview`.
+        `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N. A controller with
+        preview has a further input ``ahead``, with a setpoint (3) in a column for each time of its `preview`.
     """
     start = initial_controller_state(controller)
     state = ca.SX.sym("state", len(leaves(start)))

@@ -1,4 +1,4 @@
-"""Preload and limits of the two rope tensions, of every law and coordination."""
+"""Preload and limits of the two rope tensions, the same for every law and coordination."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -21,7 +21,7 @@ class Limits:
     tension_max: Annotated[Positive, Quantity("N", "upper force limit of a winch", "Table 1")] = TENSION_MAX
     reserve: Annotated[
         NonNegative,
-        Quantity("N", "distance that tension commands keep from tension_max, for overshoot and noise", "assumption"),
+        Quantity("N", "margin of tension commands below tension_max, for overshoot and noise", "assumption"),
         Tunable(0, 700, log=False, standard=False, of="tension_max"),
     ] = 0.0
 
@@ -48,26 +48,26 @@ class Limits:
 
     @property
     def command_max(self) -> Scalar:
-        """Largest tension in N that is asked of a winch: tension_max − reserve."""
+        """Largest tension command in N: tension_max − reserve."""
         return self.tension_max - self.reserve
 
     @property
     def force(self) -> Scalar:
-        """Largest net force in N that is asked of the two ropes: command_max − tension_min (paper Section 3.1.1)."""
+        """Largest net force command in N: command_max − tension_min (paper Section 3.1.1)."""
         return self.command_max - self.tension_min
 
     @property
     def strength(self) -> Scalar:
-        """Largest net force in N the two ropes can give: tension_max − tension_min."""
+        """Largest net force in N of the two ropes: tension_max − tension_min."""
         return self.tension_max - self.tension_min
 
     def clipped(self, force: Scalar) -> Scalar:
-        """A net force in N within ± `force`."""
+        """A net force in N limited to ± `force`."""
         return clip(force, -self.force, self.force)
 
 
 def within_limits(wanted_1: Scalar, wanted_2: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
-    """Commands F1_cmd and F2_cmd in N; what one rope cannot give, the other takes over (paper Section 3.2, E11)."""
+    """Commands F1_cmd and F2_cmd in N; the excess of one rope over its limits goes to the other (Section 3.2, E11)."""
     lower, upper = limits.tension_min, limits.command_max
     excess_1 = clip(wanted_1, lower, upper) - wanted_1
     excess_2 = clip(wanted_2, lower, upper) - wanted_2

@@ -1,4 +1,4 @@
-"""The controller's own model of the plant, which may differ from the plant, and the forces it compensates by it."""
+"""The nominal model: the controller's own model of the plant, and the forces that it compensates."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -15,28 +15,27 @@ from dualwinch.model.vehicle import drag, friction, inertia
 
 @dataclass(frozen=True)
 class Nominal:
-    """Values the controller believes; what is not given is taken from the plant."""
+    """Values of the nominal model; default: those of the plant."""
 
     mass: Annotated[
-        float | None, at.Gt(0), Quantity("kg", "believed mass (default: plant's mass + added_mass)", "assumption")
+        float | None, at.Gt(0), Quantity("kg", "nominal mass (default: plant's mass + added_mass)", "assumption")
     ] = None
     drag_coefficient: Annotated[
-        float | None, at.Ge(0), Quantity("1", "believed drag coefficient (default: the plant's)", "assumption")
+        float | None, at.Ge(0), Quantity("1", "nominal drag coefficient (default: the plant's)", "assumption")
     ] = None
     friction_coefficient: Annotated[
-        float | None, at.Ge(0), Quantity("1", "believed rail friction (default: the plant's)", "assumption")
+        float | None, at.Ge(0), Quantity("1", "nominal rail friction (default: the plant's)", "assumption")
     ] = None
 
 
 def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> Plant:
-    """The plant as the controller believes it to be.
+    """The nominal plant: that of the data sheets, without unknown errors, with Kelvin–Voigt ropes.
 
-    It is that of the data sheets, without what is unknown of it. Its ropes are Kelvin–Voigt ones: of a rope of another
-    law, the tangent at half the preload, amid the track.
+    A rope of another law is replaced by its tangent at half the preload, in the middle of the track.
 
     Args:
-        nominal: what it believes.
-        plant: gives the rest.
+        nominal: values of the nominal model.
+        plant: the plant, for all other values.
         preload: sum of both tensions in N.
     """
     plant, believed = specified_plant(plant), {key: value for key, value in vars(nominal).items() if value is not None}
@@ -47,22 +46,22 @@ def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> P
 
 
 def nominal_structure(plant: Plant) -> Plant:
-    """What the controller's plant is made of, without what is unknown of it; its numbers are to be replaced."""
+    """Structure of the nominal plant; its numbers are placeholders."""
     return replace(specified_plant(plant), rope_1=Rope(), rope_2=Rope())
 
 
 @dataclass(frozen=True)
 class NominalForces:
-    """Mass and resistance of the nominal model."""
+    """Mass in kg and resistance in N of the nominal model."""
 
     mass: Scalar
     resistance: Scalar
 
 
 def nominal_forces(v: Scalar, d: Scalar, nominal: Plant) -> NominalForces:
-    """Mass in kg and resistance F_f + F_w in N of the nominal model at the speed v in m/s, less a known disturbance.
+    """Mass in kg, and resistance F_f + F_w − mass d in N at the speed v in m/s, of the nominal model.
 
-    `d` is its acceleration in m/s².
+    `d` is a known disturbance acceleration in m/s².
     """
     vehicle = nominal.vehicle
     mass = inertia(vehicle)

@@ -1,4 +1,4 @@
-"""The paper's controller with the paper's gains, which others are compared with."""
+"""The paper's controller with the paper's gains, the baseline of comparisons."""
 
 from dataclasses import replace
 
@@ -11,25 +11,25 @@ from dualwinch.model.arguments import instance
 from dualwinch.model.quantities.tree import leaves, with_leaves
 
 DAMPINGS = tuple(f"winch_{number}.{gain}" for gain in ("damping", "lead") for number in (1, 2))
-"""Keys of the drums' damping, which the paper has not."""
+"""Keys of the drums' damping, which the paper does not have."""
 
 UNFADED = 1e-3
-"""Fade of a winch's gains that is below the shortest rope."""
+"""Fade of a winch's gains below the shortest rope: without effect."""
 
 
 def paper_controller(own: Controller | None = None) -> Controller:
     """The paper's controller with the paper's gains, for a machine.
 
-    It sees the sensors as they are, and never keeps a reserve. For the machine of another controller it believes of the
-    plant what that one does, and has that one's damping of the drums, on ropes of any length: the paper has none, and
-    without it heavy drums swing until they are lost. Where the winches have other limits than the paper's it has
-    those, and the other's preload: the paper's gains say nothing of how strong a machine is.
+    It has no estimator and no reserve. From the machine's own controller it takes the nominal model and the damping of
+    the drums, on ropes of any length: the paper has none, and without it heavy drums oscillate until the run diverges.
+    Where the tension limits differ from the paper's, it takes these and the preload, on which the paper's gains do not
+    depend.
 
     Args:
         own: the controller of the machine; default: the paper's machine.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: `own` is no controller.
     """
     paper = Controller(estimator=Unfiltered())
     if own is None:
@@ -44,10 +44,7 @@ def paper_controller(own: Controller | None = None) -> Controller:
 
 
 def has_paper_gains(own: Controller) -> bool:
-    """Whether a controller is the paper's with the paper's gains.
-
-    A low-pass without a time constant filters nothing, and is as good as none.
-    """
+    """Whether a controller is the paper's with the paper's gains; a low-pass with time constant 0 counts as none."""
     paper = paper_controller(own)
     return own.estimator in (paper.estimator, LowPass(0.0)) and (
         _damped_throughout(replace(own, estimator=paper.estimator)) == paper
@@ -55,7 +52,7 @@ def has_paper_gains(own: Controller) -> bool:
 
 
 def adapted(paper: Controller) -> str:
-    """What a paper's controller for a machine has of that machine's own controller, in words; empty: nothing."""
+    """Elements that `paper_controller` took from the machine's own controller, in words; empty without any."""
     known, words = leaves(paper), []
     if paper.nominal != Nominal():
         words.append("nominal model")
@@ -67,7 +64,7 @@ def adapted(paper: Controller) -> str:
 
 
 def _damped_throughout(controller: Controller) -> Controller:
-    """A controller whose winches, where they damp their drums, do so on ropes of any length."""
+    """A controller whose damping of the drums, if any, acts on ropes of any length."""
     known = leaves(controller)
     damped = (key.partition(".")[0] for key in DAMPINGS if known.get(key))
     return with_leaves(controller, {f"{winch}.fade": UNFADED for winch in damped})

@@ -1,6 +1,6 @@
-"""What the three parts of a controller are, what they pass on to each other, and what each of them may know.
+"""Interfaces of the three parts of a controller: base classes, signals between them, and context.
 
-A part may give more than the next one needs: a subclass of its output with further annotated fields. They become
+A part may return more than the next one needs: a subclass of its output with further annotated fields. These become
 columns of a result, under their own names.
 """
 
@@ -32,14 +32,14 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Estimate(Measurement):
-    """What an estimator gives: sensor values, position and speed maybe better ones, and a known disturbance."""
+    """Output of an estimator: sensor values, with estimated position and speed, and the known disturbance."""
 
     d: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the estimator knows")] = 0.0
 
 
 @dataclass(frozen=True)
 class PositionOutput:
-    """What a position law gives."""
+    """Output of a position law."""
 
     u: Annotated[Scalar, Quantity("N", "force command of the position law before saturation")]
     u_sat: Annotated[Scalar, Quantity("N", "force command within the limits")]
@@ -47,7 +47,7 @@ class PositionOutput:
 
 @dataclass(frozen=True)
 class CoordinationOutput:
-    """What a coordination gives."""
+    """Output of a coordination."""
 
     F1_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 1")]
     F2_cmd: Annotated[Scalar, Quantity("N", "tension command of rope 2")]
@@ -58,10 +58,10 @@ class CoordinationOutput:
 
 @dataclass(frozen=True)
 class Context:
-    """What every part may know beside its own gains.
+    """Data available to every part in addition to its gains.
 
     Attributes:
-        nominal: the plant as the controller believes it to be.
+        nominal: the nominal plant.
         limits: preload and limits of the tensions.
         sample_time: in s.
     """
@@ -72,39 +72,39 @@ class Context:
 
 
 class ControllerPart(ABC):
-    """What all parts have in common; their steps take floats or CasADi symbols.
+    """Base of all parts of a controller; their steps take floats or CasADi symbols.
 
-    A step's first argument is the state as the last sample left it, its last two are this sample's `setpoint`
-    (reference position, speed and acceleration) and the `context`. It returns the next state and its output.
+    A step's first argument is the state after the last sample, its last two are this sample's `setpoint` (reference
+    position, speed and acceleration) and the `context`. It returns the next state and the output.
     """
 
     @property
     def preview(self) -> tuple[float, ...]:
-        """Times in s ahead at which the step looks by ``setpoint.ahead``; they may follow from what shapes code."""
+        """Times in s ahead that the step uses in ``setpoint.ahead``; they may depend on fields that shape code."""
         return ()
 
     @abstractmethod
     def initial_state(self) -> Any:
-        """State before the first sample: a dataclass of floats, vectors and matrices; it may depend on the gains."""
+        """State before the first sample: a dataclass of floats, vectors and matrices, which may depend on the gains."""
 
 
 class Estimator(ControllerPart, Part):
-    """From sensor values to what the position law takes for the motion: a frozen dataclass of its own gains.
+    """From sensor values to the motion for the position law: a frozen dataclass of its gains.
 
-    An estimator that does without a sensor while it is silent names it in `silent`: then the sensor's value may be no
-    number (NaN), or be beyond `codegen.block.NO_READING` in magnitude, in exported controllers too.
+    An estimator names the sensors that it can do without in `silent`. Their values may be missing: NaN, or beyond
+    `codegen.block.NO_READING` in magnitude, in exported controllers too.
     """
 
     silent: ClassVar[frozenset[str]] = frozenset()
-    """Names of measurements that may be no number."""
+    """Names of measurements that may be missing."""
 
     @abstractmethod
     def step(self, state: Any, measurement: Measurement, setpoint: Setpoint, context: Context) -> tuple[Any, Estimate]:
-        """One sample: the next state, and the estimate by this sample's sensor values."""
+        """One sample: the next state, and the estimate from this sample's sensor values."""
 
 
 class PositionLaw(ControllerPart, Part):
-    """From estimated motion and setpoint to a force on the vehicle: a frozen dataclass of the law's own gains."""
+    """From estimated motion and setpoint to a force on the vehicle: a frozen dataclass of the law's gains."""
 
     @abstractmethod
     def step(self, state: Any, estimate: Estimate, setpoint: Setpoint, context: Context) -> tuple[Any, PositionOutput]:
@@ -112,7 +112,7 @@ class PositionLaw(ControllerPart, Part):
 
 
 class Coordination(ControllerPart, Part):
-    """From the position law's force to the torques of both winches: a frozen dataclass of its own gains."""
+    """From the position law's force to the torques of both winches: a frozen dataclass of its gains."""
 
     @abstractmethod
     def step(
@@ -121,9 +121,9 @@ class Coordination(ControllerPart, Part):
         """One sample: the next state, and tension commands in N with motor torques in N m.
 
         Args:
-            state: as the last sample left it.
-            force: net force in N that the ropes are to give, within ± ``context.limits.force``.
-            estimate: what the estimator gives of this sample, measured tensions among it.
+            state: the state after the last sample.
+            force: commanded net force of the ropes in N, within ± ``context.limits.force``.
+            estimate: the estimator's output of this sample, with the measured tensions.
             setpoint: this sample's reference position, speed and acceleration.
             context: nominal plant, limits and sample time.
         """

@@ -1,4 +1,4 @@
-"""The parts of controllers that files and command lines know, by their kinds."""
+"""Registries of the parts of controllers, by their kinds in files and on command lines."""
 
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.force_position import ForcePosition

@@ -1,12 +1,12 @@
 """Force–position decoupled coordination: the winch in front moves the vehicle, the one behind holds the tension.
 
-The paper describes it as what it argues against (Section 1.1): the motor on the side the vehicle is pulled to governs
-the motion, the motor behind it regulates the tension, and every reversal makes them change roles.
+The paper describes it as the alternative it argues against (Section 1.1): the motor on the side to which the vehicle is
+pulled controls the motion, the motor behind it controls the tension, and every reversal exchanges their roles.
 
-Ours is how the roles are made: the rope behind is commanded half the preload and its tension loop is closed; the
-rope in front is commanded that plus the force, as a torque, with its tension loop open. What the rope in front cannot
-give, the one behind gives up. The commands are continuous in the force; the loops are handed over along a band of
-forces around zero, in which both are partly closed. While a winch is in front its integral is held.
+The assignment of roles is ours: the rope behind is commanded half the preload with a closed tension loop; the rope in
+front is commanded that plus the force, as a torque, with an open tension loop. Force beyond the limit of the rope in
+front is taken from the rope behind. The commands are continuous in the force; in a band of forces around zero both
+loops are partly closed. The integral of the winch in front is held.
 """
 
 from dataclasses import dataclass, field, replace
@@ -27,7 +27,7 @@ class ForcePosition(Coordination):
 
     band: Annotated[
         Positive,
-        Quantity("N", "largest force at which both winches still share the tension control", "by hand"),
+        Quantity("N", "largest force at which both winches share the tension control", "by hand"),
         Tunable(1, 2000, of="controller.coordination.tension_max"),
     ] = 100.0
     winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)

@@ -1,13 +1,13 @@
 """Master–slave coordination: winch 1 follows a speed, winch 2 follows winch 1.
 
-The paper describes it as what it argues against (Section 1.1): the motion of the master is the reference of the slave,
-which adjusts itself to achieve synchronisation. No tension is measured.
+The paper describes it as the alternative it argues against (Section 1.1): the motion of the master is the reference of
+the slave, which adjusts itself to achieve synchronisation. No tension is measured.
 
-Ours is how the force command enters, so that every position law can be combined with it: it is the master's torque
-feedforward, on top of half the preload, and a speed PI makes drum 1 follow the reference speed corrected by the
-position error. The slave holds half the preload as a torque feedforward and follows the measured speed of drum 1 with
-the opposite sign, by a proportional gain: an integral would keep the sum of both stretches as it was, and so slacken
-rope 2 whenever rope 1 pulls. What one rope's limit takes from the feedforwards goes to the other.
+The entry of the force command is ours, so that every position law can be combined with it: it is the master's torque
+feedforward, in addition to half the preload, and a speed PI controller makes drum 1 follow the reference speed
+corrected by the position error. The slave has half the preload as a torque feedforward and follows the measured speed
+of drum 1 with the opposite sign, by a proportional gain: an integral would keep the sum of both stretches constant, and
+so slacken rope 2 whenever rope 1 pulls. The excess of one rope's feedforward over its limit goes to the other.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from dualwinch.model.scalar import Scalar, clip, either, where
 from dualwinch.model.winch import Winch, total_inertia
 
 TORQUE_LIMIT = "controller.coordination.tension_max*plant.winch_{winch}.drum_radius/plant.winch_{winch}.gear_ratio"
-"""What gains from drum speeds to torques are proportional to."""
+"""Scale of gains from drum speeds to torques."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class MasterSlave(Coordination):
 
     position: Annotated[
         NonNegative,
-        Quantity("1/s", "master: speed asked for by a metre of position error", "by hand"),
+        Quantity("1/s", "master: speed command per position error", "by hand"),
         Tunable(0.05, 20),
     ] = 1.0
     kp: Annotated[
@@ -76,7 +76,7 @@ class MasterSlave(Coordination):
     def step(
         self, state: MasterSlaveState, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[MasterSlaveState, CoordinationOutput]:
-        """One sample: the commands are the tensions the feedforwards stand for; torques are limited as everywhere."""
+        """One sample; the tension commands are those of the feedforwards, the torques have the usual limits."""
         limits, sample_time = context.limits, context.sample_time
         master, slave = context.nominal.winch_1, context.nominal.winch_2
         F1_cmd, F2_cmd = within_limits(limits.preload / 2 + force, limits.preload / 2, limits)

@@ -1,12 +1,11 @@
-"""Proportional tension: differential tension whose fast force is shared in proportion to the tensions.
+"""Proportional tension: differential tension with the fast force shared in proportion to the tensions.
 
-A rope that sags between rollers has Ernst's share of its stiffness, which goes with the cube of its tension. The rope
-in front, at some thousand newtons, answers at once; the rope behind, near its lower limit, swings with its spans
-instead, and half of a fast force that is asked of it comes late or takes it slack. The paper's coordination (Section
-3.2) asks both for the same change. This one asks so of the slow force alone; what is faster than `slow_time` goes to
-each rope by its share of the two slow commands, so that both change by the same percentage. The net force is that of
-the command at all frequencies, and the sum of the slow commands is the preload as ever. At rest, where both tensions
-are alike, the two coordinations are one.
+The stiffness of a rope that sags between rollers is reduced by Ernst's factor, which depends on the cube of its
+tension. The rope in front, at some thousand newtons, responds at once; the rope behind, near its lower limit, excites
+its spans, so that a fast force comes late or makes it slack. The paper's coordination (Section 3.2) commands the same
+change of both. Here this holds for the slow force only; the part faster than `slow_time` is shared in proportion to the
+two slow commands, so that both change by the same percentage. The net force equals the command at all frequencies, and
+the sum of the slow commands is the preload. At equal tensions both coordinations are identical.
 """
 
 from dataclasses import dataclass, field
@@ -31,10 +30,10 @@ class ProportionalState:
 
 @dataclass(frozen=True)
 class ProportionalTension(Coordination):
-    """Both winches follow tension commands: a slow difference about the preload, and fast changes by the same share."""
+    """Both winches follow tension commands: a slow difference about the preload, and proportional fast changes."""
 
     slow_time: Annotated[
-        Positive, Quantity("s", "low-pass that parts slow from fast force", "by hand"), Tunable(0.05, 2)
+        Positive, Quantity("s", "low-pass that separates slow from fast force", "by hand"), Tunable(0.05, 2)
     ] = 0.3
     winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
     winch_2: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)

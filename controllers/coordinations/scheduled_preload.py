@@ -1,19 +1,18 @@
-"""Scheduled preload: differential tension whose sum of tensions follows what the motion asks for.
+"""Scheduled preload: differential tension with a sum of tensions that follows the required force.
 
-The paper keeps the sum of both tensions constant (Section 3.2): it has to be large enough for the largest force of the
-run, and loads both motors with it all the time. Least load is the rope behind held just above its lower limit, and the
-rope in front pulling as much more as the force: a sum of |force| + 2 × that tension.
+The paper keeps the sum of both tensions constant (Section 3.2): it must suffice for the largest force of the run, and
+loads both motors all the time. The load is least with the rope behind just above its lower limit, and the rope in front
+higher by the force: a sum of |force| + 2 × that tension.
 
-Commanded so sample by sample, every tremor of the force would go to the rope in front alone, and a winch at its limit
-cannot answer. So the sum follows a slow force instead, and the difference of both tensions stays the force itself,
-shared by both ropes as ever: around any moment the loop is that of a constant preload. The slow force is what the
-nominal vehicle needs on its reference, which is known at once and free of noise, and the low-passed rest of the force
-command: disturbances, and what the nominal plant gets wrong. The sum falls no faster than a given rate, so that it
-waits for an oscillating force instead of following it. It rises at once, but for what the reference is known to ask for
-within a horizon, which it rises to beforehand at the same rate. With all known, that is the least sum of such a rate
-that is large enough.
+If the sum followed the force command itself, every fast change would go to the rope in front alone, and a winch at its
+limit cannot respond. The sum therefore follows a slow force, while the difference of the tensions is the force itself,
+shared by both ropes: at any moment the loop is that of a constant preload. The slow force is the sum of the force of
+the nominal vehicle on its reference, which is known without delay and noise, and of the low-passed rest of the force
+command: disturbances, and errors of the nominal plant. The sum falls at a limited rate, so that it does not follow an
+oscillating force. It rises at once, except for the reference's demand within a horizon, for which it rises beforehand
+at the same rate. With a fully known force that is the least sufficient sum of limited rate.
 
-The force's reach stays what it is: where the sum is too small or too large for a force, the limits of the two commands
+The range of the force is unchanged: where the sum is too small or too large for a force, the limits of the two commands
 change it, as they do a constant preload.
 """
 
@@ -32,7 +31,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute, maximum
 
 LOOKS = 5
-"""Times ahead at which the reference is looked at, evenly over the horizon."""
+"""Number of preview times, evenly over the horizon."""
 
 
 @dataclass(frozen=True)
@@ -40,40 +39,40 @@ class ScheduleState:
     """State of the schedule and of both tension controllers."""
 
     loops: TensionLoops = field(default_factory=TensionLoops)
-    unforeseen: Annotated[Scalar, Quantity("N", "slow part of the force that the reference does not explain")] = 0.0
-    preload: Annotated[Scalar, Quantity("N", "sum of both tensions asked for in the last sample")] = 0.0
+    unforeseen: Annotated[Scalar, Quantity("N", "slow part of the force beyond that of the reference")] = 0.0
+    preload: Annotated[Scalar, Quantity("N", "scheduled sum of both tensions in the last sample")] = 0.0
 
 
 @dataclass(frozen=True)
 class ScheduleOutput(CoordinationOutput):
-    """What the coordination gives."""
+    """Output of the coordination."""
 
-    preload: Annotated[Scalar, Quantity("N", "sum of both tensions that the schedule asks for")]
+    preload: Annotated[Scalar, Quantity("N", "scheduled sum of both tensions")]
 
 
 @dataclass(frozen=True)
 class ScheduledPreload(Coordination):
-    """The schedule, and the tension controllers that follow it; the shared preload is the least sum."""
+    """The schedule, and the tension controllers that follow it; ``preload`` of the limits is the least sum."""
 
     margin: Annotated[
         NonNegative,
-        Quantity("N", "tension above tension_min that is left to the rope behind", "by hand"),
+        Quantity("N", "tension of the rope behind above tension_min", "by hand"),
         Tunable(50, 1500, of="controller.coordination.tension_max"),
     ] = 300.0
     filter_time: Annotated[
         NonNegative,
-        Quantity("s", "low-pass on the force that the reference does not explain", "by hand"),
+        Quantity("s", "low-pass on the force beyond that of the reference", "by hand"),
         Tunable(0.05, 5),
     ] = 0.3
     rate: Annotated[
         Positive,
-        Quantity("N/s", "how fast the sum of tensions falls at most, and rises to what is foreseen", "by hand"),
+        Quantity("N/s", "largest rate at which the sum of tensions falls, and rises in advance", "by hand"),
         Tunable(100, 5000, of="controller.coordination.tension_max"),
     ] = 1500.0
     horizon: Annotated[
         NonNegative,
         at.Le(10),
-        Quantity("s", "how far ahead the reference is known; 0: not at all", "by hand"),
+        Quantity("s", "time ahead for which the reference is known; 0: no preview", "by hand"),
         Mark.SHAPES_CODE,
     ] = 0.0
     winch_1: Annotated[WinchGains, Tied("winch")] = field(default_factory=WinchGains)
@@ -84,18 +83,18 @@ class ScheduledPreload(Coordination):
 
     @property
     def preview(self) -> tuple[float, ...]:
-        """Times in s ahead at which the reference is looked at."""
+        """Times in s ahead at which the reference is used."""
         times = (self.horizon * (number + 1) / LOOKS for number in range(LOOKS))
         return tuple(time for time in times if time > 0)
 
     def initial_state(self) -> ScheduleState:
-        """Empty integrals, and no force known."""
+        """Empty integrals, and zero force."""
         return ScheduleState()
 
     def step(
         self, state: ScheduleState, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[ScheduleState, ScheduleOutput]:
-        """One sample: how large the sum has to be, and both winches."""
+        """One sample of the schedule and of both winches."""
         limits, sample_time = context.limits, context.sample_time
         foreseen = _force(setpoint, context)
         learning = sample_time / (self.filter_time + sample_time)

@@ -1,17 +1,17 @@
 """Winch controller: feedforward and PID on the rope tension (paper Section 3.3, E9, E10), and damping of the drum.
 
-The paper's controller has no damping: with a light drum and a rope without mass, friction within the rope is enough.
-A heavy drum on a heavy rope swings at 5 to 90 Hz with a damping ratio of 0.4 to 4 %. ``damping`` makes the motor a
-damper between the drum and the reference speed: a rope that ends in its own wave impedance, sqrt(E A mu), reflects no
-wave, which for a motor torque per drum speed is sqrt(E A mu) R²/G.
+The paper's controller has no damping: with a light drum and a massless rope, the damping of the rope suffices. A heavy
+drum on a heavy rope oscillates at 5 to 90 Hz with a damping ratio of 0.4 to 4 %. ``damping`` makes the motor a damper
+between the drum and the reference speed: a rope that ends in its own wave impedance, sqrt(E A mu), reflects no wave,
+which as a motor torque per drum speed is sqrt(E A mu) R²/G.
 
-- The lag of drive and computer turns the damping's phase: at the resonance of rotor and gearbox, 25 to 60 Hz, little is
-  left of it before it excites. ``lead`` turns the phase back, by (1 + s lead)/(1 + s lead/6).
-- Near its winch a rope is so stiff that a heavy drum swings at 80 Hz and more, where the lag of drives and a sample
-  turns damping, and the proportional answer to the tension, into excitation: there both fade with the rope's length
+- The lag of drive and computer shifts the phase of the damping: at the resonance of rotor and gearbox, 25 to 60 Hz,
+  little of it is left. ``lead`` shifts the phase back, by (1 + s lead)/(1 + s lead/6).
+- A rope that is short at its winch is so stiff that a heavy drum oscillates at 80 Hz and more, where the lag of drive
+  and sampling turns damping and proportional gain into excitation: there both are reduced with the rope's length
   (``fade``).
-- The torque limits that follow from those of the tension bind what follows the tension command. Damping may take the
-  torque below, down to none: a drum that could be braked one way only would swing until its rope is slack.
+- The torque limits, which follow from those of the tension, apply to tension control. Damping may reduce the torque
+  further, down to zero: a drum braked in one direction only would oscillate until its rope is slack.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from dualwinch.model.scalar import Scalar, clip, minimum, present, where
 from dualwinch.model.winch import Winch, total_inertia
 
 LEVER = "plant.{table}.drum_radius/plant.{table}.gear_ratio"
-"""Motor torque for a tension: what gains from tensions to torques are proportional to."""
+"""Motor torque per tension: the scale of gains from tensions to torques."""
 
 
 @dataclass(frozen=True)
@@ -41,23 +41,23 @@ class WinchGains:
     ] = 0.0
     damping: Annotated[
         NonNegative,
-        Quantity("N m s/rad", "motor torque against the drum's deviation from the reference speed", "A15"),
+        Quantity("N m s/rad", "motor torque per deviation of the drum from the reference speed", "A15"),
         Tunable(1, 500, standard=False, of=LEVER + "*plant.{table}.drum_radius"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     lead: Annotated[
         NonNegative,
-        Quantity("s", "time by which damping leads the drum's speed, against the lag of drive and computer", "A15"),
+        Quantity("s", "lead time of the damping, against the lag of drive and computer", "A15"),
         Tunable(1e-4, 1e-2, standard=False),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     fade: Annotated[
         Positive,
-        Quantity("1", "rope over the track's length below which a damped winch has less kp and damping", "A15"),
+        Quantity("1", "rope length over track length below which a damped winch reduces kp and damping", "A15"),
     ] = 0.05
 
     def on(self, length: Scalar, track: Track) -> "WinchGains":
-        """The gains on a rope of this length in m."""
+        """The gains for a rope of a length in m."""
         if not present(self.damping):
             return self
         share = minimum(length / (self.fade * track.length), 1.0)
@@ -86,8 +86,8 @@ def winch_step(
 ) -> tuple[WinchState, Scalar, Scalar]:
     """One sample of a winch controller (paper Section 3.3): next state, motor torque in N m, 1 where it is saturated.
 
-    The torque's limits follow from those of the tension; while it is at one, the integral is held. Damping is not bound
-    by the lower one.
+    The torque's limits follow from those of the tension; at a limit the integral is held. The lower limit does not
+    apply to damping.
 
     Args:
         state: the controller's state.
@@ -117,11 +117,11 @@ def winch_step(
 
 
 LEAD_RATIO = 6.0
-"""Corner frequencies of the lead: that of its pole over that of its zero."""
+"""Corner frequency of the lead's pole over that of its zero."""
 
 
 def _ahead(slow: Scalar, slip: Scalar, lead: Scalar, sample_time: float) -> tuple[Scalar, Scalar]:
-    """The slip with a phase lead, (1 + s lead)/(1 + s lead/6) by backward Euler; and the slip low-passed."""
+    """The slip with a phase lead, (1 + s lead)/(1 + s lead/6) by backward Euler, and the low-passed slip."""
     if not present(lead):
         return slip, slow
     slow += sample_time / (lead / LEAD_RATIO + sample_time) * (slip - slow)
