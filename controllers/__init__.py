@@ -1,1 +1,1 @@
-"""Control laws, one a file: pure symbolic updates ``(state, measurement, reference, gains) -> (state, output)``."""
+"""Control laws, one per file: pure symbolic updates ``(state, measurement, reference, gains) -> (state, output)``."""

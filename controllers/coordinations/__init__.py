@@ -1,1 +1,1 @@
-"""Coordinations, one a file: from the position law's force to the torques of both winches."""
+"""Coordinations, one per file: from the position law's force to the torques of both winches."""

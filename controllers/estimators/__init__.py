@@ -1,1 +1,1 @@
-"""Estimators, one a file: from sensor values to what the position law takes for the motion."""
+"""Estimators, one per file: from sensor values to the estimated motion for the position law."""

@@ -1,14 +1,14 @@
-"""Kalman filter that also learns how elastic the ropes are.
+"""Kalman filter that also estimates the compliance of the ropes.
 
-The stretch of a rope, up to some millimetres, stands between drum encoder and vehicle. A modulus that is a tenth off
-makes the encoder's position wrong by a tenth of that: ten times what its own step does. Noise can be averaged away,
-this cannot. The position sensor is coarse, but right in the mean: with it the ropes are calibrated under way.
+The stretch of a rope, up to some millimetres, lies between drum encoder and vehicle. A modulus wrong by a tenth makes
+the encoder's position wrong by a tenth of that: ten times its resolution, and no averaging removes it. The position
+sensor is coarse but unbiased: it calibrates the ropes online.
 
 The true stretch of rope i is ``(1 + excess_i) * stretch_i``, with ``stretch_i = F_i length_i/(E_i A_i)`` from the
-measured tension and the nominal rope (paper Section 2.2). Each excess compliance follows by recursive least squares
-from what the position sensor and the rope's encoder say of the same position; the older a sample, the less it counts
-(Ljung and Söderström, Theory and Practice of Recursive Identification, 1983, Section 2.6). The filter of
-`controllers.estimators.kalman` then works with the ropes as they are known by now.
+measured tension and the nominal rope (paper Section 2.2). Each excess compliance is estimated by recursive least
+squares with exponential forgetting from the difference of position sensor and encoder (Ljung and Söderström, Theory and
+Practice of Recursive Identification, 1983, Section 2.6). The filter of `controllers.estimators.kalman` then uses the
+calibrated ropes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,23 +24,23 @@ from dualwinch.model.scalar import Scalar, clip, exp, where
 
 @dataclass(frozen=True)
 class CalibrationGains:
-    """What is believed of the ropes before the run, and how long a sample counts."""
+    """Prior of the ropes' compliance, and memory of the estimate."""
 
     deviation: Annotated[
         Positive,
-        Quantity("1", "believed standard deviation of the ropes' compliance, as a share", "assumption"),
+        Quantity("1", "assumed standard deviation of the ropes' compliance, as a share", "assumption"),
         Tunable(5e-3, 0.5, standard=False),
     ] = 0.06
     memory: Annotated[
         Positive,
-        Quantity("s", "age at which a sample counts 1/e of a fresh one", "assumption"),
+        Quantity("s", "age at which the weight of a sample has fallen to 1/e", "assumption"),
         Tunable(5, 500, standard=False),
     ] = 60.0
 
 
 @dataclass(frozen=True)
 class RopeKnowledge:
-    """What is known of one rope."""
+    """Estimate of the compliance of one rope."""
 
     excess: Annotated[Scalar, Quantity("1", "compliance above the nominal one, as a share"), Mark.LEARNT] = 0.0
     information: Annotated[Scalar, Quantity("1", "inverse variance of the excess, from samples"), Mark.LEARNT] = 0.0
@@ -56,7 +56,7 @@ class CalibratingState:
 
 
 LARGEST_EXCESS = 0.5
-"""Largest excess compliance, either way: no rope is softer or stiffer than this."""
+"""Bound of the excess compliance in either direction."""
 
 
 def learn(
@@ -68,13 +68,13 @@ def learn(
     gains: CalibrationGains,
     sample_time: Scalar,
 ) -> RopeKnowledge:
-    """What is known of a rope after one sample more.
+    """The estimate of a rope's compliance updated by one sample.
 
     Args:
-        known: what was known.
+        known: the previous estimate.
         stretch: nominal stretch in m at the measured tension.
-        seen: stretch in m that encoder and position sensor show.
-        taut: whether the rope is; a slack one teaches nothing.
+        seen: stretch in m from encoder and position sensor.
+        taut: whether the rope is taut; a slack one has no information.
         position_noise: standard deviation of the position sensor in m.
         gains: prior and memory.
         sample_time: in s.
@@ -88,7 +88,7 @@ def learn(
 
 @dataclass(frozen=True)
 class CalibratingEstimate(KalmanEstimate):
-    """What the filter gives, and what it has learnt of the ropes."""
+    """Output of the filter, with the estimated compliances of the ropes."""
 
     excess_1: Annotated[Scalar, Quantity("1", "learnt compliance of rope 1 above the nominal one, as a share")] = 0.0
     excess_2: Annotated[Scalar, Quantity("1", "learnt compliance of rope 2 above the nominal one, as a share")] = 0.0
@@ -105,13 +105,13 @@ class CalibratingKalman(Estimator):
     label: ClassVar = "calibrating Kalman filter"
 
     def initial_state(self) -> CalibratingState:
-        """At rest where a run begins, with ropes as elastic as the nominal ones."""
+        """At rest at the start of the run, with the nominal ropes."""
         return CalibratingState()
 
     def step(
         self, state: CalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[CalibratingState, CalibratingEstimate]:
-        """One sample: learn of the ropes, then filter the motion with what is known of them."""
+        """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
         nominal, taut, found = context.nominal, TAUT * context.limits.tension_min, []
         lengths = rope_lengths(state.motion.x, nominal.track)
         measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
@@ -130,6 +130,6 @@ class CalibratingKalman(Estimator):
 
 
 def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:
-    """The nominal rope, as elastic as it is known to be."""
+    """The nominal rope with the estimated compliance."""
     believed = kelvin_voigt(rope)
     return replace(believed, modulus=believed.modulus / (1 + known.excess))

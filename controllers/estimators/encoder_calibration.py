@@ -1,26 +1,25 @@
-"""What a drum's encoder gets wrong of the vehicle's position, learnt from the position sensor under way.
+"""Online calibration of a drum's encoder against the position sensor.
 
-A taut rope ties drum and vehicle: ``R_1 theta_1 = x + stretch_1`` and ``R_2 theta_2 = stretch_2 - x``. What encoder,
-nominal radius and nominal rope say of the position is wrong by
+A taut rope ties drum and vehicle: ``R_1 theta_1 = x + stretch_1`` and ``R_2 theta_2 = stretch_2 - x``. The position
+from encoder, nominal radius and nominal rope has the error
 
     R theta - stretch -+ x =
         zero - scale R theta - layers theta²/(4 pi) + excess stretch + a sin theta + b (cos theta - 1)
         + give F - sag shortening
 
-with the encoder's zero in m of rope, the share by which the drum is larger than the nominal one, the growth of its
-radius a turn beyond the nominal one, the share by which the rope is softer, and the drum's run-out: once a turn, for it
-is not quite round or sits beside its axis. A gearbox between encoder and drum gives by a constant length a newton; a
-rope that sags between rollers is shorter by w² s² length/(24 F²) (`model.heavy_ropes`), more or less than its nominal
-weight and spacing say. These two are left out where nothing is believed of them. All are constants, or nearly, and
-enter linearly: regularised least squares (`controllers.estimators.least_squares`) learns them from the readings of the
-position sensor. What is learnt is used as far as it is more than the sensor's noise
-(`controllers.estimators.shrinkage`), so that a drum that is as its data sheet
-says stays so, and a zero as rest has set it. The excess is exempt: no rope's modulus is known that well.
+with the encoder's zero in m of rope, the relative errors of the drum's radius, of its growth per turn and of the rope's
+compliance, and the drum's run-out, once per turn. A gearbox between encoder and drum yields a constant length per
+newton; a rope that sags between rollers is shorter by w² s² length/(24 F²) (`model.heavy_ropes`), which may differ from
+the nominal value. These two are left out unless a deviation is assumed for them. All are nearly constant and enter
+linearly: regularised least squares (`controllers.estimators.least_squares`) estimates them from the readings of the
+position sensor. Estimates are shrunk by the sensor's noise (`controllers.estimators.shrinkage`), so that a drum that
+agrees with its data sheet remains unchanged, as does a zero set at rest. The excess is exempt: no rope's modulus is
+known that well.
 
-Neither side is believed blindly. A reading far from what is expected of it teaches nothing. If the readings stay away
-from what the encoder says, beyond what a reading may be wrong by, the encoder is doubted: its variance as a position
-sensor grows by the square of what is beyond, so that it fades out without a bump, and what was learnt of it is soon
-forgotten. An encoder that has jumped is learnt anew, and fades in again. A rope that slips stays in doubt.
+Neither sensor is trusted blindly. Outliers among the readings are rejected. If the readings deviate persistently from
+the encoder's position, the encoder is doubted: its variance as a position sensor grows with the square of the excess,
+so that its weight decreases smoothly, and its calibration is soon forgotten. An encoder that has jumped is calibrated
+anew, and its weight returns. A rope that slips stays in doubt.
 """
 
 from collections.abc import Sequence
@@ -39,118 +38,118 @@ from dualwinch.model.winch import TURN
 
 @dataclass(frozen=True)
 class DrumGains:
-    """What is believed of drums, ropes and encoders before the run, and how long a reading counts."""
+    """Prior standard deviations of the errors of drums, ropes and encoders, and memory of the estimates."""
 
     zero: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of an encoder's zero, in m of rope", "assumption"),
+        Quantity("m", "assumed standard deviation of an encoder's zero, in m of rope", "assumption"),
         Tunable(1e-4, 2e-2, standard=False),
     ] = 2e-3
     scale: Annotated[
         Positive,
-        Quantity("1", "believed standard deviation of a drum's radius, as a share", "assumption"),
+        Quantity("1", "assumed standard deviation of a drum's radius, as a share", "assumption"),
         Tunable(1e-4, 2e-2, standard=False),
     ] = 2e-3
     layers: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of the growth of a drum's radius a turn", "assumption"),
+        Quantity("m", "assumed standard deviation of the growth of a drum's radius per turn", "assumption"),
         Tunable(1e-7, 1e-4, standard=False),
     ] = 5e-6
     compliance: Annotated[
         Positive,
-        Quantity("1", "believed standard deviation of a rope's compliance, as a share", "assumption"),
+        Quantity("1", "assumed standard deviation of a rope's compliance, as a share", "assumption"),
         Tunable(5e-3, 0.5, standard=False),
     ] = 0.06
     give: Annotated[
         NonNegative,
-        Quantity("m/N", "believed standard deviation of what a winch gives under tension; 0: nothing", "assumption"),
+        Quantity("m/N", "assumed standard deviation of a winch's compliance; 0: rigid", "assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     sag: Annotated[
         NonNegative,
-        Quantity("1", "believed standard deviation of the sag's shortening, as a share; 0: as nominal", "assumption"),
+        Quantity("1", "assumed standard deviation of the sag's shortening, as a share; 0: exact", "assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     wheel: Annotated[
         NonNegative,
-        Quantity("1", "believed standard deviation of the speed wheel's scale; 0: exact", "assumption"),
+        Quantity("1", "assumed standard deviation of the speed wheel's scale; 0: exact", "assumption"),
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     wheel_time: Annotated[
         Positive,
-        Quantity("s", "time over which the way of the speed wheel is compared with the position", "assumption"),
+        Quantity("s", "time over which the speed wheel's distance is compared with the position", "assumption"),
         Tunable(0.2, 20, standard=False),
     ] = 2.0
     run_out: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of a drum's run-out, in m of rope", "assumption"),
+        Quantity("m", "assumed standard deviation of a drum's run-out, in m of rope", "assumption"),
         Tunable(1e-5, 2e-3, standard=False),
     ] = 1e-4
     tare: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of the position in which a run begins", "assumption"),
+        Quantity("m", "assumed standard deviation of the position in which a run begins", "assumption"),
         Tunable(3e-5, 1e-2, standard=False),
     ] = 8e-5
     memory: Annotated[
         Positive,
-        Quantity("s", "age at which a reading counts 1/e of a fresh one", "assumption"),
+        Quantity("s", "age at which the weight of a reading has fallen to 1/e", "assumption"),
         Tunable(5, 500, standard=False),
     ] = 15.0
 
 
 @dataclass(frozen=True)
 class TrustGains:
-    """When a reading or an encoder is believed."""
+    """Rejection of outlying readings, and doubt of encoders."""
 
     gate: Annotated[
         Positive,
-        Quantity("1", "deviations from what is expected beyond which a reading is an outlier", "assumption"),
+        Quantity("1", "standard deviations of the innovation beyond which a reading is an outlier", "assumption"),
         Tunable(3, 10, standard=False),
     ] = 5.0
     frozen_after: Annotated[
-        int, at.Ge(1), Quantity("1", "samples after which a reading that repeats itself exactly is none", "assumption")
+        int, at.Ge(1), Quantity("1", "samples after which an exactly repeated reading is invalid", "assumption")
     ] = 20
     jump: Annotated[
         Positive,
-        Quantity("m", "an encoder's position further from what is expected counts the less, the further", "assumption"),
+        Quantity("m", "innovation at which the weight of an encoder has fallen to a half", "assumption"),
         Tunable(1e-4, 1e-2, standard=False),
     ] = 1e-3
     doubt_time: Annotated[
         Positive,
-        Quantity("s", "time constant of the low-pass on what readings and an encoder disagree by", "assumption"),
+        Quantity("s", "time constant of the low-pass on the difference of readings and encoder", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.15
     slide_time: Annotated[
         Positive,
-        Quantity("s", "time constant with which a better calibration reaches the position law", "assumption"),
+        Quantity("s", "time constant with which a new calibration reaches the position law", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.1
     relearning_time: Annotated[
         Positive,
-        Quantity("s", "age at which a reading counts 1/e while its encoder is doubted", "assumption"),
+        Quantity("s", "as memory, while the encoder is doubted", "assumption"),
         Tunable(0.1, 5, standard=False),
     ] = 0.3
 
 
 NAMES = ("scale", "layers", "zero", "excess", "give", "sag_excess", "sine", "cosine")
-"""What may be learnt of an encoder; what may be known best stands first, for round-off's sake."""
+"""Errors of an encoder that can be estimated; the most certain first, which reduces round-off."""
 
 UNSHRUNK = ("excess", "give", "sag_excess")
-"""Errors that may well be far from their nominal values."""
+"""Errors exempt from shrinkage: they may be far from their nominal values."""
 
 
 def learnt_names(gains: DrumGains) -> tuple[str, ...]:
-    """What is learnt of an encoder: all of `NAMES` of which something is believed."""
+    """Estimated errors of an encoder: all `NAMES` with an assumed deviation other than zero."""
     return tuple(name for name in NAMES if present(deviations(gains)[name]))
 
 
 @dataclass(frozen=True)
 class EncoderKnowledge:
-    """What is known of one encoder, its drum and its rope."""
+    """Estimates of the errors of one encoder, its drum and its rope."""
 
     errors: Knowledge
-    tare: Annotated[Scalar, Quantity("m", "zero that rest in a known position has set, in m of rope")] = 0.0
-    residual: Annotated[Scalar, Quantity("1", "mean of what readings were off by, over their deviation")] = 0.0
+    tare: Annotated[Scalar, Quantity("m", "zero set at rest in a known position, in m of rope")] = 0.0
+    residual: Annotated[Scalar, Quantity("1", "low-passed innovation of the readings over their deviation")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -158,10 +157,10 @@ class Reading:
     """A reading of the position sensor.
 
     Attributes:
-        x: in m; any number where there is none.
-        alive: whether there is one.
-        deviation: of its noise in m.
-        weight: how many such readings it counts as.
+        x: position in m; any number without a reading.
+        alive: whether there is a reading.
+        deviation: standard deviation of its noise in m.
+        weight: number of such readings that it counts as.
     """
 
     x: Scalar
@@ -172,16 +171,16 @@ class Reading:
 
 @dataclass(frozen=True)
 class Drum:
-    """One drum with its encoder and rope, as they are now.
+    """One drum with its encoder and rope at a sample.
 
     Attributes:
-        direction: 1 where it winds up rope as x grows, -1 where it pays out.
-        wound: rope wound up in m, as encoder and nominal radius say.
+        direction: 1 where the drum retrieves rope as x grows, else -1.
+        wound: rope wound up in m, from encoder and nominal radius.
         theta: angle in rad.
-        stretch: of the nominal rope under the measured tension, in m.
-        sag: by how much the nominal rope is shorter between rollers under that tension, in m.
+        stretch: stretch of the nominal rope under the measured tension, in m.
+        sag: shortening of the nominal rope by its sag under that tension, in m.
         pull: that tension in N.
-        taut: whether the rope is; a slack one ties nothing.
+        taut: whether the rope is taut; a slack one has no information.
     """
 
     direction: float
@@ -195,13 +194,13 @@ class Drum:
 
 @dataclass(frozen=True)
 class EncoderPosition:
-    """The vehicle's position as an encoder gives it, with all that is known of it.
+    """The vehicle's position from a calibrated encoder.
 
     Attributes:
-        x: in m.
-        shift: by how much this sample's reading has moved it, in m.
-        odds: against the encoder.
-        used: whether the reading was believed.
+        x: position in m.
+        shift: its change in m by this sample's calibration.
+        odds: odds against the encoder.
+        used: whether the reading was accepted.
     """
 
     x: Scalar
@@ -211,7 +210,7 @@ class EncoderPosition:
 
 
 def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
-    """What an encoder's errors of a deviation each change, over that of a reading; in the order of `learnt_names`."""
+    """Regressors of an encoder's errors, in assumed deviations, over the deviation of a reading (`learnt_names`)."""
     sizes, turns = deviations(gains), drum.theta / TURN
     shapes = {
         "scale": -drum.wound,
@@ -227,7 +226,7 @@ def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar,
 
 
 def deviations(gains: DrumGains) -> dict[str, Scalar]:
-    """Deviations that are believed before the run, by name."""
+    """Assumed (prior) standard deviations of the errors, by name."""
     return {
         "scale": gains.scale,
         "layers": gains.layers,
@@ -241,14 +240,14 @@ def deviations(gains: DrumGains) -> dict[str, Scalar]:
 
 
 HALF_DOUBTED = 0.3
-"""By how many deviations of a reading the smoothed residual is beyond what is believable where half the doubt is."""
+"""Excess of the low-passed residual over its plausible size, in deviations of a reading, at a doubt of 1/2."""
 
 
 def doubt_odds(residual: Scalar, variance: Scalar) -> Scalar:
-    """Odds against an encoder: 0 where it is believed, 1 where it is as good as the position sensor is.
+    """Odds against an encoder: 0 for full trust, 1 for the trust in the position sensor.
 
-    By the smoothed residual, and by the variance of what is expected of a reading, over deviation and variance of its
-    noise.
+    `residual` is low-passed, over the deviation of a reading; `variance` is that of the expected reading, over that of
+    its noise.
     """
     return (maximum(absolute(residual) - sqrt(1 + variance), 0.0) / HALF_DOUBTED) ** 2
 
@@ -261,13 +260,13 @@ def calibrate(
     trusting: TrustGains,
     sample_time: Scalar,
 ) -> tuple[EncoderKnowledge, EncoderPosition]:
-    """One sample: learn of an encoder from a reading; what is known then, and the position that the encoder gives."""
+    """One sample of an encoder's calibration by a reading: the updated estimates, and the encoder's position."""
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
     before = believed(known.errors, row, gains)
     counts = reading.alive * drum.taut
-    # judged by what was known before: the doubt of the last sample
+    # the doubt of the last sample, independent of this reading
     odds = doubt_odds(known.residual, 0.0)
     doubt = odds / (1 + odds)
     fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
@@ -276,7 +275,7 @@ def calibrate(
     bound = trusting.gate * sqrt(1 + expectation.variance)
     within = absolute(innovation) <= bound
     limited = clip(innovation, -bound, bound)
-    # in doubt the gate opens: what seems to be an outlier is what there is to learn
+    # in doubt the gate opens: apparent outliers show the new errors
     opened = bound * (1 + odds)
     weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
     errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
@@ -294,18 +293,18 @@ def calibrate(
 
 
 def believed(errors: Knowledge, row: Sequence[Scalar], gains: DrumGains) -> Scalar:
-    """What an encoder is believed to be off by, over the deviation of a reading."""
+    """Estimated (shrunk) error of an encoder over the deviation of a reading."""
     names = learnt_names(gains)
     estimate = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
     return dot(row, estimate)
 
 
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:
-    """What is known of an encoder, its zero set where the vehicle is known to rest.
+    """The estimates of an encoder with its zero set at rest in a known position.
 
-    What is learnt of the zero from then on is by how much that was wrong. The sample that follows makes it certain, as
-    far as `DrumGains.tare` says: the position sensor may have another opinion of where the vehicle rests. A zero that
-    this, or a rope somewhat softer than the nominal one, may explain is none.
+    Later estimates of the zero are relative to it. The next sample fixes it with the deviation `DrumGains.tare`, as the
+    position sensor may disagree on the position at rest. A zero within this deviation, or that a somewhat softer rope
+    explains, is taken as 0.
     """
     zero = drum.wound - (drum.stretch - drum.sag) - drum.direction * x
     none = gains.tare + 2 * (gains.compliance * drum.stretch + gains.give * drum.pull + gains.sag * drum.sag)

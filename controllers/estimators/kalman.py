@@ -1,30 +1,30 @@
 """Steady-state Kalman filter for position and speed, from position, wheel speed and both drum encoders.
 
-The filter knows position x, speed v and a disturbance acceleration d, which wanders as a random walk::
+The states are position x, speed v and a disturbance acceleration d, modelled as a random walk::
 
     dx/dt = v,   dv/dt = (F_1 - F_2 - F_f(v) - F_w(v))/M + d,   dd/dt = r + white noise
 
-and is driven by the *measured* tensions. Next to them the last command is a poor guess of the pull: it reaches the
-motor late, the ropes follow it with a swing, and limits cut it off. The tensions show all of that, and their noise is
-harmless, for it enters through an integration: 10 N on each rope are 1.4e-6 m/s in a sample of 1 ms.
+The input is the pull of the *measured* tensions. The last command would be a poor substitute: it reaches the motor
+late, the ropes follow it with oscillations, and it is limited. The noise of the tensions is harmless, as it is
+integrated: 10 N on each rope are 1.4e-6 m/s in a sample of 1 ms.
 
 A taut rope turns its drum encoder into a precise position sensor: ``R_1 theta_1 = x + stretch_1`` and
 ``R_2 theta_2 = stretch_2 - x`` with ``stretch_i = F_i length_i/(E_i A_i)`` from the measured tension (paper Section
-2.2, E1, without damping). While a rope is slack its encoder says nothing and is left out.
+2.2, E1, without damping). The encoder of a slack rope has no information and is left out.
 
-All three positions measure the same state, so they are one measurement with the weights of their variances. The gain
-solves the discrete Riccati equation (`model.matrix`); it depends on parameters alone. It is exact as long as all
-sensors are in use and the noise is white, which a position rounded to 1 mm is not quite: its noise level is to include
-the rounding.
+All three positions measure the same state, so they are combined into one measurement, weighted by their inverse
+variances. The gain solves the discrete Riccati equation (`model.matrix`); it depends on parameters alone. It is optimal
+while all sensors are in use and the noise is white, which is not quite true for a position rounded to 1 mm: its noise
+level must include the rounding.
 
-The rate r stands for what comes and goes in seconds, such as vortices: behind them the estimate would stay by a time of
-1/bandwidth, and the speed with it. It integrates what d learns, times `ramp` and the bandwidth. Without a speed sensor
-the poles p of the filter are then the roots of ``s⁴ + 2 s³ + 2 s² + s + ramp = 0`` with s = p/bandwidth, which all lie
-to the left as long as ramp < 3/4.
+The rate r is for disturbances that change within seconds, such as vortices: without it the estimates of disturbance and
+speed lag by 1/bandwidth. It integrates the corrections of d, times `ramp` and the bandwidth. Without a speed sensor the
+poles p of the filter are then the roots of ``s⁴ + 2 s³ + 2 s² + s + ramp = 0`` with s = p/bandwidth, all stable for
+ramp < 3/4.
 
-The estimated disturbance is of use to position laws that compensate the forces of a nominal model: `compensation` is
-the share of it that they count among these. The rest is left to an observer of their own, which knows the commands but
-not the tensions.
+Position laws that compensate the forces of a nominal model can use the estimated disturbance: `compensation` is the
+share of it that they add to these forces. The rest is left to an observer of the law, which knows the commands but not
+the tensions.
 """
 
 from dataclasses import dataclass, field
@@ -51,24 +51,24 @@ class KalmanGains:
 
     position_noise: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of the position, rounding included", "assumption"),
+        Quantity("m", "assumed standard deviation of the position, rounding included", "assumption"),
         Tunable(5e-5, 5e-3, standard=False),
     ] = 6e-4
     speed_noise: Annotated[
-        Positive, Quantity("m/s", "believed standard deviation of the speed", "assumption"), Tunable(1e-4, 5e-2)
+        Positive, Quantity("m/s", "assumed standard deviation of the speed", "assumption"), Tunable(1e-4, 5e-2)
     ] = 2e-3
     encoder_noise: Annotated[
         Positive,
-        Quantity("m", "believed standard deviation of a position from encoder and stretch", "assumption"),
+        Quantity("m", "assumed standard deviation of a position from encoder and stretch", "assumption"),
         Tunable(1e-6, 1e-2),
     ] = 1e-4
     bandwidth: Annotated[
-        Positive, Quantity("rad/s", "how fast the filter follows a disturbance", "assumption"), Tunable(1, 200)
+        Positive, Quantity("rad/s", "bandwidth of the disturbance estimate", "assumption"), Tunable(1, 200)
     ] = 20.0
     ramp: Annotated[
         NonNegative,
         at.Le(0.7),
-        Quantity("1", "how fast it follows the disturbance's rate, over the bandwidth; 0: not at all", "assumption"),
+        Quantity("1", "gain on the disturbance's rate over the bandwidth; 0: no rate", "assumption"),
         Tunable(0, 0.7, log=False),
     ] = 0.0
     compensation: Annotated[
@@ -80,25 +80,25 @@ class KalmanGains:
 
 @dataclass(frozen=True)
 class KalmanState:
-    """What the filter expects of the coming sample; encoders are zeroed at x = 0, at rest."""
+    """Predicted state of the next sample; encoders are zeroed at x = 0, at rest."""
 
-    x: Annotated[Scalar, Quantity("m", "expected position"), Mark.POSITION] = 0.0
-    v: Annotated[Scalar, Quantity("m/s", "expected speed"), Mark.SPEED] = 0.0
-    d: Annotated[Scalar, Quantity("m/s^2", "expected disturbance acceleration")] = 0.0
-    rate: Annotated[Scalar, Quantity("m/s^3", "expected rate of the disturbance")] = 0.0
+    x: Annotated[Scalar, Quantity("m", "predicted position"), Mark.POSITION] = 0.0
+    v: Annotated[Scalar, Quantity("m/s", "predicted speed"), Mark.SPEED] = 0.0
+    d: Annotated[Scalar, Quantity("m/s^2", "predicted disturbance acceleration")] = 0.0
+    rate: Annotated[Scalar, Quantity("m/s^3", "predicted rate of the disturbance")] = 0.0
 
 
 @dataclass(frozen=True)
 class KalmanEstimate(Estimate):
-    """What the filter gives, whole."""
+    """Output of the filter, with its complete estimate."""
 
     x_est: Annotated[Scalar, Quantity("m", "estimated position")] = 0.0
     v_est: Annotated[Scalar, Quantity("m/s", "estimated speed")] = 0.0
-    d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, compensated or not")] = 0.0
+    d_est: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration, regardless of compensation")] = 0.0
 
 
 DOUBLINGS = 18
-"""Doubling steps: the gain is that of a filter that has run for 2^18 samples."""
+"""Doubling steps: the gain is that after 2^18 samples."""
 
 TAUT = 0.5
 """Share of tension_min above which a rope counts as taut."""
@@ -107,8 +107,8 @@ TAUT = 0.5
 def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scalar | None = None) -> Matrix:
     """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
 
-    Worked out in units of the sample time in s and of the combined position noise, where all numbers are of one size.
-    The variance of the measured position in m² is that of all three together, if it is not given.
+    Computed in units of the sample time in s and of the combined position noise, in which all numbers have similar
+    sizes. `position_variance` in m² defaults to that of all three positions combined.
     """
     motion: Matrix = ((1.0, 1.0, 0.5), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
     walk = (gains.bandwidth * sample_time) ** 6
@@ -129,7 +129,7 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scal
 
 
 def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
-    """What position sensor, encoder 1 and encoder 2 know of the position, in 1/m²."""
+    """Information of position sensor, encoder 1 and encoder 2 on the position, in 1/m²."""
     encoder = 1 / gains.encoder_noise**2
     return 1 / gains.position_noise**2, encoder, encoder
 
@@ -137,14 +137,14 @@ def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
 def filter_motion(
     state: KalmanState, measurement: Measurement, gains: KalmanGains, nominal: Plant, context: Context
 ) -> tuple[KalmanState, KalmanEstimate]:
-    """One sample: correct the state, which was expected of this sample, by its measurement, and expect the next.
+    """One sample: correct the predicted state by the measurement, and predict the next.
 
     Args:
-        state: what was expected.
-        measurement: what was measured.
+        state: predicted state.
+        measurement: sensor values.
         gains: noise levels and bandwidth.
-        nominal: the plant as it is believed to be by now.
-        context: a rope is slack far below its tension_min.
+        nominal: nominal plant, with the present calibration.
+        context: sample time, and limits: a rope counts as slack far below its tension_min.
     """
     position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2
@@ -172,8 +172,7 @@ def corrected(
     """The state corrected by innovations of position in m and speed in m/s with a `kalman_gain`, and the next one.
 
     Returns:
-        The next state, and the measurement with the estimated position and speed in place of the measured ones, and
-        the disturbance to compensate.
+        The next state, and the measurement with estimated position and speed and the disturbance to compensate.
     """
     (x_x, x_v), (v_x, v_v), (d_x, d_v) = gain
     of_x, of_v = innovations
@@ -203,7 +202,7 @@ class Kalman(Estimator):
     label: ClassVar = "Kalman filter"
 
     def initial_state(self) -> KalmanState:
-        """At rest where a run begins."""
+        """At rest at the start of the run."""
         return KalmanState()
 
     def step(

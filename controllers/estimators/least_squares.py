@@ -1,25 +1,23 @@
-"""Recursive least squares with a prior that is never forgotten.
+"""Recursive least squares with exponential forgetting of the samples, but not of the prior.
 
-Unknown are constants w, in units of the standard deviations that are believed of them before the first sample. A
-sample is a row of regressors h and what was measured, y = h'w + noise of unit variance, and the older it is, the less
-it counts. The estimate is where
+The unknowns are constants w, in units of their prior standard deviations. A sample consists of regressors h and a
+measurement y = h'w + noise of unit variance. The estimate minimises
 
     |w|² + sum over the samples of fade^age weight (y - h'w)²
 
-is smallest (Ljung and Söderström, Theory and Practice of Recursive Identification, 1983, Section 2.6; the first term
-is Tikhonov's). Only the samples' information is forgotten: what they no longer tell returns to the prior, so that a
-machine that stands still for an hour neither winds up nor remembers more than it sees.
+(Ljung and Söderström, Theory and Practice of Recursive Identification, 1983, Section 2.6; the first term is
+Tikhonov's). Only the samples' information is forgotten: without new information the estimate returns to the prior, so
+that it does not wind up while the machine stands still.
 
-With the samples' information S and the estimate w of the last sample, forgetting turns these to
+With the samples' information S and the estimate w of the last sample, forgetting is
 
     S <- fade S,   w <- w - (1 - fade) (1 + fade S)⁻¹ w
 
-and a sample of some weight to
+and the update by a sample
 
     S <- S + weight h h',   w <- w + weight q (y - h'w) / (1 + weight h'q),   q = (1 + fade S)⁻¹ h.
 
-The state is the estimate itself, not the vector S w: then round-off, that of single precision too, is corrected by the
-samples that follow.
+The state is the estimate itself, not the vector S w: later samples then correct round-off, even in single precision.
 """
 
 from collections.abc import Sequence
@@ -35,26 +33,26 @@ from dualwinch.model.scalar import Scalar
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of n constants, over the deviations believed before."""
+    """Estimates of n constants over their prior deviations, and the information of the samples."""
 
-    estimate: Annotated[Any, Quantity("1", "estimates over the deviations believed before"), Mark.LEARNT]
+    estimate: Annotated[Any, Quantity("1", "estimates over their prior deviations"), Mark.LEARNT]
     information: Annotated[Any, Quantity("1", "information of the samples, lower triangle by rows"), Mark.LEARNT]
 
 
 def ignorance(n: int) -> Knowledge:
-    """What is known of n constants before the first sample."""
+    """The prior of n constants: zero estimates without information."""
     return Knowledge(np.zeros(n), np.zeros(n * (n + 1) // 2))
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """What is expected of a sample.
+    """Prediction of a sample.
 
     Attributes:
-        estimate: the constants, what is forgotten by now left out.
-        value: of what is measured.
-        gain: of the estimate on a sample, before its weight: q above.
-        variance: of the value, over that of a sample's noise.
+        estimate: the constants after forgetting.
+        value: predicted measurement.
+        gain: gain of the estimate on a sample, without its weight: q above.
+        variance: variance of the value over that of a sample's noise.
     """
 
     estimate: tuple[Scalar, ...]
@@ -64,10 +62,7 @@ class Expectation:
 
 
 def expected(known: Knowledge, regressors: Sequence[Scalar], fade: Scalar) -> Expectation:
-    """What is expected of the next sample, by its (n,) regressors.
-
-    Of the information of the samples before, the share `fade` is left.
-    """
+    """Prediction of the next sample from its (n,) regressors; the information of earlier samples fades by `fade`."""
     n = len(regressors)
     estimate = [known.estimate[i] for i in range(n)]
     factors = factorised(_with_prior(known, n, fade))
@@ -85,9 +80,9 @@ def learnt(
     weight: Scalar,
     fade: Scalar,
 ) -> Knowledge:
-    """What is known after a sample with (n,) regressors, of which the expectation was made with the same `fade`.
+    """The estimates updated by a sample with (n,) regressors and its expectation, both with the same `fade`.
 
-    The innovation is over the deviation of the sample's noise; `weight` is 1 for a sample of that noise, 0 for none.
+    The innovation is relative to the deviation of the sample's noise; `weight` is 1 for one sample, 0 for none.
     """
     step = weight * innovation / (1 + weight * expectation.variance)
     estimate = [value + gain * step for value, gain in zip(expectation.estimate, expectation.gain, strict=True)]
@@ -100,7 +95,7 @@ def learnt(
 
 
 def variances(known: Knowledge, n: int) -> tuple[Scalar, ...]:
-    """Variances of the n estimates, over those believed before: 1 is to know nothing new."""
+    """Variances of the n estimates over those of the prior: 1 without information."""
     factors = factorised(_with_prior(known, n, 1.0))
     units = [[1.0 if row == column else 0.0 for row in range(n)] for column in range(n)]
     return tuple(solved(factors, unit)[index] for index, unit in enumerate(units))
@@ -118,5 +113,5 @@ def _with_prior(known: Knowledge, n: int, fade: Scalar) -> Matrix:
 
 
 def _index(row: int, column: int) -> int:
-    """Where an element of the lower triangle stands."""
+    """Index of an element of the lower triangle, stored by rows."""
     return row * (row + 1) // 2 + column

@@ -17,7 +17,7 @@ class SpeedFilterState:
 
 
 def filter_speed(state: SpeedFilterState, v: Scalar, filter_time: Scalar, sample_time: Scalar) -> SpeedFilterState:
-    """Filtered speed in m/s; a filter time of 0 s passes the measured speed v in m/s on."""
+    """Filtered speed from the measured speed v in m/s; unfiltered for a filter time of 0 s."""
     share = filter_time / (filter_time + sample_time)
     return SpeedFilterState(v + share * (state.v - v))
 

@@ -1,1 +1,1 @@
-"""Position laws, one a file: from an estimate of the motion and a setpoint to a force."""
+"""Position laws, one per file: from an estimate of the motion and a setpoint to a force."""
