@@ -1,17 +1,16 @@
-"""Kalman filter that learns drums, ropes and encoder zeros under way, and weighs sensors by their consistency.
+"""Kalman filter with online calibration of drums, ropes and encoder zeros, and weights by the sensors' consistency.
 
-Encoders are precise and wrong: a drum that is 0.2 % larger than believed is 9 cm off at the end of the track. The
-position sensor is coarse, may fall silent or give nonsense, and is right in the mean. The filter of
-`controllers.estimators.kalman` has the best of both once each encoder is calibrated
-(`controllers.estimators.encoder_calibration`): it lives on the encoders, in the frame of the position sensor.
+Encoders are precise but biased: a drum 0.2 % larger than nominal is an error of 9 cm at the end of the track. The
+position sensor is coarse and may drop out or have outliers, but is unbiased. With each encoder calibrated
+(`controllers.estimators.encoder_calibration`), the filter of `controllers.estimators.kalman` combines the encoders'
+precision with the frame of the position sensor.
 
-- A run starts at rest at a known position: that sets the encoders' zeros. Where the position sensor has another
-  opinion, it is right in the end.
-- A better calibration moves the expected position along with it. It says that one was elsewhere all the time, not that
-  one has moved: speed and disturbance stay as they are, and the position that the law gets changes smoothly.
-- While the sensor is silent (no number, or the same for many samples) the encoders go on alone.
-- Encoders that are slack or doubted are left out, smoothly. With none left the filter lives on position and speed
-  sensor, with the gain that belongs to these. Both gains depend on parameters alone.
+- A run starts at rest at a known position, which sets the encoders' zeros. The position sensor corrects them later.
+- A new calibration shifts the predicted position. This is no motion: speed and disturbance remain unchanged, and the
+  position for the law changes smoothly.
+- While the sensor is silent (no number, or the same for many samples) only the encoders are used.
+- Encoders of slack ropes and doubted encoders are faded out. Without any the filter uses position and speed sensor,
+  with the gain for these. Both gains depend on parameters alone.
 """
 
 from dataclasses import dataclass, field, replace
@@ -52,7 +51,7 @@ from dualwinch.model.winch import winding
 
 @dataclass(frozen=True)
 class SensorWatch:
-    """By which the position sensor is found alive or silent."""
+    """State of the detection of a silent position sensor."""
 
     reading: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
     repeats: Annotated[Scalar, Quantity("1", "samples since it last changed"), Mark.BOOKKEEPING] = 0.0
@@ -61,29 +60,29 @@ class SensorWatch:
 
 @dataclass(frozen=True)
 class WheelKnowledge:
-    """What is known of the speed wheel."""
+    """Estimate of the speed wheel's scale error."""
 
     error: Annotated[Scalar, Quantity("1", "share by which the wheel reads too much"), Mark.LEARNT] = 0.0
     information: Annotated[Scalar, Quantity("1", "information of the samples on it"), Mark.LEARNT] = 0.0
-    rolled: Annotated[Scalar, Quantity("m", "way that the wheel has rolled lately")] = 0.0
-    left_behind: Annotated[Scalar, Quantity("m", "position of a while ago, smoothed"), Mark.POSITION] = 0.0
+    rolled: Annotated[Scalar, Quantity("m", "recent distance of the wheel (high-passed)")] = 0.0
+    left_behind: Annotated[Scalar, Quantity("m", "low-passed position"), Mark.POSITION] = 0.0
 
 
 @dataclass(frozen=True)
 class SelfCalibratingState:
-    """State of the filter, of what is known of encoders and wheel, and of the watch on the position sensor."""
+    """State of the filter, of the calibrations of encoders and wheel, and of the detection of silence."""
 
     motion: KalmanState
     encoder_1: EncoderKnowledge
     encoder_2: EncoderKnowledge
     wheel: Any
     watch: SensorWatch = field(default_factory=SensorWatch)
-    pending: Annotated[Scalar, Quantity("m", "change of frame that has not reached the position law yet")] = 0.0
+    pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
 
 
 @dataclass(frozen=True)
 class SelfCalibratingEstimate(KalmanEstimate):
-    """What the filter gives, what it has learnt, and how far it trusts each sensor."""
+    """Output of the filter, with its calibration and its doubt of each sensor."""
 
     zero_1: Annotated[Scalar, Quantity("m", "learnt zero of encoder 1, in m of rope")] = 0.0
     zero_2: Annotated[Scalar, Quantity("m", "learnt zero of encoder 2, in m of rope")] = 0.0
@@ -97,17 +96,17 @@ class SelfCalibratingEstimate(KalmanEstimate):
     scale_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_2")] = 0.0
     excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_1")] = 0.0
     excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
-    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 to 1: left out")] = 0.0
-    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 to 1: left out")] = 0.0
-    position_used: Annotated[Scalar, Quantity("1", "1 where the position sensor is believed")] = 1.0
+    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 (trusted) to 1 (left out)")] = 0.0
+    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 (trusted) to 1 (left out)")] = 0.0
+    position_used: Annotated[Scalar, Quantity("1", "1 where the reading of the position sensor is accepted")] = 1.0
 
 
 @dataclass(frozen=True)
 class SiteEstimate(SelfCalibratingEstimate):
-    """The same where the filter also learns what winches give, sags beyond the nominal ones, or the wheel's scale."""
+    """Output of a filter that also calibrates the winches' compliance, the sag, or the speed wheel's scale."""
 
-    give_1: Annotated[Scalar, Quantity("m/N", "learnt length that winch 1 gives a newton")] = 0.0
-    give_2: Annotated[Scalar, Quantity("m/N", "learnt length that winch 2 gives a newton")] = 0.0
+    give_1: Annotated[Scalar, Quantity("m/N", "learnt compliance of winch 1")] = 0.0
+    give_2: Annotated[Scalar, Quantity("m/N", "learnt compliance of winch 2")] = 0.0
     sag_excess_1: Annotated[Scalar, Quantity("1", "learnt sag of rope 1 above the nominal one, as a share")] = 0.0
     sag_excess_2: Annotated[Scalar, Quantity("1", "learnt sag of rope 2 above the nominal one, as a share")] = 0.0
     give_1_sd: Annotated[Scalar, Quantity("m/N", "standard deviation of give_1")] = 0.0
@@ -118,19 +117,19 @@ class SiteEstimate(SelfCalibratingEstimate):
 
 
 PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
-"""What the estimate says of what was learnt of an encoder."""
+"""Estimated errors of an encoder that are part of the output."""
 
 FIRST = 0.5
-"""`SensorWatch.started` is 0 at the first sample and 1 then; a solver for the steady state may leave round-off."""
+"""Threshold of `SensorWatch.started`, 0 at the first sample and then 1: a steady-state solver may leave round-off."""
 
 LEAST_INFORMATION = 1e-6
-"""Share of the position sensor's information that stands for none, where neither it nor an encoder says anything."""
+"""Floor of the total information, as a share of the position sensor's, without any position measurement."""
 
 
 def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after: Scalar) -> tuple[SensorWatch, Scalar]:
-    """The watch after a reading in m, maybe no number, and whether the position sensor is alive.
+    """Detection of silence after a reading in m, which may be missing, and whether the position sensor is alive.
 
-    In the place of a reading that is none the watch keeps the expected position in m.
+    The expected position in m replaces a missing reading.
     """
     finite = absolute(reading) <= NO_READING
     shown = where(finite, reading, expected)
@@ -141,12 +140,12 @@ def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after:
 
 @dataclass(frozen=True)
 class Innovation:
-    """What position sensor and encoders together say beyond what is expected.
+    """Innovation of position sensor and encoders together.
 
     Attributes:
-        shift: by how much better calibrations move the expected position, in m.
-        residual: what is not expected of the position then, in m.
-        lead: from 0, without encoders, to 1, with both.
+        shift: shift of the predicted position by new calibrations, in m.
+        residual: innovation of the position after the shift, in m.
+        lead: relative weight of the encoders, from 0 without any to 1 with both.
     """
 
     shift: Scalar
@@ -162,7 +161,7 @@ def innovation(
     gains: KalmanGains,
     trust: TrustGains,
 ) -> Innovation:
-    """Position sensor and encoders as one measurement of the position, with the weights of their variances."""
+    """Position sensor and encoders combined into one measurement, weighted by their inverse variances."""
     noise, encoder_noise = gains.position_noise, gains.encoder_noise
     sensor, both_encoders = 1 / noise**2, 2 / encoder_noise**2
     heard = where(reading.alive, sensor, 0.0)
@@ -172,7 +171,7 @@ def innovation(
     ]
     encoders = sum(shares)
     total = maximum(heard + encoders, LEAST_INFORMATION * sensor)
-    # an encoder that is far off has not brought the expectation here, and does not take it along
+    # an encoder far from the prediction has not contributed to it, so its calibration does not shift it
     shift = sum(
         share / total * position.shift / _distance(position.x - position.shift - expected, trust.jump)
         for share, position in zip(shares, positions, strict=True)
@@ -186,12 +185,12 @@ def innovation(
 
 
 def _distance(apart: Scalar, jump: Scalar) -> Scalar:
-    """1 nearby, and by how much less an encoder counts that is `apart` m from what is expected (Cauchy's weight)."""
+    """Inverse of Cauchy's weight of an encoder `apart` m from the prediction: 1 nearby, 2 at `jump` m."""
     return 1 + (apart / jump) ** 2
 
 
 def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matrix:
-    """Gain of the filter between that without encoders (`lead` 0) and that with both (1)."""
+    """Gain of the filter, interpolated between that without encoders (`lead` 0) and with both (1)."""
     without = kalman_gain(gains, sample_time, gains.position_noise**2)
     complete = kalman_gain(gains, sample_time)
     return tuple(
@@ -202,7 +201,7 @@ def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matri
 
 @dataclass(frozen=True)
 class SelfCalibratingKalman(Estimator):
-    """The filter, its prior of drums and ropes, and how far it trusts the sensors."""
+    """The filter, the prior of drums and ropes, and the tests of the sensors."""
 
     kalman: KalmanGains = field(default_factory=KalmanGains)
     drums: DrumGains = field(default_factory=DrumGains)
@@ -213,7 +212,7 @@ class SelfCalibratingKalman(Estimator):
     silent: ClassVar = frozenset({"x"})
 
     def initial_state(self) -> SelfCalibratingState:
-        """At rest where a run begins, with drums, ropes and encoders as they are believed to be."""
+        """At rest at the start of the run, with nominal drums, ropes and encoders."""
         unknown = EncoderKnowledge(ignorance(len(learnt_names(self.drums))))
         wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
         return SelfCalibratingState(KalmanState(), unknown, unknown, wheel)
@@ -221,7 +220,7 @@ class SelfCalibratingKalman(Estimator):
     def step(
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
-        """One sample: learn of the encoders, then filter the motion with what is known of them."""
+        """One sample: calibrate the encoders, then filter the motion with them."""
         gains, sample_time = self.kalman, context.sample_time
         x = state.motion.x
         watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
@@ -250,10 +249,10 @@ class SelfCalibratingKalman(Estimator):
         return following, estimated(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
     def _rolled(self, known: Any, reading: Scalar, x: Scalar, sample_time: Scalar) -> tuple[Any, Scalar]:
-        """What is known of the wheel after its reading, and the speed in m/s that it then stands for.
+        """Updated estimate of the wheel's scale error, and the corrected speed in m/s.
 
-        The way that it has rolled lately, against that of the position x in m as it is expected, which the encoders
-        know well: both high-passed alike. Recursive least squares of one constant.
+        Recursive least squares of one constant: the distance of the wheel against that of the predicted position x in
+        m, which the encoders determine well, both with the same high-pass.
         """
         if not isinstance(known, WheelKnowledge):
             return known, reading
@@ -269,7 +268,7 @@ class SelfCalibratingKalman(Estimator):
         self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
     ) -> tuple[EncoderKnowledge, EncoderPosition]:
         known = tared(known, drum, x, self.drums, resting)
-        # rest in a known position counts as much as many readings; it sets the encoder, not the expected position
+        # rest in a known position counts as many readings; it sets the encoder, not the predicted position
         weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
         seen = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
         known, position = calibrate(known, drum, seen, self.drums, self.trust, sample_time)
@@ -288,7 +287,7 @@ class SelfCalibratingKalman(Estimator):
 
 
 def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:
-    """Both drums as this sample's measurement and nominal values show them, with the vehicle at about x in m."""
+    """Both drums from this sample's measurement and nominal values, with the vehicle at about x in m."""
     found, taut = [], TAUT * context.limits.tension_min
     measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
     lengths = rope_lengths(x, context.nominal.track)

@@ -1,13 +1,13 @@
-"""What samples have taught, as far as it is more than their noise.
+"""Shrinkage of least-squares estimates towards zero by the noise of the samples.
 
-Least squares puts some of the noise into every constant, also where there is nothing to learn. Of n constants, with the
-estimates w and the samples' information S, James and Stein (Estimation with quadratic loss, 1961) believe a share,
+Least squares fits noise by every constant, even if all of them are zero. The estimator of James and Stein (Estimation
+with quadratic loss, 1961) shrinks the estimates w of n constants with the samples' information S,
 
     w <- (1 - (n - 2)/chi²) w,   chi² = w'S w,
 
-and nothing where that is negative (Baranchik, Multiple regression and estimation of the mean of a multivariate normal
-distribution, 1964). From three constants on the mean square error is smaller then, whatever the constants are: much
-smaller near 0, and the same where they are many deviations off.
+and to zero where the factor is negative (Baranchik, Multiple regression and estimation of the mean of a multivariate
+normal distribution, 1964). For three constants or more this has a smaller mean square error, for any true values: much
+smaller near 0, and the same at many deviations.
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,10 @@ from dualwinch.model.scalar import Scalar, maximum
 
 
 def shrunk(known: Knowledge, n: int, exempt: Sequence[int]) -> tuple[Scalar, ...]:
-    """The n estimates, all of them but the exempt ones shrunk towards 0.
+    """The n estimates shrunk towards 0, except those with indices in `exempt`.
 
-    These become what the samples say of them if the others are what is believed now: some of what was put down to
-    the others may be theirs. The chi² of the others counts what no values of the exempt ones explain. Exempt are
-    constants that may well be far from 0, by their indices, at most n - 3.
+    The exempt ones, at most n - 3 constants that may be far from 0, become their least-squares estimates given the
+    shrunk others. The chi² of the others is that of the part which no values of the exempt ones explain.
     """
     others = [i for i in range(n) if i not in exempt]
     w = [known.estimate[i] for i in range(n)]

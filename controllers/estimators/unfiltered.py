@@ -1,4 +1,4 @@
-"""No estimator: the position law sees the sensors."""
+"""No estimator: the position law gets the sensor values."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,17 +10,17 @@ from dualwinch.model.reference import Setpoint
 
 @dataclass(frozen=True)
 class Unfiltered(Estimator):
-    """Passes the measurement on as it is."""
+    """The measurement unchanged."""
 
     kind: ClassVar = "none"
     label: ClassVar = "no estimator"
 
     def initial_state(self) -> NoState:
-        """Nothing."""
+        """No state."""
         return NoState()
 
     def step(
         self, state: NoState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[NoState, Estimate]:
-        """The measurement as it is."""
+        """The measurement unchanged."""
         return state, Estimate(**vars(measurement))

@@ -4,9 +4,9 @@ After Gao, "Scaling and bandwidth-parameterization based controller tuning" (Ame
 all poles of the observer (`extended_state_observer`) lie at ``-observer_bandwidth``, those of the feedback at
 ``-control_bandwidth``.
 
-It knows position, speed and the disturbance acceleration, is fed with the position and with the acceleration that the
-last saturated command would give the nominal vehicle, and so neither winds up nor needs a speed sensor: friction and
-drag are compensated at the estimated speed.
+The observer estimates position, speed and disturbance acceleration from the position and from the nominal vehicle's
+acceleration by the last saturated command. It therefore does not wind up and needs no speed sensor: friction and drag
+are compensated at the estimated speed.
 """
 
 from dataclasses import dataclass
@@ -36,13 +36,13 @@ class Adrc(PositionLaw):
     dashes: ClassVar = (0, (2, 1.5))
 
     def initial_state(self) -> ExtendedState:
-        """Nothing expected."""
+        """Zero state."""
         return ExtendedState()
 
     def step(
         self, state: ExtendedState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[ExtendedState, ObserverOutput]:
-        """One sample: correct what was expected, command, expect the next sample."""
+        """One sample: correct the prediction, command a force, predict the next sample."""
         T = context.sample_time
         x, v, d = corrected(state, estimate, self.observer_bandwidth, T)
         forces = nominal_forces(v, estimate.d, context.nominal)

@@ -1,4 +1,4 @@
-"""Anti-saturation system: remembers how much force was cut off (paper Section 3.1.2, E8, A10)."""
+"""Anti-saturation system: integrates the force beyond its limits (paper Section 3.1.2, E8, A10)."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -9,7 +9,7 @@ from dualwinch.model.scalar import Scalar
 
 @dataclass(frozen=True)
 class AuxiliaryGains:
-    """Gains of the anti-saturation system; the paper's one gamma cannot have both units (E8)."""
+    """Gains of the anti-saturation system; the paper's single gamma cannot have both units (E8)."""
 
     gamma: Annotated[
         NonNegative,
@@ -23,5 +23,5 @@ class AuxiliaryGains:
 
 
 def auxiliary_update(Z_a: Scalar, excess: Scalar, gains: AuxiliaryGains, sample_time: Scalar) -> Scalar:
-    """Z_a in N s at the next sample, driven by the force `excess` = u − u_sat in N that was cut off."""
+    """Z_a in N s at the next sample, driven by the saturation excess u − u_sat in N."""
     return Z_a + sample_time * (-gains.k_a * Z_a + excess)

@@ -2,23 +2,23 @@
 
 After She, Fang, Ohyama, Hashimoto and Wu, "Improving disturbance-rejection performance based on an
 equivalent-input-disturbance approach" (IEEE Trans. Ind. Electron. 55 (2008) 380). For any disturbance of a plant, some
-disturbance at its input has the same effect on the output. Their observer believes in a plant without disturbance::
+disturbance at its input has the same effect on the output. The observer assumes a plant without disturbance::
 
     dx̂/dt = A x̂ + B u_f + L (y - C x̂)
 
-and what its correction does, in terms of the input, is the estimate::
+and the input equivalent to its correction is the estimate::
 
     d̂ = B⁺ L (y - C x̂) + u_f - u,      d̃ = F(s) d̂,      u = u_f - d̃
 
-with a low-pass filter F of first order, which sets the bandwidth in which disturbances are rejected.
+with a first-order low-pass filter F, which sets the bandwidth of disturbance rejection.
 
-Here the output is the position and the input the acceleration of the nominal vehicle, less its resistance. The
-observer is the discrete current one with both poles at ``exp(-observer_bandwidth * sample_time)``; of all left inverses
-of B that is taken which looks at the speed alone, so that ``d̂ = d̃ + (its correction of the speed)/(sample time)``. In
-continuous time observer and filter together have the poles of ``s³ + 2 w s² + w² s + w²/filter_time`` with w the
-observer's bandwidth, stable for ``filter_time > 1/(2 w)``. Linear active disturbance rejection puts all three in one
-place (`controllers.laws.adrc`); here the filter is apart. No speed sensor is needed, and nothing winds up, for the
-observer is fed with the saturated command.
+Here the output is the position and the input the acceleration of the nominal vehicle, less its resistance. The observer
+is the discrete current one with both poles at ``exp(-observer_bandwidth * sample_time)``; the left inverse of B uses
+the speed alone, so that ``d̂ = d̃ + (correction of the speed)/(sample time)``. In continuous time observer and filter
+together have the poles of ``s³ + 2 w s² + w² s + w²/filter_time`` with w the observer's bandwidth, stable for
+``filter_time > 1/(2 w)``. Linear active disturbance rejection has all three poles in one place
+(`controllers.laws.adrc`); here the filter is separate. The observer uses the saturated command: it does not wind up,
+and needs no speed sensor.
 """
 
 from dataclasses import dataclass
@@ -55,13 +55,13 @@ class Eid(PositionLaw):
     dashes: ClassVar = (0, (1, 1))
 
     def initial_state(self) -> ExtendedState:
-        """Nothing expected."""
+        """Zero state."""
         return ExtendedState()
 
     def step(
         self, state: ExtendedState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[ExtendedState, ObserverOutput]:
-        """One sample: correct what was expected, command, estimate the disturbance, expect the next sample."""
+        """One sample: correct the prediction, estimate the disturbance, command a force, predict the next sample."""
         T = context.sample_time
         pole = exp(-self.observer_bandwidth * T)
         innovation = where(state.primed, estimate.x - state.x, 0.0)

@@ -23,7 +23,7 @@ class FandoNftsmState:
 
 @dataclass(frozen=True)
 class FandoNftsmOutput(NftsmOutput):
-    """What the law gives."""
+    """Output of the law."""
 
     d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")]
     L1: Annotated[Scalar, Quantity("1/s", "observer gain")]
@@ -43,13 +43,13 @@ class FandoNftsm(PositionLaw):
     dashes: ClassVar = "-"
 
     def initial_state(self) -> FandoNftsmState:
-        """Nothing estimated, nothing cut off so far."""
+        """Zero state."""
         return FandoNftsmState()
 
     def step(
         self, state: FandoNftsmState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[FandoNftsmState, FandoNftsmOutput]:
-        """One sample: estimate the disturbance, compensate it, remember what was asked for (paper Section 3.1.4)."""
+        """One sample: estimate the disturbance, compensate it, store the command for the next (paper Section 3.1.4)."""
         e2 = estimate.v - setpoint.v
         now = estimate_disturbance(state.observer, e2, self.observer, context.sample_time)
         Z_a = state.nftsm.Z_a

@@ -1,19 +1,19 @@
-"""LQI: linear-quadratic regulator with integral action, whose weights are its gains.
+"""LQI: linear-quadratic regulator with integral action, parameterised by its weights.
 
 After Young and Willems, "An approach to the linear multivariable servomechanism problem" (Int. J. Control 15 (1972)
 961): the state of a regulator is extended by the integral of the tracking error. With a Kalman filter as the estimator
-(`controllers.estimators`) it is LQG with integral action (Athans, IEEE Trans. Autom. Control 16 (1971) 529); what such
-a filter knows of the disturbance is compensated beside the nominal resistance, and the integral takes the rest.
+(`controllers.estimators`) it is LQG with integral action (Athans, IEEE Trans. Autom. Control 16 (1971) 529); the
+disturbance estimated by the filter is compensated with the nominal resistance, the rest by the integral.
 
-What is left of the vehicle is a mass under the commanded acceleration w, which is held over a sample. The law minimises
+The remaining plant is a mass under the commanded acceleration w, constant over a sample. The law minimises
 
     sum over the samples of  (I/integral)² + (e1/position)² + (e2/speed)² + (w/acceleration)²
 
-with I the integral of e1: a weight is an error, or a correction, that one would put up with (Bryson and Ho, *Applied
+with I the integral of e1: each weight is an acceptable error or correction (Bryson's rule; Bryson and Ho, *Applied
 Optimal Control*, 1975). The feedback gain solves the discrete Riccati equation of these weights and the sample time; it
-depends on parameters alone and is computed once a run.
+depends on parameters alone and is computed once per run.
 
-Ours: the integral is held where it would push the force further beyond its limit.
+Our addition: the integral is held where it would increase the force further beyond its limit.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, both, either, where
 
 DOUBLINGS = 24
-"""Doubling steps: the gain is that of a horizon of 2^24 samples, long beside the slowest integral that is tuned."""
+"""Doubling steps: the gain is that of a horizon of 2^24 samples, far longer than the slowest integral."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class LqiState:
 class Lqi(PositionLaw):
     """The law and its weights; only their ratios matter."""
 
-    position: Annotated[Positive, Quantity("m", "position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)] = 2e-3
-    speed: Annotated[Positive, Quantity("m/s", "speed error that weighs 1", "by hand"), Tunable(1e-4, 1)] = 2e-2
+    position: Annotated[Positive, Quantity("m", "position error of weight 1", "by hand"), Tunable(1e-5, 1e-2)] = 2e-3
+    speed: Annotated[Positive, Quantity("m/s", "speed error of weight 1", "by hand"), Tunable(1e-4, 1)] = 2e-2
     integral: Annotated[
-        Positive, Quantity("m s", "integral of the position error that weighs 1", "by hand"), Tunable(1e-5, 1e-2)
+        Positive, Quantity("m s", "integral of the position error of weight 1", "by hand"), Tunable(1e-5, 1e-2)
     ] = 1e-3
     acceleration: Annotated[
         Positive,
-        Quantity("m/s^2", "correcting acceleration that weighs 1", "by hand"),
+        Quantity("m/s^2", "correcting acceleration of weight 1", "by hand"),
         Tunable(1e-3, 10, standard=False),
     ] = 0.2
 
@@ -64,7 +64,7 @@ class Lqi(PositionLaw):
     def gain(self, sample_time: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Gains on the integral in 1/s³, on the position error in 1/s² and on the speed error in 1/s.
 
-        Worked out in units of the sample time in s, where the motion has no numbers but 1 and 1/2.
+        Computed in units of the sample time in s, in which the matrices of the motion contain only 1 and 1/2.
         """
         T = sample_time
         motion: Matrix = ((1.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
@@ -79,7 +79,7 @@ class Lqi(PositionLaw):
     def step(
         self, state: LqiState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[LqiState, PositionOutput]:
-        """One sample: feed back the errors and the integral of those before."""
+        """One sample: feedback of the errors and of the integral up to the last sample."""
         on_integral, on_position, on_speed = self.gain(context.sample_time)
         forces = nominal_forces(estimate.v, estimate.d, context.nominal)
         e1, e2, limit = estimate.x - setpoint.x, estimate.v - setpoint.v, context.limits.force

@@ -54,7 +54,7 @@ class NftsmState:
 
 @dataclass(frozen=True)
 class NftsmOutput(PositionOutput):
-    """What the law gives."""
+    """Output of the law."""
 
     Z_a: Annotated[Scalar, Quantity("N s", "state of the anti-saturation system")]
     s: Annotated[Scalar, Quantity("m", "sliding variable")]
@@ -78,7 +78,7 @@ class Nftsm(PositionLaw):
     dashes: ClassVar = (0, (5, 2))
 
     def initial_state(self) -> NftsmState:
-        """Nothing cut off so far."""
+        """Zero state."""
         return NftsmState()
 
     def control(
@@ -86,7 +86,7 @@ class Nftsm(PositionLaw):
     ) -> tuple[Scalar, Scalar, Scalar]:
         """Force u, its saturated value u_sat (N) and the sliding variable s (m) (paper Section 3.1.4, E7, E8).
 
-        By the anti-saturation state Z_a in N s and the observer's estimate d_hat in m/s², 0 without one.
+        Uses the anti-saturation state Z_a in N s and the observer's estimate d_hat in m/s², 0 without an observer.
         """
         gains, auxiliary = self.nftsm, self.auxiliary
         forces = nominal_forces(estimate.v, estimate.d, context.nominal)

@@ -1,11 +1,11 @@
 """Fuzzy adaptive nonlinear disturbance observer, FANDO (paper Section 3.1.3, E6), and its fuzzy logic system (A8).
 
-Discretised so that no acceleration sensor is needed: the speed error's difference over the last sample, less the
-acceleration the last command asked for, is the disturbance of that sample.
+The discretisation needs no acceleration sensor: the difference quotient of the speed error over the last sample, less
+the acceleration of the last command, is the disturbance of that sample.
 
 The fuzzy logic system raises the observer's gain when its error is large or changes fast. Two inputs in [−1, 1], five
 triangular labels each (a partition of unity), product inference, zero-order Sugeno. The rule base treats NB like PB and
-NS like PS, so that the magnitudes of the inputs with the labels ZO, PS, PB give all.
+NS like PS, so that the magnitudes of the inputs with the labels ZO, PS, PB suffice.
 """
 
 from dataclasses import dataclass
@@ -23,19 +23,19 @@ RULES = (
 
 
 def memberships(value: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Degrees of zero, small and big for the magnitude of an input, which is limited to 1; they sum to one."""
+    """Degrees of membership in zero, small and big of an input's magnitude, limited to 1; they sum to one."""
     twice = 2 * minimum(absolute(value), 1.0)
     return maximum(1 - twice, 0.0), minimum(twice, 2 - twice), maximum(twice - 1, 0.0)
 
 
 def _mean(values: tuple[Scalar, Scalar, Scalar], degrees: tuple[Scalar, Scalar, Scalar]) -> Scalar:
-    """Mean of what the labels give; the degree of zero is what those of small and big leave of one."""
+    """Mean of the labels' values, weighted by the degrees, which sum to one."""
     zero, small, big = values
     return zero + (small - zero) * degrees[1] + (big - zero) * degrees[2]
 
 
 def inference(error: Scalar, rate: Scalar) -> Scalar:
-    """FLS(error, rate) in [0, 1]; both inputs are scaled, without unit (paper Section 3.1.3, A8)."""
+    """FLS(error, rate) in [0, 1] of two dimensionless inputs (paper Section 3.1.3, A8)."""
     of_rate = memberships(rate)
     zero, small, big = (_mean(row, of_rate) for row in RULES)
     return _mean((zero, small, big), memberships(error))
@@ -71,13 +71,13 @@ class ObserverState:
     d_hat: Annotated[Scalar, Quantity("m/s^2", "estimated disturbance acceleration")] = 0.0
     filtered: Annotated[Scalar, Quantity("m/s^2", "low-passed estimation error")] = 0.0
     e2_previous: Annotated[Scalar, Quantity("m/s", "speed error of the last sample")] = 0.0
-    a_previous: Annotated[Scalar, Quantity("m/s^2", "error acceleration the last command asked for")] = 0.0
+    a_previous: Annotated[Scalar, Quantity("m/s^2", "error acceleration of the last command")] = 0.0
     primed: Annotated[Scalar, Quantity("1", "0 at the first sample, then 1")] = 0.0
 
 
 @dataclass(frozen=True)
 class DisturbanceEstimate:
-    """What the observer gives in one sample."""
+    """Output of the observer in one sample."""
 
     d_hat: Scalar
     L1: Scalar
@@ -97,8 +97,11 @@ def estimate_disturbance(
 
 
 def remember(now: DisturbanceEstimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
-    """State for the next sample: the speed error e2 in m/s, and the error acceleration ë_1 in m/s² of the command.
+    """State for the next sample.
 
-    That is what the saturated command would give without disturbance.
+    Args:
+        now: output of this sample.
+        e2: speed error in m/s.
+        error_acceleration: ë_1 in m/s² of the saturated command without disturbance.
     """
     return ObserverState(now.d_hat, now.filtered, e2, error_acceleration, 1.0)

@@ -1,4 +1,4 @@
-"""Baseline: a position loop around a speed loop (the paper gives four numbers only, A12)."""
+"""Baseline: a position loop around a speed loop (the paper gives only four of its gains, A12)."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -47,7 +47,7 @@ class PidCascade(PositionLaw):
     def step(
         self, state: PidCascadeState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[PidCascadeState, PositionOutput]:
-        """One sample; both integrals are held while they would push the force further into its limit."""
+        """One sample; both integrals are held while they would increase the force further beyond its limit."""
         mass, limit, sample_time = inertia(context.nominal.vehicle), context.limits.force, context.sample_time
         e1, e2 = estimate.x - setpoint.x, estimate.v - setpoint.v
 

@@ -1,18 +1,17 @@
-"""Sliding mode with a network of radial basis functions that learns, under way, what the nominal model leaves out.
+"""Sliding mode with a network of radial basis functions that adapts online to the errors of the nominal model.
 
 After Liu, *Radial Basis Function (RBF) Neural Network Control for Mechanical Systems* (Springer, 2013); its Lyapunov
-argument goes back to Sanner and Slotine (IEEE Trans. Neural Netw. 3 (1992) 837). On ``s = e1 + e2/lam`` the law asks
-for ``ds/dt = -eta s - k sat(s/phi) + (d - d_hat)/lam`` with the network's output and its law of adaptation::
+argument is that of Sanner and Slotine (IEEE Trans. Neural Netw. 3 (1992) 837). On ``s = e1 + e2/lam`` the law imposes
+``ds/dt = -eta s - k sat(s/phi) + (d - d_hat)/lam`` with the network's output and adaptation law::
 
     d_hat = sum of W_i h_i(v),   h_i(v) = exp(-(v - c_i)²/(2 width²)),   dW_i/dt = rate h_i(v) s - leakage W_i
 
-so that ``s² + lam (sum of (W_i - W_i*)²)/rate`` falls wherever s is large beside what no weights W* can represent. The
-leakage is the sigma modification of Ioannou and Kokotovic (Automatica 20 (1984) 583): without excitation, noise would
-let weights drift.
+so that ``s² + lam (sum of (W_i - W_i*)²)/rate`` decreases wherever s is large compared with the approximation error of
+the ideal weights W*. The leakage is the sigma modification of Ioannou and Kokotovic (Automatica 20 (1984) 583): without
+excitation, weights would drift by noise.
 
-The basis lies over the speed, where what is wrong about friction and drag is a fixed curve; of disturbances over the
-time, a fast adaptation follows the momentary value. Ours: weights are limited, and held while the force is beyond its
-limit.
+The basis functions depend on the speed, over which the errors of friction and drag are a fixed curve; a fast adaptation
+follows time-varying disturbances. Our additions: weights are limited, and held while the force is beyond its limit.
 """
 
 from collections.abc import Sequence
@@ -29,7 +28,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
 CENTRES = (-1.0, -2 / 3, -1 / 3, 0.0, 1 / 3, 2 / 3, 1.0)
-"""Where the basis functions lie, over `RbfSlidingMode.span`."""
+"""Centres of the basis functions over `RbfSlidingMode.span`."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +42,10 @@ class RbfState:
 
 @dataclass(frozen=True)
 class RbfOutput(PositionOutput):
-    """What the law gives."""
+    """Output of the law."""
 
     s: Annotated[Scalar, Quantity("m", "sliding variable")]
-    d_hat: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration that the network gives at this speed")]
+    d_hat: Annotated[Scalar, Quantity("m/s^2", "disturbance acceleration by the network at this speed")]
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class RbfSlidingMode(PositionLaw):
     ] = 0.5
     span: Annotated[
         Positive,
-        Quantity("m/s", "speed at which the last basis functions have their centres", "by hand"),
+        Quantity("m/s", "speed of the outermost centres of the basis functions", "by hand"),
         Tunable(0.5, 4, standard=False),
     ] = 2.1
     width: Annotated[
@@ -85,7 +84,7 @@ class RbfSlidingMode(PositionLaw):
     dashes: ClassVar = (0, (6, 1.5, 1, 1.5, 1, 1.5))
 
     def initial_state(self) -> RbfState:
-        """Nothing learnt."""
+        """Zero weights."""
         return RbfState()
 
     def basis(self, v: Scalar) -> Sequence[Scalar]:
@@ -95,7 +94,7 @@ class RbfSlidingMode(PositionLaw):
     def step(
         self, state: RbfState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[RbfState, RbfOutput]:
-        """One sample: slide with what has been learnt, and learn from where the error is."""
+        """One sample: sliding mode with the present weights, then their adaptation."""
         weights = [state.weights[i] for i in range(len(CENTRES))]
         basis = self.basis(estimate.v)
         d_hat = dot(weights, basis)

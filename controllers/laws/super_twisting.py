@@ -1,15 +1,15 @@
-"""Super-twisting position control: a second-order sliding mode whose force is continuous.
+"""Super-twisting position control: a second-order sliding mode with a continuous force.
 
-On the linear surface ``s = e1 + e2/lam`` the algorithm of Levant (Int. J. Control 58 (1993) 1247) asks for::
+On the linear surface ``s = e1 + e2/lam`` the algorithm of Levant (Int. J. Control 58 (1993) 1247) imposes::
 
     ds/dt = -k1 |s|^(1/2) sign(s) + z + d/lam,      dz/dt = -k2 sign(s)
 
-so that z takes up a disturbance d of bounded slope ``|dd/dt| <= lam L`` without an observer; k1 = 1.5 sqrt(L) and
+so that z compensates a disturbance d of bounded slope ``|dd/dt| <= lam L`` without an observer; k1 = 1.5 sqrt(L) and
 k2 = 1.1 L are the usual choice. Moreno and Osorio (IEEE CDC 2008, 2856) prove it with a strict Lyapunov function.
 Nominal model and anti-saturation system are those of the sliding mode of the paper (Sections 3.1.1, 3.1.2).
 
-Ours: both odd powers are smoothed near zero (as in A7), for sampled they chatter; and z is held while the force is
-beyond its limit.
+Our additions: both odd powers are smoothed near zero (as in A7) against chatter by sampling, and z is held while the
+force is beyond its limit.
 """
 
 from dataclasses import dataclass, field
@@ -54,7 +54,7 @@ class SuperTwisting(PositionLaw):
     dashes: ClassVar = (0, (3, 1, 1, 1, 1, 1))
 
     def initial_state(self) -> SuperTwistingState:
-        """Nothing taken up, nothing cut off so far."""
+        """Zero state."""
         return SuperTwistingState()
 
     def step(

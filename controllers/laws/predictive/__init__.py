@@ -1,1 +1,1 @@
-"""Model predictive control: what is predicted, what lies beyond the horizon, and how the least cost is found."""
+"""Model predictive control: prediction, terminal cost, and solution of the quadratic program."""

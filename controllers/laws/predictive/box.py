@@ -1,9 +1,12 @@
-"""Quadratic programs within a box by a primal-dual active set: a fixed number of linear systems.
+"""Box-constrained quadratic programs by the primal-dual active-set method, with a fixed number of iterations.
 
 Hintermüller, Ito and Kunisch, "The primal-dual active set strategy as a semismooth Newton method" (SIAM J. Optim. 13,
-2002, 865). What is guessed to be at a bound is put there, the rest solves its linear system; then what left the box
-goes to its bound, and what a bound pulls instead of pushing is let go. A guess that no longer changes is the exact
-solution. From sample to sample little changes: the guess of the last one is mostly right.
+2002, 865). Each iteration
+
+1. sets the unknowns of the active set to their bounds and solves the linear system of the others;
+2. adds unknowns outside the box to the active set, and removes those with a multiplier of the wrong sign.
+
+An active set that no longer changes is the exact solution. The last sample's active set is a good initial guess.
 """
 
 from collections.abc import Sequence
@@ -20,18 +23,18 @@ def least_in_box(
     sides: Sequence[Scalar],
     iterations: int,
 ) -> tuple[list[Scalar], list[Scalar]]:
-    """The least of ``y' quadratic y / 2 + linear' y`` for ``lower <= y <= upper``.
+    """Minimise ``y' quadratic y / 2 + linear' y`` for ``lower <= y <= upper``.
 
     Args:
         quadratic: (n, n), symmetric and positive definite.
         linear: (n,).
         lower: (n,), not above `upper`.
         upper: (n,).
-        sides: (n,) a guess: -1 or 1 where an unknown is at its lower or upper bound, else 0.
-        iterations: number of linear systems that are solved.
+        sides: (n,) initial active set: -1 or 1 where an unknown is at its lower or upper bound, else 0.
+        iterations: number of linear systems to solve.
 
     Returns:
-        The unknowns, within the box where the guess was right at last, and a better guess.
+        The unknowns, within the box if the active set has converged, and the new active set.
     """
     n, values = range(len(linear)), list(linear)
     for _ in range(iterations):
@@ -48,7 +51,7 @@ def least_in_box(
 
 
 def _solved_where_free(a: Matrix, b: Sequence[Scalar], free: Sequence[Scalar]) -> list[Scalar]:
-    """Solution of the rows and columns that are free, by ``L D Lᵀ``; zero elsewhere, where b has to be zero."""
+    """Solution for the free rows and columns, by ``L D Lᵀ``; zero elsewhere, where b must be zero."""
     n = len(b)
     factors: list[list[Scalar]] = []
     inverses: list[Scalar] = []

@@ -1,12 +1,12 @@
-"""Model predictive control: the force that costs least over a horizon, within its limits, for the reference to come.
+"""Model predictive control: the force that minimises a cost over a horizon, within limits, for the future reference.
 
-The vehicle is a mass; its nominal resistance along the reference is known, a disturbance is estimated and stays. Errors
-of position and speed cost, and so do changes of the force, which ropes and winches have to follow. What lies beyond the
-horizon costs what the best feedback without limits would pay for it. Force and its rate stay within their limits: at
-each end of a stage the force is one that can be reached by then.
+The model is a mass with the nominal resistance along the reference and a constant disturbance, estimated by an
+observer. The cost weights errors of position and speed, and changes of the force, which ropes and winches have to
+follow. The terminal cost is that of the optimal unconstrained feedback. Force and its rate are limited: at the end of
+each stage the force is one that can be reached by then.
 
-After Rawlings, Mayne and Diehl, *Model Predictive Control: Theory, Computation, and Design* (2nd ed., 2017): the cost
-of what lies beyond the horizon, and a disturbance model against offset.
+After Rawlings, Mayne and Diehl, *Model Predictive Control: Theory, Computation, and Design* (2nd ed., 2017): terminal
+cost, and a disturbance model for offset-free control.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ from dualwinch.model.scalar import Scalar, clip, minimum
 
 @dataclass(frozen=True)
 class MpcState:
-    """What the observer expects, the last force, and which ends of stages it was at its limits at."""
+    """State of the observer, the last force, and the active set of the last sample."""
 
     observer: ExtendedState
     force: Annotated[Scalar, Quantity("N", "force command of the last sample")]
@@ -48,9 +48,9 @@ class MpcState:
 
 @dataclass(frozen=True)
 class Mpc(PositionLaw):
-    """The law, what it weighs, and how far it looks ahead.
+    """The law, its weights and its horizon.
 
-    Weights are errors that one would put up with, each as bad as a force that changes by `force_rate`.
+    Weights are acceptable errors: each costs as much as a change of the force at `force_rate`.
     """
 
     position: Annotated[Positive, Quantity("m", "position error, weight 1", "by hand"), Tunable(1e-5, 1e-2)] = 5e-4
@@ -62,16 +62,20 @@ class Mpc(PositionLaw):
         20.0
     )
     rise_time: Annotated[
-        Positive, Quantity("s", "least time in which the force goes from none to its limit", "assumption")
+        Positive, Quantity("s", "least rise time of the force from zero to its limit", "assumption")
     ] = 0.1
     horizon: Annotated[
-        float, at.Ge(0.01), at.Le(60), Quantity("s", "how far ahead it looks", "assumption"), Mark.SHAPES_CODE
+        float, at.Ge(0.01), at.Le(60), Quantity("s", "length of the horizon", "assumption"), Mark.SHAPES_CODE
     ] = 0.6
     stages: Annotated[
         int, at.Ge(2), at.Le(12), Quantity("1", "stages of the horizon", "assumption"), Mark.SHAPES_CODE
     ] = 6
     iterations: Annotated[
-        int, at.Ge(1), at.Le(12), Quantity("1", "linear systems solved in a sample", "assumption"), Mark.SHAPES_CODE
+        int,
+        at.Ge(1),
+        at.Le(12),
+        Quantity("1", "iterations of the quadratic program per sample", "assumption"),
+        Mark.SHAPES_CODE,
     ] = 2
 
     kind: ClassVar = "mpc"
@@ -81,7 +85,7 @@ class Mpc(PositionLaw):
 
     @property
     def predicted(self) -> Prediction:
-        """The horizon's instants."""
+        """The prediction over the horizon."""
         return prediction(self.horizon, self.stages)
 
     @property
@@ -90,13 +94,13 @@ class Mpc(PositionLaw):
         return tuple(self.predicted.times.tolist())
 
     def initial_state(self) -> MpcState:
-        """Nothing expected, no force."""
+        """Zero state and force."""
         return MpcState(ExtendedState(), 0.0, np.zeros(self.stages))
 
     def step(
         self, state: MpcState, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[MpcState, ObserverOutput]:
-        """One sample: correct what was expected, solve the quadratic program, move to its first stage's end."""
+        """One sample: correct the prediction, solve the quadratic program, move towards the end of its first stage."""
         T = context.sample_time
         x, v, d = corrected(state.observer, estimate, self.observer_bandwidth, T)
         forces = nominal_forces(v, estimate.d, context.nominal)
@@ -104,7 +108,7 @@ class Mpc(PositionLaw):
         sides = [state.sides[i] for i in range(self.stages)]
         changes, sides = least_in_box(*program, sides, self.iterations)
 
-        # the force goes to the first stage's end along a straight line: this sample's share of the way
+        # the force moves linearly to its value at the end of the first stage
         share = minimum(T / self.predicted.lengths[0], 1.0) * forces.mass
         u = state.force + share * clip(changes[0], program.lower[0], program.upper[0])
         u_sat = context.limits.clipped(u)
@@ -121,10 +125,14 @@ class Mpc(PositionLaw):
         setpoint: Setpoint,
         context: Context,
     ) -> Program:
-        """The quadratic program of a sample after one with a force in N.
+        """The quadratic program of a sample.
 
-        The motion is position in m, speed in m/s and disturbance acceleration in m/s², as observed; `d_known` is the
-        acceleration in m/s² that the estimator knows.
+        Args:
+            force: force of the last sample in N.
+            motion: position in m, speed in m/s and disturbance acceleration in m/s² from the observer.
+            d_known: disturbance acceleration in m/s² known to the estimator.
+            setpoint: reference with preview.
+            context: nominal plant and limits.
         """
         x, v, d = motion
         forces = nominal_forces(v, d_known, context.nominal)

@@ -1,12 +1,12 @@
-"""The quadratic program of a sample of predictive control: which changes of force over the horizon cost least.
+"""The quadratic program of a sample of predictive control, in the changes of force over the horizon.
 
-Predicted is a mass whose acceleration goes from instant to instant of the horizon along straight lines. Its errors of
-position and speed are weighed against the changes of acceleration, in the form that `box` minimises.
+The model is a mass with a piecewise linear acceleration. The cost weights errors of position and speed against changes
+of acceleration, in the form that `box` minimises.
 
-Beyond the horizon comes the least cost of a triple integrator, without limits. States are the errors of position, speed
-and acceleration, the input is the jerk. What is least is the integral of ``position x² + speed v² + jerk²``. The best
-feedback ``jerk = -(k1 x + k2 v + k3 a)`` has a characteristic polynomial ``s³ + k3 s² + k2 s + k1`` whose product with
-its mirror image is ``-s⁶ - speed s² + position``. So ``k1² = position``, ``k2 = k3² / 2`` and ``k3⁴ / 4 - 2 k1 k3 =
+The terminal cost is the least cost of an unconstrained triple integrator with the errors of position, speed and
+acceleration as states and the jerk as input: the integral of ``position x² + speed v² + jerk²``. The optimal feedback
+``jerk = -(k1 x + k2 v + k3 a)`` has a characteristic polynomial ``s³ + k3 s² + k2 s + k1`` whose product with its
+mirror image is ``-s⁶ - speed s² + position``. So ``k1² = position``, ``k2 = k3² / 2`` and ``k3⁴ / 4 - 2 k1 k3 =
 speed``; the Riccati equation then gives the cost.
 """
 
@@ -23,21 +23,21 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, maximum, minimum, power, sqrt
 
 GROWTH = 1.6
-"""Each stage is so many times as long as the one before: what is near is shaped finely."""
+"""Ratio of the lengths of successive stages: the near future is resolved finely."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Instants and what a change of acceleration at one of them does to the motion at all.
+    """Stages of the horizon, and the response of the motion to changes of acceleration.
 
     Attributes:
-        lengths: (n,) of the stages in s.
-        times: (n,) of their ends in s.
-        weights: (n,) time in s that an end stands for, by the trapezoidal rule.
-        of_position, of_speed: (n, n) change of position in m and of speed in m/s at each end, by the acceleration in
-            m/s² at each; lower triangular.
+        lengths: (n,) lengths of the stages in s.
+        times: (n,) times of their ends in s.
+        weights: (n,) weights of the ends in s, by the trapezoidal rule.
+        of_position, of_speed: (n, n) change of position in m and of speed in m/s at each end, per acceleration in m/s²
+            at each; lower triangular.
         of_change: (n, n) sum over the stages of squared changes of acceleration over length, as a quadratic form.
     """
 
@@ -73,11 +73,11 @@ def prediction(horizon: float, stages: int) -> Prediction:
 
 
 NEWTON_STEPS = 12
-"""From above, on a convex function: they converge for all weights."""
+"""Newton steps; they converge for all weights, from above on a convex function."""
 
 
 def optimal_feedback(position: Scalar, speed: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """k1, k2 and k3 for a weight of the position in 1/s⁶ and of the speed in 1/s⁴, beside 1 of the jerk."""
+    """k1, k2 and k3 for weights of the position in 1/s⁶ and of the speed in 1/s⁴, relative to the jerk."""
     k1 = sqrt(position)
     k3 = 2 * power(k1, 1 / 3) + sqrt(2 * sqrt(speed))
     for _ in range(NEWTON_STEPS):
@@ -86,7 +86,7 @@ def optimal_feedback(position: Scalar, speed: Scalar) -> tuple[Scalar, Scalar, S
 
 
 def cost_to_go(position: Scalar, speed: Scalar) -> Matrix:
-    """(3, 3) quadratic form of the errors of position, speed and acceleration; weights as `optimal_feedback`."""
+    """(3, 3) quadratic form of the errors of position, speed and acceleration; weights as in `optimal_feedback`."""
     k1, k2, k3 = optimal_feedback(position, speed)
     return (k1 * k2, k1 * k3, k1), (k1 * k3, k2 * k3 - k1, k2), (k1, k2, k3)
 
@@ -95,7 +95,7 @@ Column = tuple[Scalar, ...]
 
 
 class Program(NamedTuple):
-    """The least of ``y' quadratic y / 2 + linear' y`` for ``lower <= y <= upper``.
+    """Minimise ``y' quadratic y / 2 + linear' y`` for ``lower <= y <= upper``.
 
     Attributes:
         quadratic: (n, n).
@@ -110,7 +110,7 @@ class Program(NamedTuple):
 
 @dataclass(frozen=True)
 class Weights:
-    """What errors cost beside the square of the jerk, 1: of the position in 1/s⁶, of the speed in 1/s⁴."""
+    """Weights of the squared errors of position in 1/s⁶ and speed in 1/s⁴, relative to the squared jerk."""
 
     position: Scalar
     speed: Scalar
@@ -126,7 +126,7 @@ class VehicleMotion:
 
 
 def cost_of_changes(predicted: Prediction, weights: Weights) -> Matrix:
-    """(n, n) what changes of acceleration at the ends of stages cost, twice; it depends on the weights alone."""
+    """(n, n) Hessian of the cost in changes of acceleration at the ends of stages; it depends on the weights alone."""
     position, speed = predicted.of_position, predicted.of_speed
     count = predicted.weights
     at_end = _at_end(predicted)
@@ -143,9 +143,9 @@ def cost_of_changes(predicted: Prediction, weights: Weights) -> Matrix:
 def slope_of_cost(
     predicted: Prediction, weights: Weights, now: VehicleMotion, ahead: Sequence[Setpoint], lost: Sequence[Scalar]
 ) -> Column:
-    """(n,) slope of the cost where the force stays as it is, by the motion now and the (n,) setpoints ahead.
+    """(n,) gradient of the cost at a constant force, from the present motion and the (n,) setpoints ahead.
 
-    Lost are (n,) accelerations in m/s² that resistance takes there, beyond what it takes now.
+    `lost` (n,) are decelerations in m/s² there by the change of resistance.
     """
     t, n = predicted.times.tolist(), range(len(ahead))
     e = [
@@ -166,21 +166,22 @@ def slope_of_cost(
 
 
 def room(predicted: Prediction, a: Scalar, limit: Scalar, rate: Scalar) -> tuple[Column, Column]:
-    """(n,) lowest and highest change of acceleration at the ends of stages that force and rate allow.
+    """(n,) lowest and highest change of acceleration at the ends of stages, by the limits of force and rate.
 
-    The force gives an acceleration a now, at most `limit`, in m/s², and that changes by at most `rate` in m/s³.
+    The force causes the acceleration `a` now and at most `limit`, both in m/s², which changes at most at `rate` in
+    m/s³.
     """
     reach = [rate * t for t in predicted.times.tolist()]
     return tuple(maximum(-limit - a, -by) for by in reach), tuple(minimum(limit - a, by) for by in reach)
 
 
 def _at_end(predicted: Prediction) -> Matrix:
-    """(3, n) errors of position, speed and acceleration at the horizon's end, by changes of acceleration."""
+    """(3, n) errors of position, speed and acceleration at the horizon's end, per change of acceleration."""
     n = len(predicted.times)
     rows = np.vstack([predicted.of_position[-1], predicted.of_speed[-1], np.eye(n)[-1]])
     return tuple(map(tuple, rows.tolist()))
 
 
 def _times(matrix: NDArray[np.float64], column: Sequence[Scalar]) -> list[Scalar]:
-    """A matrix of numbers times a column, without what is zero."""
+    """A matrix of numbers times a column, without the products with zero."""
     return [sum(x * y for x, y in zip(row, column, strict=True) if x) for row in matrix.tolist()]
