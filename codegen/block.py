@@ -1,4 +1,4 @@
-"""A sampled block: named CasADi functions with everything a user of their compiled form needs to know of them."""
+"""A sampled block: named CasADi functions with the description of their vectors."""
 
 import math
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ class Variable:
 
     Attributes:
         name: dotted, unique within its vector, e.g. ``controller.nftsm.beta``.
-        unit: SI, "1" for a pure number.
-        description: what it is.
-        start: value at the start; of a parameter, its value.
-        lower, upper: range it is made for; infinite where there is none.
-        source: where its value comes from, as far as known.
-        nominal: of a state, its size beside the others, by which a solver scales its tolerance.
+        unit: SI unit, "1" for a pure number.
+        description: its meaning.
+        start: initial value; for a parameter, its value.
+        lower, upper: valid range; infinite without a bound.
+        source: source of its value, if known.
+        nominal: typical size of a state, by which a solver scales its tolerance.
         exclusive: whether `lower` itself is outside the range.
     """
 
@@ -33,7 +33,7 @@ class Variable:
 
 
 NO_READING = 1e6
-"""Magnitude beyond which an input that may be silent is no reading, in its unit."""
+"""Magnitude, in its unit, beyond which an input that may be silent counts as missing."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class Block:
     Attributes:
         name: a C identifier.
         description: one line.
-        step: ``step(state, input, parameters) -> (next_state, output)``, one sample. Where there is an `output`
-            function, the output is that of `next_state`; else it answers this sample's input.
+        step: ``step(state, input, parameters) -> (next_state, output)``, one sample. With an `output` function the
+            output is that of `next_state`; else it depends on this sample's input.
         initial: ``initial(parameters) -> state``.
-        states, inputs, outputs, parameters: what the vectors hold.
-        sample_time: in s, where the parameters do not say otherwise.
-        output: ``output(state, parameters) -> output``, of a block whose output does not depend on its input.
-        derivative: ``derivative(state, input, parameters) -> (dx, output)``, of a block that is sampled from a
-            continuous one. The states come first that are continuous; what an integrator keeps for itself follows.
-        silent: names of inputs that may be no number: a sensor that is silent. What is beyond `NO_READING` is none.
+        states, inputs, outputs, parameters: the elements of the vectors.
+        sample_time: default sample time in s, unless it is a parameter.
+        output: ``output(state, parameters) -> output``, of a block without direct feedthrough.
+        derivative: ``derivative(state, input, parameters) -> (dx, output)``, of the sampled version of a continuous
+            block. The continuous states come first, followed by the states of the integrator.
+        silent: names of inputs that may be missing, as of a silent sensor: NaN, or beyond `NO_READING`.
     """
 
     name: str

@@ -1,19 +1,18 @@
-"""Compiled libraries, kept in a cache folder to which no other user was ever able to write.
+"""Cache of compiled libraries, in a folder to which no other user was ever able to write.
 
-A library is named ``<key>-<digest>.so``: the key is the fingerprint of its source and of everything about the
-compiler and the processor, the digest is that of the file itself. A file whose content is not what its name says
-(truncated, damaged) is thrown away and built again. Files arrive under their final name by one atomic rename, so
-processes that build the same library at once, and builds that are killed, leave nothing that could be taken for
-a library. Files of any other name or owner are neither used nor touched.
+A library is named ``<key>-<digest>.so``: the key is the fingerprint of its source, the compiler and the processor, the
+digest is that of the file itself. A file that does not match its digest (truncated, damaged) is deleted and built
+again. Files get their final name by an atomic rename, so that neither concurrent nor killed builds leave incomplete
+libraries. Files of any other name or owner are neither used nor touched.
 
-To write a source can take longer than all that follows. An empty file ``<recipe>-<key>.recipe`` says which library
-comes of a recipe, the fingerprint of all that a source is made of: it is found without writing the source again.
-Threads and processes of one machine that want the same recipe at once wait for the first of them, which builds it.
+Writing a source can take longer than its compilation. An empty file ``<recipe>-<key>.recipe`` maps a recipe, the
+fingerprint of everything that determines a source, to its library, without writing the source again. Concurrent threads
+and processes of one machine wait for the first one to build a recipe.
 
-A library is code that is run: write access to its folder, or to one above it, decides what is run. So a folder is
-trusted as ssh trusts the folder of its keys: it and its files belong to the user, and no other user may write to it or
-to any folder above it. A folder that is not trusted is left as it is; libraries are then built anew in a folder that
-lives as long as the process.
+Whoever can write to the folder of libraries, or to one above it, decides what is run. A folder is therefore trusted by
+the rules of ssh for the folder of its keys: it and its files belong to the user, and no other user may write to it or
+to any folder above it. A folder that is not trusted is left unchanged; libraries are then built in a temporary folder
+of the process.
 """
 
 import contextlib
@@ -42,10 +41,10 @@ from dualwinch.codegen.compiler import Compiler, fingerprint
 from dualwinch.codegen.errors import CacheError, CacheWarning
 
 NAME = "dualwinch-libraries"
-"""Of the folder, below ``DUALWINCH_CACHE_DIR`` or the user's cache folder: what else is there is never touched."""
+"""Name of the folder, below ``DUALWINCH_CACHE_DIR`` or the user's cache folder, of which nothing else is touched."""
 
 MARKER = "CACHEDIR.TAG"
-"""Says that a folder was made here; the name is that of the Cache Directory Tagging Specification, for backups."""
+"""File that marks a folder made by this module, by the Cache Directory Tagging Specification, for backups."""
 
 TAG = """Signature: 8a477f597d28d172789f06886806bc55
 # Compiled libraries of dualwinch, which makes them anew when they are gone. See https://bford.info/cachedir/
@@ -56,17 +55,17 @@ HINT = "set DUALWINCH_CACHE_DIR to a folder that only you may write to"
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 POSIX = hasattr(os, "getuid")
-"""Elsewhere there are no owners and modes to look at, and a user's folders are the user's own."""
+"""Other systems have no owners and modes to check; a user's folders are private there."""
 
 
 def cache_folder() -> Path:
-    """The folder of compiled libraries; made with mode 0700 where there is none.
+    """The folder of compiled libraries, created with mode 0700 if it does not exist.
 
-    Where it cannot be trusted, or written to, or nothing in it may be run, it is one of this process alone, and a
-    `CacheWarning` says why.
+    If it cannot be trusted or written to, or is mounted noexec, a temporary folder of this process replaces it, with a
+    `CacheWarning`.
 
     Raises:
-        CacheError: it cannot be made or read.
+        CacheError: it cannot be created or read.
     """
     given = os.environ.get("DUALWINCH_CACHE_DIR")
     folder = Path(given or user_cache_path("dualwinch")).absolute() / NAME
@@ -75,14 +74,14 @@ def cache_folder() -> Path:
         reason = _doubt_above(folder) or _doubt(folder) or _useless(folder)
         return _substitute(reason) if reason else folder
     except OSError as error:
-        no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not given  # as of services, whose HOME is /dev/null
+        no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not given  # services with HOME=/dev/null
         if no_home or error.errno in {errno.EROFS, errno.EACCES, errno.EPERM}:
             return _substitute(f"{folder}: {error.strerror}")
         raise CacheError(f"cannot use the cache folder {folder}: {error.strerror}; {HINT}") from error
 
 
 def own(file: Path) -> bool:
-    """Whether a file, no link, belongs to the user, and no other user may write to it."""
+    """Whether a path is a regular file of the user to which no other user may write."""
     facts = file.lstat()
     if not stat.S_ISREG(facts.st_mode):
         return False
@@ -90,9 +89,9 @@ def own(file: Path) -> bool:
 
 
 def _doubt_above(folder: Path) -> str:
-    """Why a folder above cannot be trusted; empty where all can.
+    """Reason why a folder above cannot be trusted; empty without one.
 
-    Where every user may write, the sticky bit keeps them from replacing a folder that belongs to another.
+    In a folder to which every user may write, the sticky bit prevents them from replacing another user's folder.
     """
     parent = folder.parent.resolve(strict=True)
     for above in (parent, *parent.parents) if POSIX else ():
@@ -105,7 +104,7 @@ def _doubt_above(folder: Path) -> str:
 
 
 def _doubt(folder: Path) -> str:
-    """Make a folder with its marker where there is none; why it cannot be trusted where there is."""
+    """Create a folder with its marker if missing; reason why an existing one cannot be trusted, else empty."""
     folder.mkdir(mode=0o700, exist_ok=True)
     facts = folder.lstat()
     if not stat.S_ISDIR(facts.st_mode):
@@ -116,18 +115,18 @@ def _doubt(folder: Path) -> str:
     marked = os.path.lexists(marker)
     if POSIX and facts.st_mode & OTHERS_WRITE:
         if marked and own(marker):
-            marker.unlink()  # closing the folder later does not take back what others have left in it
+            marker.unlink()  # others may have left files, so the folder stays untrusted even if it is closed later
         return f"others may write to {folder}"
     if not marked and not any(folder.iterdir()):
         marker.touch(mode=0o600)
         marker.write_text(TAG)
-    if not os.path.lexists(marker) or not own(marker):  # another process may have made it since
+    if not os.path.lexists(marker) or not own(marker):  # another process may have created it since
         return f"{folder} was open to others, or is none of dualwinch's: remove it"
     return ""
 
 
 def _useless(folder: Path) -> str:
-    """Why nothing can be written to a folder and run from there; empty where it can."""
+    """Reason why libraries cannot be written to a folder or run from it; empty without one."""
     if not os.access(folder, os.W_OK):
         return f"{folder} is read-only"
     if POSIX and os.statvfs(folder).f_flag & getattr(os, "ST_NOEXEC", 0):
@@ -136,13 +135,13 @@ def _useless(folder: Path) -> str:
 
 
 def _others_write(facts: os.stat_result) -> bool:
-    """Whether others may write to a folder; a group that is the user's alone is no other."""
+    """Whether others may write to a folder; the user's private group does not count as another."""
     return bool(facts.st_mode & stat.S_IWOTH) or bool(facts.st_mode & stat.S_IWGRP and not _private(facts.st_gid))
 
 
 @cache
 def _private(group: int) -> bool:
-    """Whether a group has the user's name and no further member, as many systems give each user."""
+    """Whether a group is the user's private group: the user's name, and no other member."""
     import grp
     import pwd
 
@@ -155,7 +154,7 @@ def _private(group: int) -> bool:
 
 @cache
 def _substitute(reason: str) -> Path:
-    """A folder of this process alone, gone when it ends."""
+    """A temporary folder of this process, deleted at its end."""
     folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", ignore_cleanup_errors=True)
     _substitutes.append(folder)
     if further := _doubt_above(Path(folder.name)) or _useless(Path(folder.name)):
@@ -167,30 +166,30 @@ def _substitute(reason: str) -> Path:
 
 
 _substitutes: list[tempfile.TemporaryDirectory[str]] = []
-"""Removed when the process ends."""
+"""Temporary folders, deleted at the end of the process."""
 
 
 ABANDONED_AFTER = 3600.0
 """Age in s at which an unfinished build counts as abandoned."""
 
 BEING_LOADED = 60.0
-"""Age in s since its last use below which a library may be one that another process is about to load."""
+"""Age in s since its last use below which another process may be about to load a library."""
 
 LIBRARY = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.so")
 RECIPE = re.compile(r"[0-9a-f]{32}-[0-9a-f]{32}\.recipe")
 UNFINISHED = re.compile(r"unfinished-\d+-[0-9a-f]{8}\.so")
 BUILD = re.compile(r"build-\w{8}")
 LOCK = re.compile(r"[0-9a-f]{32}\.lock")
-"""Names of what is put into the cache folder; builds are folders."""
+"""Names of the files of the cache folder; builds are folders."""
 
 
 @dataclass(frozen=True)
 class CacheLimits:
-    """How much is kept of libraries; what was used longest ago goes first, what this process uses never.
+    """Limits of the cache; the least recently used libraries are deleted first, those of this process never.
 
     Attributes:
-        megabytes: of all libraries together; ``DUALWINCH_CACHE_MB``.
-        days: since the last use of each; ``DUALWINCH_CACHE_DAYS``.
+        megabytes: total size of all libraries; ``DUALWINCH_CACHE_MB``.
+        days: time since the last use of each; ``DUALWINCH_CACHE_DAYS``.
     """
 
     megabytes: float = 1000.0
@@ -198,7 +197,7 @@ class CacheLimits:
 
 
 def cache_limits() -> CacheLimits:
-    """The limits that the environment asks for, else the defaults.
+    """The limits from the environment, else the defaults.
 
     Raises:
         CacheError: one is no number, or negative.
@@ -216,17 +215,14 @@ def cache_limits() -> CacheLimits:
 
 
 _used: set[Path] = set()
-"""Libraries that this process has looked up."""
+"""Libraries used by this process."""
 
 _builds: list[tuple[float, float]] = []
-"""Beginning and end in s of every source that this process has written and built a library of."""
+"""Start and end times in s of every build of this process, including the writing of its source."""
 
 
 def build_seconds() -> float:
-    """Wall time in s in which this process has written sources and built libraries of them, so far.
-
-    Where threads build side by side it counts once.
-    """
+    """Wall time in s that this process has spent writing sources and building libraries; parallel builds count once."""
     seconds, until = 0.0, -math.inf
     for began, ended in sorted(_builds):
         seconds += max(0.0, ended - max(began, until))
@@ -242,14 +238,14 @@ def library(source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (
     """The compiled library of a C source, from the cache or newly built.
 
     Args:
-        source: one translation unit, or what writes it where no library of the recipe is known.
-        compiler: what builds it.
-        extra_flags: beside the compiler's own.
-        recipe: fingerprint of all that the source is made of; empty: there is none.
+        source: one translation unit, or a function that writes it if no library of the recipe is known.
+        compiler: the compiler.
+        extra_flags: flags in addition to the compiler's own.
+        recipe: fingerprint of everything that determines the source; empty: none.
 
     Raises:
         CompileError: the compiler fails.
-        CacheError: the cache folder cannot be used, or a limit of it is none.
+        CacheError: the cache folder cannot be used, or a limit of it is invalid.
     """
     folder, limits = cache_folder(), cache_limits()
     build = compiler.identity, *extra_flags
@@ -271,7 +267,7 @@ def _made(
     limits: CacheLimits,
     recipe: str = "",
 ) -> Path:
-    """The library of a source, from the cache or newly built, and noted as what comes of the recipe."""
+    """The library of a source, from the cache or newly built, and recorded for its recipe."""
     began = time.monotonic()
     text = source if isinstance(source, str) else source()
     key = fingerprint(text, compiler.identity, *extra_flags)
@@ -289,9 +285,9 @@ def _made(
 
 @contextlib.contextmanager
 def _alone(folder: Path, recipe: str) -> Iterator[None]:
-    """Wait while another thread or process of this machine writes and builds what comes of a recipe.
+    """Wait while another thread or process of this machine builds the library of a recipe.
 
-    Where files cannot be locked, each builds for itself.
+    Without file locks each builds its own.
     """
     lock = folder / f"{recipe}.lock"
     try:
@@ -311,34 +307,34 @@ def _alone(folder: Path, recipe: str) -> Iterator[None]:
 
 
 class Array:
-    """An argument of a C function: the address of an array's data; or an address as it is, None for null."""
+    """An argument of a C function: an array, passed as the address of its data, or an address (None for null)."""
 
     @classmethod
     def from_param(cls, value: Any) -> Any:
-        """What ctypes passes on."""
+        """The argument for ctypes."""
         return ctypes.c_void_p.from_param(value.ctypes.data if isinstance(value, np.ndarray) else value)
 
 
 ARGUMENTS = {"p": Array, "n": ctypes.c_int64, "x": ctypes.c_double}
 RETURNED = {"": None, "int": ctypes.c_int, "n": ctypes.c_int64}
-"""Letters of signatures: an array, a count, a number."""
+"""Letters in signatures: an array, a count, a number."""
 
 
 def loaded(
     source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (), recipe: str = "", **signatures: str
 ) -> ctypes.CDLL:
-    """The library of a C source, loaded, with what its functions take and return.
+    """The library of a C source, loaded, with the signatures of its functions.
 
     Args:
-        source: one translation unit, or what writes it where no library of the recipe is known.
-        compiler: what builds it.
-        extra_flags: beside the compiler's own.
-        recipe: as of `library`.
-        signatures: of each function that is called, a letter an argument and what it returns, as in ``"ppn -> int"``.
-            Arrays must be C-contiguous; Python's lock is released during a call.
+        source: one translation unit, or a function that writes it if no library of the recipe is known.
+        compiler: the compiler.
+        extra_flags: flags in addition to the compiler's own.
+        recipe: as in `library`.
+        signatures: signature of each function, a letter per argument and the result, as in ``"ppn -> int"``. Arrays
+            must be C-contiguous; calls release the global interpreter lock.
 
     Raises:
-        CompileError, CacheError: as `library`.
+        CompileError, CacheError: as in `library`.
     """
     found = ctypes.CDLL(str(library(source, compiler, extra_flags, recipe)))
     for name, signature in signatures.items():
@@ -353,7 +349,7 @@ def _digest(file: Path) -> str:
 
 
 def _beginning_with(folder: Path, beginning: str) -> list[Path]:
-    """Files of a folder by the beginning of their names; of thousands in a fraction of the time that a glob takes."""
+    """Files of a folder by the prefix of their names; much faster than a glob for thousands of files."""
     with os.scandir(folder) as entries:
         return [folder / entry.name for entry in entries if entry.name.startswith(beginning)]
 
@@ -372,7 +368,7 @@ def _look_up(folder: Path, key: str) -> Path | None:
 
 def _look_up_recipe(folder: Path, recipe: str) -> Path | None:
     for file in _beginning_with(folder, f"{recipe}-"):
-        with contextlib.suppress(FileNotFoundError):  # another process sweeps
+        with contextlib.suppress(FileNotFoundError):  # another process may delete it
             if RECIPE.fullmatch(file.name) and own(file) and (found := _look_up(folder, file.stem.partition("-")[2])):
                 return found
     return None
@@ -395,17 +391,17 @@ def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags:
 
 
 def libraries(folder: Path) -> list[Path]:
-    """The compiled libraries in the cache folder, those used last first."""
+    """The compiled libraries in the cache folder, the most recently used first."""
     found: list[tuple[float, Path]] = []
     for file in folder.iterdir():
-        with contextlib.suppress(FileNotFoundError):  # another process sweeps, too
+        with contextlib.suppress(FileNotFoundError):  # another process may delete it
             if LIBRARY.fullmatch(file.name) and own(file):
                 found.append((file.lstat().st_mtime, file))
     return [file for _, file in sorted(found, reverse=True)]
 
 
 def _sweep(folder: Path, limits: CacheLimits) -> None:
-    """Remove what killed builds left behind, and libraries beyond the limits."""
+    """Delete remains of killed builds, and libraries beyond the limits."""
     now = time.time()
     with contextlib.suppress(OSError):
         for left in folder.iterdir():
@@ -417,7 +413,7 @@ def _sweep(folder: Path, limits: CacheLimits) -> None:
                 shutil.rmtree(left)
     size = 0
     for file in libraries(folder):
-        with contextlib.suppress(OSError):  # another process sweeps, too, or has it loaded
+        with contextlib.suppress(OSError):  # another process may delete it, or have it loaded
             facts = file.lstat()
             size, age = size + facts.st_size, now - facts.st_mtime
             beyond = size > 1e6 * limits.megabytes or age > 86400 * limits.days

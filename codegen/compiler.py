@@ -31,25 +31,25 @@ OPTIMISE = (
     "-fno-trapping-math",
     "-ffinite-math-only",  # without it fmin and fmax are library calls; the driver tests for non-finite by bits
     "-fno-signed-zeros",
-    "-ffp-contract=off",  # the same bits from every compiler; the drivers of rollouts take it back
+    "-ffp-contract=off",  # the same bits from every compiler; drivers of rollouts override it
 )
-"""Flags of every build; nothing here lets a compiler reorder sums or contract products."""
+"""Flags of every build; none of them lets a compiler reorder sums or contract products."""
 
 INEXACT = ("-ffp-contract=fast", "-freciprocal-math")
-"""Flags of drivers that change last bits, and not alike with every compiler and processor."""
+"""Flags of drivers that change the last bits, differently by compiler and processor."""
 
 EXACT: ContextVar[bool | None] = ContextVar("exact", default=None)
-"""Whether compilers are to be `Compiler.exact` in what is under way; None: where ``DUALWINCH_EXACT`` is 1."""
+"""Whether compilers are `Compiler.exact` in the present context; None: if ``DUALWINCH_EXACT`` is 1."""
 
 
 def exactly() -> bool:
-    """Whether compilers are to be `Compiler.exact` now."""
+    """Whether compilers are `Compiler.exact` in the present context."""
     wanted = EXACT.get()
     return os.environ.get("DUALWINCH_EXACT") == "1" if wanted is None else wanted
 
 
 SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
-"""Flags of long straight code that only gcc knows: it orders instructions first, with an eye to the registers."""
+"""Flags of gcc for long straight-line code: scheduling before register allocation, limited by register pressure."""
 
 SHARED = ("-shared", "-fPIC", "-fvisibility=hidden")
 
@@ -63,11 +63,11 @@ class Compiler:
     """A C compiler on this machine.
 
     Attributes:
-        name: ``gcc``, ``clang``, ``zig`` or the name it was given by.
-        command: how it is called.
-        version: the first line it says of itself.
-        exact: whether products are never contracted and quotients never made of reciprocals, so that all compilers
-            and processors give the same bits.
+        name: ``gcc``, ``clang``, ``zig`` or the name of the given command.
+        command: command line.
+        version: first line of its version information.
+        exact: whether contraction of products and divisions by reciprocals are off, so that all compilers and
+            processors give the same bits.
     """
 
     name: str
@@ -82,15 +82,15 @@ class Compiler:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Flags of a shared library for this machine's processor, or the one that the command names."""
+        """Flags of a shared library for this machine's processor, or the one named in the command."""
         named = any(word.startswith(("-march=", "-mcpu=")) for word in self.command)
         native = () if named or self.name == "zig" or not _takes_native() else ("-march=native",)
-        finite = ("-fno-finite-math-only",) if self.is_clang else ()  # else it takes NaN <= x, a lost reading, for true
+        finite = ("-fno-finite-math-only",) if self.is_clang else ()  # else NaN <= x, a missing reading, is true
         return OPTIMISE + finite + native + SHARED
 
     @property
     def identity(self) -> str:
-        """Everything that makes two builds of one source differ: compiler, version, flags, processor."""
+        """Everything besides the source that affects a build: compiler, version, flags, processor."""
         words = ("exact",) if self.exact else ()
         return "\n".join((*self.command, self.version, *self.flags, *words, processor()))
 
@@ -103,13 +103,13 @@ class Compiler:
             extra_flags: appended to `flags`.
 
         Raises:
-            CompileError: the compiler cannot be started or fails; the message carries its first complaint.
+            CompileError: the compiler cannot be started or fails; the message has its first error.
         """
         allowed = [flag for flag in extra_flags if not self.exact or flag not in INEXACT]
         self.run(source, target, (*self.flags, *allowed))
 
     def run(self, source: str, target: Path, flags: Sequence[str]) -> None:
-        """Compile C source with these flags alone; otherwise as `build`."""
+        """Compile C source with only these flags; otherwise as `build`."""
         with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
             (Path(folder) / "unit.c").write_text(source, encoding="utf-8")
             command = [*self.command, *flags, "unit.c", "-o", f"unit{target.suffix}", "-lm"]
@@ -120,9 +120,9 @@ class Compiler:
             if done.returncode == 0:
                 if not (Path(folder) / f"unit{target.suffix}").exists():
                     raise CompileError(
-                        f"{' '.join(self.command)} made no library: is no C compiler (DUALWINCH_CC or CC)"
+                        f"{' '.join(self.command)} made no library: it is no C compiler (DUALWINCH_CC or CC)"
                     )
-                (Path(folder) / f"unit{target.suffix}").replace(target)  # import libraries and the like stay behind
+                (Path(folder) / f"unit{target.suffix}").replace(target)  # by-products are deleted with the folder
         if done.returncode != 0:
             complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
             raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")
@@ -140,7 +140,7 @@ def _cpuinfo() -> dict[str, str]:
 
 
 def processor_name() -> str:
-    """Model of this machine's processor, as far as it says."""
+    """Model of this machine's processor, if known."""
     return _cpuinfo().get("model name") or platform.processor() or platform.machine()
 
 
@@ -182,7 +182,7 @@ def find_compiler(wanted: str | None = None) -> Compiler:
             gcc, clang, cc and zig.
 
     Raises:
-        CompilerNotFoundError: there is none, or the one asked for is none.
+        CompilerNotFoundError: there is none, or `wanted` is no C compiler.
     """
     wanted = wanted or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
     found = _find(wanted, os.environ.get("PATH", ""))
@@ -190,7 +190,7 @@ def find_compiler(wanted: str | None = None) -> Compiler:
 
 
 def with_compiler(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-    """Decorator: `compiler` is that of `find_compiler` at each call where none is given, and a key of what is kept."""
+    """Decorator: `compiler` defaults to that of `find_compiler` at each call, so that caches have it in their key."""
     place = list(signature(build).parameters).index("compiler")
 
     @wraps(build)
@@ -207,7 +207,7 @@ def _find(wanted: str | None, path: str) -> Compiler:
     if wanted:
         try:
             command = tuple(shlex.split(wanted))
-        except ValueError as error:  # a quotation mark without its other one
+        except ValueError as error:  # an unclosed quotation mark
             said = str(error).lower()
             raise CompilerNotFoundError(f"{wanted!r} is no command (DUALWINCH_CC or CC): {said}") from error
         version_line = None if wanted == "zig" else _ask_version(command)

@@ -1,8 +1,8 @@
-"""The family of errors; every message is one line that says what was wrong and what would help."""
+"""The family of errors; every message is one line with the cause and a remedy."""
 
 
 class DualwinchError(Exception):
-    """Base of every error this project raises on purpose."""
+    """Base of all deliberate errors of this project."""
 
 
 class CodegenError(DualwinchError):
@@ -22,13 +22,13 @@ class CacheError(DualwinchError):
 
 
 class CodegenWarning(UserWarning):
-    """CasADi's own C stands where the emitter has none."""
+    """CasADi's own C is used, as the emitter lacks an operation."""
 
 
 class CacheWarning(UserWarning):
-    """The folder of compiled libraries cannot be trusted, and another one is used."""
+    """The folder of compiled libraries cannot be trusted and is replaced by another."""
 
 
 def installing(extra: str) -> str:
-    """How an optional dependency is installed, as messages say it: by pip, or by uv, whose environments lack pip."""
+    """Commands in messages to install an optional dependency: by pip, or by uv, whose environments lack pip."""
     return f"pip install 'dualwinch[{extra}]', or uv run --extra {extra} ..."

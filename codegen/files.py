@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writing of files: they appear whole or not at all."""
 
 import os
 import secrets
@@ -9,10 +9,10 @@ from pathlib import Path
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A path to write to beside `path`, renamed to it at the end; gone if anything fails or is interrupted.
+    """A temporary path beside `path`, renamed to it at the end, and removed after an error or interrupt.
 
     Args:
-        path: the file that shall appear; its suffix is kept in the name written to.
+        path: the final file; the temporary name has the same suffix.
 
     Raises:
         OSError: the folder cannot be written to, or the disk is full.
@@ -26,15 +26,15 @@ def atomic(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, text: str, errors: str = "strict") -> None:
-    """Write a text as UTF-8; the file appears whole or not at all.
+    """Write a text as UTF-8, atomically.
 
     Args:
         path: the file.
         text: its content.
-        errors: what becomes of a character that has no UTF-8, as `str.encode` says.
+        errors: treatment of characters without UTF-8, as in `str.encode`.
 
     Raises:
-        OSError: as by `atomic`.
+        OSError: as in `atomic`.
     """
     with atomic(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors=errors)

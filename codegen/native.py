@@ -20,21 +20,21 @@ from dualwinch.codegen.source.c_source import c_source
 Floats = NDArray[np.float64]
 
 NON_FINITE = ("-fno-finite-math-only",)
-"""A single function is called with any values; infinities and NaN come out as in the interpreter."""
+"""A single function takes any values: infinities and NaN give the same results as in the interpreter."""
 
 PART = 250
-"""Statements of a C function; in parts, 30 000 of them take gcc a third of the time that they take as one function, and
-run a tenth longer."""
+"""Statements per C function. Divided like this, gcc compiles 30 000 statements in a third of the time, and they run a
+tenth longer."""
 
 RAW = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
-"""The compiled function by its address."""
+"""Type of the compiled function, called by addresses."""
 
 
 @dataclass(frozen=True)
 class BoundFunction:
-    """A compiled function with arrays of its own: a call reads `inputs` and overwrites `outputs`, without any check.
+    """A compiled function with fixed arrays: a call reads `inputs` and overwrites `outputs`, without any check.
 
-    It pickles by being bound again; a copy has arrays of its own, with the same numbers.
+    Pickling binds it again: a copy has its own arrays with the same numbers.
 
     Attributes:
         inputs, outputs: name → array; fill the inputs in place, as in ``bound.inputs["state"][:] = state``.
@@ -49,16 +49,16 @@ class BoundFunction:
         return _bound_again, (*self._made_of, self.inputs, self.outputs)
 
     def __call__(self) -> None:
-        """Evaluate; Python's lock is released meanwhile."""
+        """Evaluate without the global interpreter lock."""
         self._call()
 
 
 @dataclass(frozen=True)
 class CompiledFunction:
-    """A compiled function; called like the CasADi function it comes from. It pickles by being compiled again.
+    """A compiled function, called like its CasADi function. Pickling compiles it again.
 
     Attributes:
-        name: of the function.
+        name: name of the function.
         inputs, outputs: name → shape ``(rows, columns)``.
     """
 
@@ -72,14 +72,14 @@ class CompiledFunction:
         return _compiled, self._made_of
 
     def bind(self, batch: tuple[int, ...] = (), **constants: ArrayLike) -> BoundFunction:
-        """Make arrays of zeros for its inputs and outputs, and a call between them that costs next to nothing.
+        """Allocate arrays of zeros for inputs and outputs, and a call between them with minimal overhead.
 
-        For loops of one's own, sample by sample.
+        For loops in Python, sample by sample.
 
         Args:
             batch: leading dimensions of every array; shapes are otherwise as in a call.
-            constants: inputs that stay as they are, such as ``parameters=…``: what follows from them alone is worked
-                out once, and the rest compiled anew.
+            constants: inputs that are constant, such as ``parameters=…``: expressions of these alone are computed once,
+                and the rest is compiled anew.
 
         Raises:
             TypeError: unknown inputs.
@@ -98,7 +98,7 @@ class CompiledFunction:
         )
         given = {name: _unshaped(array, self.inputs[name]) for name, array in sides[0].items()}
         found = {name: _unshaped(array, self.outputs[name]) for name, array in sides[1].items()}
-        # addresses, which need no conversion; the function keeps the arrays that they are of alive
+        # addresses need no conversion; the attribute keeps their arrays alive
         raw = RAW(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
         arguments = tuple(ctypes.addressof(array) for array in (inputs, steps, outputs))
         call = partial(raw, *arguments, count)
@@ -118,15 +118,15 @@ class CompiledFunction:
         return ca.Function(function.name(), list(symbols.values()), results, list(symbols), list(self.outputs))
 
     def __call__(self, *arguments: ArrayLike, **named: ArrayLike) -> Floats | tuple[Floats, ...]:
-        """Evaluate, for one set of arguments or for many; Python's lock is released meanwhile.
+        """Evaluate for one set of arguments or for many, without the global interpreter lock.
 
         Args:
             arguments: in order; a scalar input takes (...), a column vector of n (..., n), a matrix (..., n, m). The
-                dimensions before broadcast against each other as in NumPy.
-            named: the same by name.
+                leading dimensions are broadcast as in NumPy.
+            named: arguments by name.
 
         Returns:
-            The outputs in order, shaped likewise; with one output only, that one.
+            The outputs in order, shaped likewise; a single output by itself.
 
         Raises:
             TypeError: missing, unknown or repeated arguments.
@@ -168,7 +168,7 @@ class CompiledFunction:
 
 
 def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
-    """The value as (..., elements), elements column by column."""
+    """The value as (..., elements), in column-major order."""
     array, (rows, columns) = np.asarray(value, float), shape
     if shape == (1, 1):
         return array[..., np.newaxis]
@@ -191,15 +191,15 @@ def _unshaped(result: Floats, shape: tuple[int, int]) -> Floats:
 def compile(  # noqa: A001
     function: ca.Function, compiler: Compiler | None = None, *, flags: tuple[str, ...] = ()
 ) -> CompiledFunction:
-    """Compile a CasADi function to a NumPy function, vectorised over a batch; nothing is left to clean up.
+    """Compile a CasADi function to a NumPy function, vectorised over a batch.
 
-    The library is kept in the cache folder and found again the next time.
+    The library is kept in the cache folder and reused.
 
     Args:
-        function: of SX or MX expressions; sparse inputs and outputs become dense. Where it is no chain of elementary
-            operations (it solves equations, say), its C is CasADi's own, and a `CodegenWarning` says so.
-        compiler: by default the one `find_compiler` finds.
-        flags: for the compiler, beside its usual ones.
+        function: SX or MX expressions; sparse inputs and outputs become dense. A function beyond elementary operations
+            (e.g. with a solver) uses CasADi's own C, with a `CodegenWarning`.
+        compiler: default: that of `find_compiler`.
+        flags: additional flags for the compiler.
 
     Raises:
         CodegenError: the function has no inputs or outputs, or CasADi generates no C for it.
@@ -229,7 +229,7 @@ def _compiled(function: ca.Function, compiler: Compiler | None, flags: tuple[str
 def _bound_again(
     function: CompiledFunction, batch: tuple[int, ...], inputs: dict[str, Floats], outputs: dict[str, Floats]
 ) -> BoundFunction:
-    """A function bound to arrays of its own with the numbers of others."""
+    """A function bound to new arrays with copies of the numbers of `inputs` and `outputs`."""
     bound = function.bind(batch)
     for own, others in ((bound.inputs, inputs), (bound.outputs, outputs)):
         for name, array in own.items():
@@ -238,7 +238,7 @@ def _bound_again(
 
 
 def _source(function: ca.Function) -> str:
-    """C99 translation unit that evaluates a function for a batch, every array column by column."""
+    """C99 translation unit that evaluates a function for a batch, with arrays in column-major order."""
     ins, outs = ([f"{word}{k}" for k in range(n)] for word, n in (("in", function.n_in()), ("out", function.n_out())))
     kind: Any = ca.SX
     try:
@@ -248,7 +248,7 @@ def _source(function: ca.Function) -> str:
     given = [kind.sym(name, function.numel_in(index)) for index, name in enumerate(ins)]
     shaped = [ca.reshape(symbol, *function.size_in(index)) for index, symbol in enumerate(given)]
     results = [ca.vec(ca.densify(result)) for result in called.call(shaped)]
-    name = f"{function.name()}_"  # no name of the C library or its own
+    name = f"{function.name()}_"  # avoids names of the C library and `run`
     definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})], part=PART)
     arguments = [f"inputs[{index}] + k * steps[{index}]" for index in range(len(ins))]
     arguments += [f"outputs[{index}] + k * {result.numel()}" for index, result in enumerate(results)]

@@ -1,4 +1,4 @@
-"""Sampled systems as named CasADi functions: what the compiled drivers run, and what a filter over a log predicts."""
+"""Sampled systems as named CasADi functions, for the compiled drivers and for the filter over a log."""
 
 from dataclasses import dataclass
 
@@ -7,21 +7,21 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class Sampled:
-    """A system that is sampled, and moves on between two samples.
+    """A sampled system with continuous motion between the samples.
 
-    The state begins with what moves between two samples, `motion`; the rest is `discrete` and changes at a sample.
-    All functions are of dense SX expressions.
+    The state begins with the continuous part, `motion`; the rest is `discrete` and changes at a sample. All functions
+    have dense SX expressions.
 
     Attributes:
         sample: ``sample(state, exogenous, parameters) -> (discrete, hold)``: the discrete state at the next sample,
-            and the zero-order hold: what stays constant until then.
-        observe: ``observe(state, exogenous, parameters) -> row``: what a result keeps of a sample.
+            and the values held constant until then (zero-order hold).
+        observe: ``observe(state, exogenous, parameters) -> row``: a row of the result.
         move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``: the motion over one of `parts` equal
-            parts of the time until the next sample, number 0 to parts − 1; a run ends where the last one's `margin`
-            is negative.
+            parts of the sample interval, number 0 to parts − 1; a run ends where the `margin` of the last part is
+            negative.
         parts: number of these parts.
-        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)``: the motion over all that time
-            at once, cheaper than all parts and to be taken wherever ``valid > 0``; or None.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)``: the motion over the sample
+            interval in one step, cheaper than all parts and used wherever ``valid > 0``; or None.
     """
 
     sample: ca.Function
@@ -53,20 +53,20 @@ class Sampled:
 
 @dataclass(frozen=True)
 class PredictedSystem:
-    """A sampled system under recorded inputs, with sensors, some of whose parameters are to be fitted.
+    """A sampled system with recorded inputs, sensors, and parameters to be fitted.
 
-    The state begins with what moves between two samples, `motion`; the rest changes at a sample. All functions are of
-    dense SX expressions.
+    The state begins with the continuous part, `motion`; the rest changes at a sample. All functions have dense SX
+    expressions.
 
     Attributes:
         sense: ``sense(state, input, parameters) -> reading``.
         prepare: ``prepare(state, input, parameters) -> (rest, hold)``: the rest of the state at the next sample, and
             the zero-order hold until then.
         move: ``move(motion, hold, part, parameters) -> (next_motion, margin)``, over one of `parts` equal parts of the
-            time until the next sample.
+            sample interval.
         parts: number of these parts.
-        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over all that time, wherever
-            ``valid > 0``; or None.
+        one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)`` over the sample interval, used
+            wherever ``valid > 0``; or None.
         fitted: indices of the parameters to be fitted.
     """
 

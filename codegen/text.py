@@ -1,4 +1,4 @@
-"""Texts from outside, escaped for the place where they stand: one function for each kind of place.
+"""Escaping of external texts, one function per format.
 
 HTML has its own escaping (`markupsafe` in reports, `html.escape` elsewhere), figures `simulation.plots.style.plain`.
 """
@@ -8,52 +8,52 @@ import re
 import unicodedata
 
 LONGEST_WORD, LONGEST_LINE = 200, 1500
-"""Characters of what is quoted in a line, and of the whole line: less than a screen."""
+"""Largest number of characters of a word and of a whole line in messages: less than a screen."""
 
 BREAKS = {"\u2028", "\u2029"}
-"""Line breaks that are no control characters."""
+"""Line breaks that are not control characters."""
 
 SECRET_VARIABLES = ("PGPASSWORD",)
 """Environment variables whose values are never shown."""
 
 
 def one_line(text: object) -> str:
-    """A text in one line that any encoding can hold: for comments of TOML files, facts in files, and terminals.
+    """A text in one line that every encoding can represent: for TOML comments, metadata of files, and terminals.
 
-    Line breaks, other control characters and halves of characters are written as Python's escapes.
+    Line breaks, other control characters and surrogates are written as Python escapes.
     """
     return "".join(_escaped(letter) if _unfit(letter) else letter for letter in str(text))
 
 
 def c_comment(text: object) -> str:
-    """A text in one line that does not end the C comment it stands in, nor seems to begin another."""
+    """A text in one line for a C comment, without comment delimiters."""
     return one_line(text).replace("*/", "* /").replace("/*", "/ *")
 
 
 def c_string(text: object) -> str:
-    """A text between the quotes of a C string that is no format, without trigraphs."""
+    """The content of a C string literal (no format string), without trigraphs."""
     plain = one_line(text).replace("\\", "\\\\").replace('"', '\\"')
     return plain.replace("?", "\\?")
 
 
 def markdown(text: object) -> str:
-    """A text in one line of Markdown, in a cell of a table, too, with signs that mean something there escaped."""
+    """A text in one line of Markdown or a table cell, with special characters escaped."""
     return re.sub(r"([\\`*\[\]<>|&])", r"\\\1", one_line(text))
 
 
 def xml_text(text: object) -> str:
-    """A text in one line of letters that XML can hold; what writes XML escapes its signs."""
+    """A text in one line of characters valid in XML; the XML writer escapes markup."""
     return re.sub("[\ufffe\uffff]", lambda letter: _escaped(letter[0]), one_line(text))
 
 
 def shortened(text: str) -> str:
-    """A message of one line that fits a screen: very long words lose their middle, a very long line its end."""
+    """A one-line message that fits a screen: very long words lose their middle, a very long line its end."""
     cut = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: _without_middle(word[0]), " ".join(text.split()))
     return cut if len(cut) <= LONGEST_LINE else f"{cut[: LONGEST_LINE - 1]}…"
 
 
 def without_secrets(text: str) -> str:
-    """A text without what could be a password: in URLs, in their queries, after ``password=``, in the environment."""
+    """A text without possible passwords: in URLs and their queries, after ``password=``, and from the environment."""
     text = re.sub(r"([a-zA-Z][\w.+-]*://[^\s'\":@/]*):(?!\*\*\*@)[^\s'\"]*@", r"\1:***@", text)
     text = re.sub(r"(postgres[\w+]*:[^\s'\"?]*)\?(?!\*\*\*)[^\s'\"]*", r"\1?***", text, flags=re.IGNORECASE)
     text = re.sub(r"(?i)(passw\w*|pwd|secret)(\s*=\s*)('[^']*'|\"[^\"]*\"|[^\s&;,'\"]+)", r"\1\2***", text)

@@ -1,1 +1,1 @@
-"""Whole rollouts in compiled C: a generated step and a driver loop in one translation unit."""
+"""Whole rollouts in compiled C: generated functions and a driver loop in one translation unit."""

@@ -19,11 +19,11 @@ from dualwinch.codegen.source.expressions import BUILDING, GRAPHS
 Floats = NDArray[np.float64]
 
 EVERY_SAMPLE = ("sample", "one_step")
-"""Functions that are called at every sample; they take only the parameters they use, which then lie close together."""
+"""Functions called at every sample; they take only the parameters they use, packed for the processor's cache."""
 
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:
-    """C99 translation unit that runs a sampled system for many samples in LANES lanes, for a compiler."""
+    """C99 translation unit for rollouts of a sampled system in LANES vector lanes, for a compiler."""
     with BUILDING:
         functions = hoisted_all(system.functions)
     often = [function for function in functions if function.name() in EVERY_SAMPLE]
@@ -48,8 +48,8 @@ class Batch:
 
     Attributes:
         columns: number of values in a row.
-        read: numbers of the exogenous signals that are read at all.
-        fill: draws them.
+        read: indices of the exogenous signals in use.
+        fill: their generator.
     """
 
     columns: int
@@ -68,16 +68,16 @@ class Batch:
         watched: int = 0,
         most: float = np.inf,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-        """Run one block; Python's lock is released meanwhile.
+        """Run one block of LANES runs without the global interpreter lock.
 
         Args:
             parameters: (LANES, parameters).
-            signals: LANES signals, with all that is given of them; not changed. The same may come many times.
+            signals: LANES signals, with their given parts; not changed. Lanes may share an object.
             state: (LANES, states); overwritten with the final states.
-            samples: of the runs.
-            stride: every how many samples a row is kept; 0 keeps none.
-            watched: number of a state.
-            most: a run in which that state exceeds this is given up (`Outcome.GIVEN_UP`); it is looked at now and then.
+            samples: number of samples of the runs.
+            stride: every `stride`-th sample keeps a row; 0: none.
+            watched: index of a state.
+            most: a run in which that state exceeds this is stopped (`Outcome.GIVEN_UP`); checked from time to time.
 
         Returns:
             `Outcome` of each (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.

@@ -1,23 +1,23 @@
-"""How a run ended, or where it stands: the same numbers in the C drivers, in every engine and in results."""
+"""Outcomes of runs, with the same numbers in the C drivers, in every engine and in results."""
 
 from enum import IntEnum
 
 
 class Outcome(IntEnum):
-    """How a run of a sampled system ended; the enum of driver.h.
+    """Outcome of a run of a sampled system; the enum of driver.h.
 
     Only `COMPLETED` runs have figures of merit.
     """
 
     COMPLETED = 0
-    """It has run all its samples."""
+    """All samples were run."""
     DIVERGED = 1
     """A state is not finite."""
     LEFT = 2
-    """The system's margin went negative: it left the range that it is a model of."""
+    """The system's margin became negative: it left the range of validity of the model."""
     GIVEN_UP = 3
-    """The state that is watched exceeded its bound, so that the rest of the run was left out."""
+    """The watched state exceeded its bound, and the rest of the run was skipped."""
     RUNNING = 4
-    """It is under way."""
+    """The run is in progress."""
     NOT_RUN = 5
-    """It was not begun, as an interrupt came first."""
+    """The run was not started, owing to an interrupt."""

@@ -1,4 +1,4 @@
-"""An extended Kalman filter over a whole log in compiled C, predictions with its gains and their exact derivatives."""
+"""Compiled extended Kalman filter over a log, predictions with its gains and exact derivatives, and a smoother."""
 
 import ctypes
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ from dualwinch.codegen.source.operations import Style
 Floats = NDArray[np.float64]
 
 VECTOR = 8
-"""Numbers side by side; rows of matrices are filled up with zeros to a multiple."""
+"""Vector length; rows of matrices are padded with zeros to a multiple of it."""
 
 
 @dataclass(frozen=True)
 class FilterData:
-    """Inputs and readings that a filter goes through.
+    """Inputs and readings of a filter.
 
     Attributes:
         inputs: (samples, inputs).
-        readings: (samples, readings); NaN is no reading.
-        start: (states,) expected before the first reading.
+        readings: (samples, readings); NaN for missing ones.
+        start: (states,) mean before the first reading.
     """
 
     inputs: Floats
@@ -39,17 +39,17 @@ class FilterData:
 
     @property
     def arguments(self) -> tuple[Floats, Floats, int, Floats]:
-        """As the C functions take them."""
+        """Arguments of the C functions."""
         return self.inputs, self.readings, len(self.inputs), self.start
 
 
 @dataclass(frozen=True)
 class FilterCovariances:
-    """Covariances that a filter starts from.
+    """Covariances of a filter.
 
     Attributes:
-        initial: (states, states) of the state expected before the first reading, P0.
-        process: (states,) variances that each sample adds, the diagonal of Q.
+        initial: (states, states) covariance of the state before the first reading, P0.
+        process: (states,) variances added by each sample, the diagonal of Q.
         measurement: (readings,) variances of the sensors' noise, the diagonal of R.
     """
 
@@ -63,9 +63,9 @@ class FilterPass:
     """One pass of an extended Kalman filter: its gains, and the likelihood of its innovations.
 
     Attributes:
-        outcome: how it ended.
-        done: samples gone through.
-        gains: (samples, readings, states) Kalman gains, from innovations to corrections; zeros where nothing was read.
+        outcome: its outcome.
+        done: samples processed.
+        gains: (samples, readings, states) Kalman gains, from innovations to corrections; zero without a reading.
         whitening: (samples, readings, readings) from innovations to white ones of variance 1; likewise.
         counts, squares, logarithms: (readings,) sums for each sensor: number of readings, squares of the whitened
             innovations, logarithms of the innovations' variances.
@@ -89,19 +89,19 @@ class FilterPass:
 
     @property
     def negative_log_likelihood(self) -> float:
-        """Minus the logarithm of the likelihood, but for a constant."""
+        """Negative log-likelihood, up to a constant."""
         return float((self.squares + self.logarithms).sum() / 2)
 
 
 @dataclass(frozen=True)
 class FixedGainPrediction:
-    """Predictions one sample ahead with given gains.
+    """One-step-ahead predictions with given gains.
 
     Attributes:
-        outcome, done: as of `FilterPass`.
+        outcome, done: as in `FilterPass`.
         normal: (p + 1, p + 1) normal equations: sums over all readings of the products of the whitened innovations'
-            derivatives by p parameters and, last, of the innovations themselves.
-        innovations: (samples, readings) whitened; NaN where nothing was read; or None.
+            derivatives with respect to p parameters and, last, of the innovations themselves.
+        innovations: (samples, readings) whitened innovations, NaN without a reading; or None.
     """
 
     outcome: Outcome
@@ -112,7 +112,7 @@ class FixedGainPrediction:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A compiled filter; Python's lock is released while it runs."""
+    """A compiled filter, which runs without the global interpreter lock."""
 
     _sizes: dict[str, int]
     _filter: "ctypes._NamedFuncPointer"
@@ -137,11 +137,11 @@ class Predictor:
             parameters: (parameters,).
             data: inputs and readings.
             covariances: P0, Q and R.
-            outlier: innovation, over its standard deviation, beyond which a reading counts less (Huber's loss).
+            outlier: innovation, over its standard deviation, beyond which a reading is downweighted (Huber's loss).
             gains: whether gains and whitening are kept; else their arrays have no samples.
             rows: whether filtered states are kept.
-            watched: number of states, the last ones, whose rows of the covariance are kept.
-            into: an earlier pass over the same data that is no longer needed; its arrays of gains are overwritten.
+            watched: number of last states with kept rows of the covariance.
+            into: an earlier pass over the same data whose arrays of gains are reused.
         """
         samples, states, readings = len(data.inputs), self._sizes["STATES"], self._sizes["READINGS"]
         kept = samples if gains else 0
@@ -182,7 +182,7 @@ class Predictor:
         Args:
             parameters: (parameters,).
             data: inputs and readings.
-            filtered: a pass with rows, and covariances of the states that are watched.
+            filtered: a pass with rows and covariances of the watched states.
 
         Returns:
             (samples, watched) means, and (samples, watched, watched) their covariances.
@@ -201,12 +201,12 @@ class Predictor:
     def predict(
         self, parameters: Floats, data: FilterData, filtered: FilterPass, *, rows: bool = False
     ) -> FixedGainPrediction:
-        """Predict all readings with given gains, with exact derivatives by the fitted parameters.
+        """Predict all readings with given gains, with exact derivatives with respect to the fitted parameters.
 
         Args:
             parameters: (parameters,).
             data: inputs and readings.
-            filtered: gains for each of its samples.
+            filtered: the pass with the gains of each sample.
             rows: whether the innovations are kept.
         """
         width, readings = self._sizes["FITTED"] + 1, self._sizes["READINGS"]
@@ -246,12 +246,12 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
 
 
 def _whole_vectors(count: int) -> int:
-    """No fewer numbers than some, and vectors of `VECTOR` of them."""
+    """A count rounded up to a multiple of `VECTOR`."""
     return -(-count // VECTOR) * VECTOR
 
 
 def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:
-    """The product with a function's Jacobian by the state, or the part of it or of what follows that it takes."""
+    """Product with the Jacobian of a function with respect to its state, motion or hold, and the fitted parameters."""
     along = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
     along |= {"parameters": Tangents("direction", fitted)} if fitted else {}
     outputs = [name for name in function.name_out() if name not in {"margin", "valid"}]
@@ -259,7 +259,7 @@ def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> Jaco
 
 
 def _linear(function: ca.Function, product: JacobianProduct) -> ca.Function:
-    """``linear_NAME``: a function and the slopes of a product with its Jacobian."""
+    """``linear_NAME``: a function together with the slopes of the product with its Jacobian."""
     inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
     outputs = function.call(inputs) | product.slopes.call(inputs)
     names = [*function.name_out(), "slopes"]
@@ -273,11 +273,11 @@ def compile_predictor(system: PredictedSystem, compiler: Compiler | None = None)
     """Compile (or find in the cache) and load a filter.
 
     Args:
-        system: what is predicted.
-        compiler: by default the one `find_compiler` finds.
+        system: the predicted system.
+        compiler: default: that of `find_compiler`.
 
     Raises:
-        CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
+        CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
     chosen = compiler or find_compiler()
     signatures = {

@@ -1,4 +1,4 @@
-"""A run of a sampled system that keeps the time of the wall, and exchanges datagrams with a client (realtime.c)."""
+"""A run of a sampled system in real time that exchanges datagrams with a client (realtime.c)."""
 
 import ctypes
 import os
@@ -18,7 +18,7 @@ from dualwinch.codegen.errors import DualwinchError
 Floats = NDArray[np.float64]
 
 POSIX = {"_POSIX_C_SOURCE": 200809}
-"""Makes C99 compilers show sockets and clocks."""
+"""Macro that declares sockets and clocks in C99."""
 
 Pair = ctypes.c_double * 2
 
@@ -41,18 +41,18 @@ class Served(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Pacing:
-    """How a run is kept in step.
+    """Timing and commands of a run.
 
     Attributes:
-        period: of a sample in ns of the clock on the wall.
-        lockstep: each sample waits for the client's answer instead.
-        may_write: whether commands of clients count.
-        watchdog: samples without a command after which the safe ones are in force.
+        period: real time of a sample in ns.
+        lockstep: whether each sample waits for the client's answer instead.
+        may_write: whether commands of clients are accepted.
+        watchdog: samples without a command after which the safe commands apply.
         release: time in ns without a datagram after which another client is admitted.
-        safe: commands while there are none.
+        safe: safe commands.
         largest: magnitude of each command beyond which it is refused.
-        edges: upper ends in ns of the bins of the histogram of lateness; the last bin has none.
-        oldest: age in samples of commands that is counted together with all greater ones.
+        edges: upper edges in ns of the bins of the histogram of lateness; the last bin has none.
+        oldest: age in samples of the last bin of commands' ages, which includes all older ones.
     """
 
     period: int
@@ -67,37 +67,37 @@ class Pacing:
 
 
 class PacedRun:
-    """One run, from its first sample to its end; commands and signals that are added may change meanwhile.
+    """One run, from its first sample to its end; commands and added signals may change during the run.
 
     Attributes:
-        table: (samples + 1, exogenous) the run's signals from outside; rows that are still ahead may be written to.
-        added: (exogenous,) to these.
-        rows: (samples, columns), as far as the run is.
-        lateness: (bins,) samples by how late they began.
-        ages: samples by the age of the command that they ran under.
-        shared: what compiled code and other threads both see.
+        table: (samples + 1, exogenous) exogenous signals of the run; future rows may be overwritten.
+        added: (exogenous,) values added to these.
+        rows: (samples, columns) result so far.
+        lateness: (bins,) histogram of the samples' lateness.
+        ages: histogram of the samples by the age of their command.
+        shared: data shared by compiled code and other threads.
     """
 
     def __init__(self, code: Stepping, runs: SteppedRuns, table: Floats, pacing: Pacing, socket: int) -> None:
-        """Make room.
+        """Allocate the arrays.
 
         Args:
-            code: what moves the run on.
-            runs: a single one, started.
-            table: see there.
-            pacing: how it is kept in step.
-            socket: number of a datagram socket that is bound, and does not block.
+            code: compiled stepping.
+            runs: a single, started run.
+            table: see the attribute.
+            pacing: timing and commands.
+            socket: file descriptor of a bound, non-blocking datagram socket.
 
         Raises:
             DualwinchError: no compiler, or no POSIX system.
         """
         if os.name != "posix":
-            raise DualwinchError("a run that keeps time needs a POSIX system, such as Linux or macOS")
+            raise DualwinchError("a run in real time needs a POSIX system, such as Linux or macOS")
         self._library, self._kept = _library(), (code, runs)
         self.table, (_, exogenous) = table, table.shape
         self.added, self._lines = np.zeros(exogenous), np.zeros((2, exogenous))
         self.rows = np.zeros((len(table) - 1, runs.columns))
-        self.rows.fill(0.0)  # its memory is there before the run
+        self.rows.fill(0.0)  # no page faults during the run
         self._edges = np.array(pacing.edges, np.int64)
         self.lateness, self.ages = (np.zeros(size + 1, np.int64) for size in (len(self._edges), pacing.oldest))
         pointers = runs.pointers
@@ -123,12 +123,12 @@ class PacedRun:
         )
 
     def serve(self) -> None:
-        """Run until the end, or until ``shared.quit`` is set; Python's lock is released meanwhile."""
+        """Run until the end, or until ``shared.quit`` is set, without the global interpreter lock."""
         self._library.serve(ctypes.addressof(self.shared))
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Name → number of what has been counted."""
+        """Name → count of events."""
         names = "silences", "ticks", "missed", "accepted", "refused", "not_allowed"
         return {name: getattr(self.shared, name) for name in names}
 

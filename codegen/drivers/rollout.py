@@ -1,4 +1,4 @@
-"""A whole rollout in compiled C: the generated step and a driver loop in one translation unit."""
+"""A whole rollout in compiled C: generated functions and a driver loop in one translation unit."""
 
 import ctypes
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.codegen.source.operations import Generator, Style
 
 CONTRACTED = ("-ffp-contract=fast",)
-"""Beside the flags of every build. Contracted products change last bits, each compiler and processor in its own way."""
+"""Additional flags. Contracted products change the last bits, differently by compiler and processor."""
 
 CASADI_FLAGS = ("-fno-finite-math-only",)
-"""Likewise for CasADi's own C: it rounds as CasADi's virtual machine does, and compares what is not finite likewise."""
+"""Additional flags for CasADi's own C: same rounding, and same comparisons of NaN, as CasADi's virtual machine."""
 
 
 def rollout_source(system: Sampled, generator: Generator = "dualwinch") -> str:
-    """C99 translation unit that runs a sampled system for many samples.
+    """C99 translation unit for the rollout of a sampled system.
 
     Args:
-        system: what is run.
-        generator: what writes the C of its functions; CasADi's stands there untouched.
+        system: the system.
+        generator: generator of the C of its functions; CasADi's output is used unchanged.
     """
     functions = hoisted_all(system.functions, generator)
     return unit(system.sizes, functions, c_source(functions, Style(generator=generator)), "rollout.c")
@@ -51,13 +51,13 @@ class Rollout:
         state: NDArray[np.float64],
         stride: int = 1,
     ) -> tuple[Outcome, int, NDArray[np.float64]]:
-        """Run until `exogenous` is used up or the run ends early; Python's lock is released meanwhile.
+        """Run until the end of `exogenous` or an early end of the run, without the global interpreter lock.
 
         Args:
             parameters: (parameters,) float64.
             exogenous: (samples, exogenous) float64, C-contiguous.
             state: (states,) float64; overwritten with the final state.
-            stride: every how many samples a row is kept; 0 keeps none.
+            stride: every `stride`-th sample keeps a row; 0: none.
 
         Returns:
             Outcome, number of samples stepped, rows (kept rows, columns).
@@ -74,9 +74,9 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
     """Compile (or find in the cache) and load the rollout of a sampled system.
 
     Args:
-        system: what is run.
-        compiler: by default the one `find_compiler` finds.
-        generator: what writes the C of its functions.
+        system: the system.
+        compiler: default: that of `find_compiler`.
+        generator: generator of the C of its functions.
 
     Raises:
         CompilerNotFoundError: there is no C compiler.

@@ -1,4 +1,4 @@
-"""A rollout with its exact sensitivities in compiled C: the run once, its slopes and their products in lanes."""
+"""A rollout with exact forward sensitivities in compiled C: partial derivatives and their products in vector lanes."""
 
 import ctypes
 import math
@@ -24,24 +24,24 @@ from dualwinch.codegen.source.operations import Style
 Floats = NDArray[np.float64]
 
 PRODUCTS = "SAMPLE_PRODUCT", "ONE_STEP_PRODUCT", "OBSERVE_PRODUCT"
-"""Macros of sensitivity.c, in the order in which it takes what their slopes need."""
+"""Macros of sensitivity.c, in the order of its arguments for their derived values."""
 
 
 DERIVE = "derive_"
-"""What the names of texts in C begin with that hold a function of the parameters, before the macro of its product."""
+"""Prefix, before the macro of a product, of the name of the C text that holds its function of the parameters."""
 
 MOST_DIRECTIONS = 2 * LANES
-"""Directions that one call takes at most: tangents of all the state along more would leave the nearest cache."""
+"""Largest number of directions per call: tangents of the state along more would not fit into the first-level cache."""
 
 
 @dataclass(frozen=True)
 class Varied:
-    """What runs are differentiated by, and which of their columns.
+    """Variables and columns of the derivatives.
 
     Attributes:
-        parameters: indices of the parameters that directions are made of.
-        signals: indices of the signals from outside that move along directions, each in its own way.
-        columns: indices of the elements of a row whose tangents are kept.
+        parameters: indices of the parameters that span the directions.
+        signals: indices of the exogenous signals with tangents along the directions.
+        columns: indices of the elements of a row with kept tangents.
     """
 
     parameters: tuple[int, ...]
@@ -50,7 +50,7 @@ class Varied:
 
     @property
     def directions(self) -> int:
-        """How many directions one call takes: quarters of the lanes enough for all, or for an even share of them."""
+        """Number of directions per call: a multiple of a quarter of the lanes, for all variables or an equal share."""
         quarter, numbers = LANES // 4, len(self.parameters) + len(self.signals)
         calls = math.ceil(numbers / MOST_DIRECTIONS) or 1
         return quarter * math.ceil(max(numbers, 1) / (quarter * calls))
@@ -73,7 +73,7 @@ def _along(move: ca.Function, varied: Varied) -> ca.Function:
 
 
 def _observe(system: Sampled, varied: Varied) -> ca.Function:
-    """``observe`` of the system, of the columns that are asked for."""
+    """``observe`` of the system for the requested columns."""
     inputs = {name: ca.SX.sym(name, system.observe.size1_in(name)) for name in system.observe.name_in()}
     with as_written():
         row = system.observe.call(inputs)["row"][list(varied.columns)]
@@ -81,7 +81,7 @@ def _observe(system: Sampled, varied: Varied) -> ca.Function:
 
 
 def jacobian_products(smooth: Sampled, varied: Varied) -> dict[str, JacobianProduct]:
-    """Macro → product with the Jacobian of ``sample``, and of ``one_step`` and ``observe`` where they are needed."""
+    """Macro → product with the Jacobian of ``sample``, and of ``one_step`` and ``observe`` if needed."""
     by_parameters = {"parameters": Tangents("direction", varied.parameters)}
     at_sample = {
         "state": Tangents("state_tangent"),
@@ -106,10 +106,10 @@ def sensitivity_source(
     varied: Varied,
     compiler: Compiler,
 ) -> str:
-    """C99 translation unit of a rollout with sensitivities; arguments as for `compile_sensitivity`.
+    """C99 translation unit of a rollout with sensitivities; arguments as in `compile_sensitivity`.
 
-    What slopes take that depends on the parameters alone is left to the caller, as it would be long code for once a
-    run: CasADi functions that the unit holds as text, so that a library says all that a process needs.
+    Expressions of the parameters alone, long code that runs once per run, are left to the caller: the unit holds them
+    as serialised CasADi functions, so that the library contains everything.
     """
     functions = [system.sample, system.move, *((system.one_step,) if system.one_step else ())]
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
@@ -128,12 +128,12 @@ def sensitivity_source(
 
 
 class Kept(NamedTuple):
-    """How a run went, and what was kept of it and of its tangents.
+    """Outcome of a run, with its kept values and tangents.
 
     Attributes:
-        outcome, done: how it ended, and how many samples were stepped.
+        outcome, done: outcome, and number of samples stepped.
         first, first_tangents: (kept,) the first state, and (kept, directions) its tangents.
-        rows, row_tangents: (kept, columns) the columns asked for, and (kept, columns, directions) their tangents.
+        rows, row_tangents: (kept, columns) the requested columns, and (kept, columns, directions) their tangents.
     """
 
     outcome: Outcome
@@ -149,7 +149,7 @@ class Sensitivity:
     """A compiled rollout with sensitivities.
 
     Attributes:
-        varied: by what it is differentiated.
+        varied: variables and columns of the derivatives.
     """
 
     varied: Varied
@@ -166,16 +166,16 @@ class Sensitivity:
         stride: int = 1,
         signals: Floats | None = None,
     ) -> Kept:
-        """Run; Python's lock is released meanwhile.
+        """Run without the global interpreter lock.
 
         Args:
             parameters: (parameters,).
             directions: (varied parameters, directions), a direction in each column.
             exogenous: (samples, exogenous).
             state: (states,); overwritten with the final state.
-            tangent: (states, directions), the start's slopes along the directions; overwritten with the end's.
-            stride: every how many samples the first state, the columns and their tangents are kept; 0 keeps none.
-            signals: (samples, varied signals, directions), the slopes of these signals; needed where there are any.
+            tangent: (states, directions), tangents of the initial state; overwritten with those of the final state.
+            stride: every `stride`-th sample keeps the first state, the columns and their tangents; 0: none.
+            signals: (samples, varied signals, directions), tangents of these signals; required if there are any.
         """
         samples, columns, width = len(exogenous), len(self.varied.columns), self.varied.directions
         kept, done = kept_rows(samples, stride), ctypes.c_int64()
@@ -200,14 +200,14 @@ def compile_sensitivity(
     """Compile (or find in the cache) and load a rollout with sensitivities.
 
     Args:
-        system: what is run.
-        smooth: what is differentiated along its run: `system` itself, or one without its steps, whose derivatives
-            are zero almost everywhere.
-        varied: by what, and which columns.
-        compiler: by default the one `find_compiler` finds.
+        system: the system that is run.
+        smooth: the system that is differentiated along the run: `system` itself, or one without quantisation, whose
+            derivatives are zero almost everywhere.
+        varied: variables and columns of the derivatives.
+        compiler: default: that of `find_compiler`.
 
     Raises:
-        CompilerNotFoundError, CompileError, CacheError: as `compile_rollout`.
+        CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
     chosen = compiler or find_compiler()
     driver = loaded(

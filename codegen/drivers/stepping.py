@@ -1,4 +1,4 @@
-"""Runs of a sampled system side by side, moved on a few samples a call under commands from outside."""
+"""Parallel runs of a sampled system under external commands, a few samples per call."""
 
 import ctypes
 from collections.abc import Iterable, Mapping
@@ -24,12 +24,12 @@ DRIVER = ("sampled_lanes.h", "stepping.c")
 
 @dataclass(frozen=True)
 class Commanded:
-    """A sampled system under commands from outside.
+    """A sampled system under external commands.
 
     Attributes:
-        system: what is moved on.
-        sense: ``sense(state, exogenous, parameters) -> observation``: what is observed ahead of a command.
-        commands: of each command the indices of the states that it is put into.
+        system: the system.
+        sense: ``sense(state, exogenous, parameters) -> observation``, the observation before a command.
+        commands: for each command, the indices of the states that it sets.
     """
 
     system: Sampled
@@ -44,7 +44,7 @@ class Commanded:
 
 
 def stepping_source(commanded: Commanded, compiler: Compiler, *, exact: bool) -> str:
-    """C99 translation unit that moves runs on; `exact`: one by one, with the operations of a single rollout."""
+    """C99 translation unit that steps runs; `exact`: one by one, with the operations of a single rollout."""
     functions = hoisted_all((*commanded.system.functions, commanded.sense))
     pairs = [(of, state) for of, states in enumerate(commanded.commands) for state in states]
     listed = macros_of_lists(
@@ -77,8 +77,8 @@ class Stepping:
     """The compiled code.
 
     Attributes:
-        lanes: runs in a block.
-        sizes: of the vectors, by the names of their C macros.
+        lanes: runs per block.
+        sizes: sizes of the vectors, by the names of their C macros.
         library: functions of stepping.c.
     """
 
@@ -88,20 +88,20 @@ class Stepping:
 
     @property
     def constants(self) -> int:
-        """How many numbers a block takes of its parameters."""
+        """Number of values that a block derives from its parameters."""
         return ctypes.c_int64.in_dll(self.library, "constants_size").value
 
 
 @with_compiler
 @GRAPHS.cached
 def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | None = None) -> Stepping:
-    """Compile (or find in the cache) and load what moves runs on; see `compile_rollout`.
+    """Compile (or find in the cache) and load the stepping of runs; see `compile_rollout`.
 
     Args:
-        commanded: what is moved on.
-        exact: with the operations of a single rollout, one run after the other; else `LANES` runs side by side, whose
-            elementary functions err by up to 1e-9 of their value.
-        compiler: by default the one `find_compiler` finds.
+        commanded: the system.
+        exact: with the operations of a single rollout, one run after the other; else `LANES` runs in parallel, with
+            elementary functions of a relative error up to 1e-9.
+        compiler: default: that of `find_compiler`.
     """
     chosen = compiler or find_compiler()
     flags = lane_flags(chosen) if not exact else () if chosen.is_clang else SCHEDULED
@@ -116,11 +116,11 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 CACHE_LINE = 64
-"""Bytes that compiled code expects its arrays to begin at a multiple of."""
+"""Alignment in bytes that compiled code expects of its arrays."""
 
 
 def _aligned(*shape: int) -> Floats:
-    """An array of zeros at the beginning of a cache line."""
+    """An array of zeros aligned to a cache line."""
     size = int(np.prod(shape)) * 8
     raw = np.zeros(size + CACHE_LINE, np.uint8)
     start = -_address(raw) % CACHE_LINE
@@ -137,19 +137,19 @@ class SteppedRuns:
     Attributes:
         commands: (runs, commands), read at every step.
         observation: (signals, runs), overwritten by every step.
-        outcomes: (runs,) of `Outcome`.
+        outcomes: (runs,) values of `Outcome`.
         done: (runs,) samples stepped.
-        columns: numbers in a row.
-        pointers: where all this is, until runs are started anew.
+        columns: number of values in a row.
+        pointers: addresses of these arrays, valid until runs are started again.
     """
 
     def __init__(self, code: Stepping, count: int, samples: int, *, shared: bool) -> None:
-        """Make room for runs, which have all ended until they are started.
+        """Allocate runs; they count as ended until they are started.
 
         Args:
-            code: what moves them on.
-            count: how many.
-            samples: of a whole run.
+            code: compiled stepping.
+            count: number of runs.
+            samples: number of samples of a run.
             shared: whether all have the same parameters.
         """
         self._code, self._count, self._samples, self._shared = code, count, samples, shared
@@ -162,13 +162,13 @@ class SteppedRuns:
         self._outcome, self._done = np.full(room, Outcome.COMPLETED, np.int64), np.zeros(room, np.int64)
         self._nothing = np.zeros(sizes["EXOGENOUS"])
         self._lines = np.full(room, _address(self._nothing), np.uint64)
-        # replaced, never written to, once runs have been started: a copy shares them
+        # replaced, never overwritten, once runs have been started, as copies share them
         self._constants = _aligned(1 if shared else blocks, code.constants)
         self._parameters = np.zeros((1 if shared else blocks, code.lanes, sizes["PARAMETERS"]))
         self._point()
 
     def _point(self) -> None:
-        """Tell the compiled code where everything is."""
+        """Collect the addresses of all arrays for the compiled code."""
         arrays = self._lines, self._state, self._outcome, self._done, self.commands, self.observation
         addresses = [_address(array) for array in arrays]
         self.pointers = Pointers(
@@ -178,17 +178,17 @@ class SteppedRuns:
         self.outcomes, self.done = self._outcome[: self._count], self._done[: self._count]
 
     def start(self, runs: Indices, states: Floats, parameters: Floats) -> None:
-        """Begin some runs anew.
+        """Start or restart some runs.
 
         Args:
-            runs: (n,) which.
+            runs: (n,) their indices.
             states: (n, states) before the first sample.
-            parameters: (n, parameters); where all runs share theirs, only the first count, and once for all.
+            parameters: (n, parameters); with shared parameters only the first row of the first call is used.
         """
         blocks, lanes = np.divmod(runs, self._code.lanes)
         self._state[blocks, :, lanes] = states
         self._outcome[runs], self._done[runs] = Outcome.RUNNING, 0
-        if not self._parameters.any():  # idle lanes compute with numbers that are allowed, too
+        if not self._parameters.any():  # idle lanes, too, need valid parameters
             self._parameters = self._parameters + parameters[0]
             self._prepare(range(len(self._parameters)))
         if not (self._shared or np.array_equal(self._parameters[blocks, lanes], parameters)):
@@ -198,35 +198,35 @@ class SteppedRuns:
         self._point()
 
     def _prepare(self, blocks: Iterable[int]) -> None:
-        """Work out anew what some blocks take of their parameters."""
+        """Recompute the constants derived from the parameters of some blocks."""
         before, self._constants = self._constants, _aligned(*self._constants.shape)
         self._constants[:] = before
         for block in blocks:
             self._code.library.prepare(self._parameters[block], self._constants[block])
 
     def read(self, runs: Indices | int, lines: NDArray[np.uint64] | int) -> None:
-        """Let runs go on with the signals of other tables: (n,) addresses of the lines of their coming samples."""
+        """Continue runs with the signals of other tables: (n,) addresses of the rows of their next samples."""
         self._lines[runs] = lines
 
     def look(self) -> None:
-        """Observe all runs as they are."""
+        """Update the observation of all runs."""
         self._code.library.look(self._at, 0, self._blocks)
 
     def odd_command(self) -> tuple[int, int] | None:
-        """Run and command of the first that is not finite, of the runs under way."""
+        """Run and command of the first command that is not finite, among the running runs."""
         odd = self._code.library.odd_command(self._at)
         return None if odd < 0 else divmod(odd, self._code.sizes["COMMANDS"])
 
     def step(self, samples: int, threads: int = 1, row: int | None = None) -> int:
-        """Move all runs under way on, and observe them; Python's lock is released meanwhile.
+        """Step all running runs and observe them, without the global interpreter lock.
 
         Args:
-            samples: at most; a run ends where it has all its samples, diverges or leaves.
-            threads: how many share the work.
+            samples: largest number of samples; a run may end earlier.
+            threads: number of threads.
             row: address of (samples, columns) for the rows of a single run.
 
         Returns:
-            How many runs are under way after it.
+            Number of runs still running.
         """
         if threads == 1:
             return self._code.library.step(self._at, 0, self._blocks, samples, row)
@@ -243,7 +243,7 @@ class SteppedRuns:
         return self._state[blocks, :, lanes]
 
     def copies(self, runs: Indices) -> "SteppedRuns":
-        """Runs (n,) as they are, in others that go on by themselves."""
+        """Independent copies of some runs (n,) in their present state."""
         blocks, lanes = np.divmod(runs, self._code.lanes)
         other = SteppedRuns(self._code, len(runs), self._samples, shared=self._shared)
         whole = np.array_equal(runs, np.arange(self._count))
@@ -256,7 +256,7 @@ class SteppedRuns:
         return other
 
     def restore(self, outcomes: Indices, done: Indices, commands: Floats, observation: Floats) -> None:
-        """Put all runs where others were; their states are those of `start`."""
+        """Set the progress, commands and observation of all runs; `start` sets their states."""
         self.outcomes[:], self.done[:] = outcomes, done
         self.commands[:], self.observation[:] = commands, observation
 

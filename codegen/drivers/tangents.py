@@ -1,9 +1,9 @@
-"""Jacobian-vector products of a function by vertex elimination: its slopes once, and products with them per direction.
+"""Jacobian-vector products of a function by vertex elimination: partial derivatives once, and products per direction.
 
-The linearised computational graph of the function is reduced to few edges. An edge is a partial derivative, and a
-product for each direction that tangents are taken along. A Jacobian is the graph without inner vertices; where much
-goes through few values, a graph that keeps these has far fewer edges (A. Griewank, O. Vogel: Analysis and exploitation
-of Jacobian scarcity, 2005).
+The linearised computational graph of the function is reduced to few edges. An edge is a partial derivative, and costs a
+product per direction. A Jacobian is the graph without inner vertices; if many dependences pass through few values, a
+graph that keeps these has far fewer edges (A. Griewank, O. Vogel: Analysis and exploitation of Jacobian scarcity,
+2005).
 """
 
 import heapq
@@ -21,8 +21,8 @@ class LinearisedGraph:
     """Partial derivatives of a function's elements by each other.
 
     Attributes:
-        into: vertex → the vertices it depends on → the partial derivatives. Inputs are ``(name, element)``, outputs
-            too, what is between them the numbers of instructions.
+        into: vertex → the vertices it depends on → the partial derivatives. Inputs and outputs are ``(name, element)``,
+            inner vertices the numbers of instructions.
     """
 
     def __init__(
@@ -36,12 +36,12 @@ class LinearisedGraph:
         """Build the graph.
 
         Args:
-            function: of dense SX expressions.
-            symbols: of its inputs; the derivatives are expressions of these.
+            function: function of dense SX expressions.
+            symbols: symbols of its inputs, for the expressions of the derivatives.
             active: elements of inputs, ``(name, element)``, to differentiate by.
             outputs: names of the outputs to differentiate.
-            fixed: names of inputs that stay the same from call to call; partial derivatives of what depends on these
-                alone cost nothing, and so does their product.
+            fixed: names of inputs that are constant over the calls; partial derivatives that depend on these alone, and
+                their products, cost nothing.
         """
         self.into: dict[Vertex, dict[Vertex, ca.SX]] = {}
         self._out_of: dict[Vertex, set[Vertex]] = {}
@@ -79,7 +79,7 @@ class LinearisedGraph:
     def _connect_operands(
         self, sources: list[Vertex | None], operation: int, operands: list[ca.SX], target: Vertex
     ) -> bool:
-        """Connect an operation's result with its operands; whether it depends on any of what is differentiated by."""
+        """Connect an operation's result with its operands; whether it depends on any active input."""
         if not any(source is not None for source in sources):
             return False
         slopes = zip(sources, _partials(operation, operands), strict=True)
@@ -97,7 +97,7 @@ class LinearisedGraph:
         return [vertex for vertex in self.into if isinstance(vertex, int)]
 
     def _drop_unused(self) -> None:
-        """Drop what no output depends on."""
+        """Remove vertices on which no output depends."""
         for vertex in reversed(self._inner()):
             if not self._out_of.get(vertex):
                 self._remove(vertex)
@@ -109,15 +109,15 @@ class LinearisedGraph:
             del self.into[target][vertex]
 
     def _growth(self, vertex: Vertex) -> tuple[int, int]:
-        """How many edges more there are without a vertex, and how many products that takes."""
+        """Number of additional edges after elimination of a vertex, and of products for it."""
         sources, targets = self.into[vertex], self._out_of[vertex]
         new = sum(source not in self.into[target] for target in targets for source in sources)
         return new - len(sources) - len(targets), len(sources) * len(targets)
 
     def eliminate(self) -> None:
-        """Take vertices out one by one as long as that leaves no more edges, those first that leave fewest.
+        """Eliminate vertices while that does not increase the number of edges, the greatest reduction first.
 
-        What is fixed, and leads to fixed values only, goes first whatever that leaves.
+        Fixed vertices that lead to fixed values only are eliminated first in any case.
         """
         for vertex in self._inner():
             if vertex in self._fixed and self._fixed.issuperset(self._out_of[vertex]):
@@ -127,7 +127,7 @@ class LinearisedGraph:
         while heap and heap[0][0] <= 0:
             growth, products, vertex = heapq.heappop(heap)
             if vertex not in self.into or (growth, products) != self._growth(vertex):
-                continue  # there is a newer entry, or none is needed any more
+                continue  # an obsolete entry
             into, slopes = self._take_out(vertex)
             near = {*into, *slopes}
             near |= {target for source in into for target in self._out_of[source]}
@@ -137,7 +137,7 @@ class LinearisedGraph:
                     heapq.heappush(heap, (*self._growth(other), other))
 
     def _take_out(self, vertex: int) -> tuple[dict[Vertex, ca.SX], dict[Vertex, ca.SX]]:
-        """Connect what a vertex depends on with what depends on it, without it; both, and the partial derivatives."""
+        """Eliminate a vertex: connect its sources with its targets; returns both, with their partial derivatives."""
         into = self.into[vertex]
         slopes = {target: self.into[target][vertex] for target in self._out_of[vertex]}
         self._remove(vertex)
@@ -148,8 +148,8 @@ class LinearisedGraph:
 
 
 def _partials(operation: int, operands: list[ca.SX]) -> list[ca.SX]:
-    """The derivatives of an operation by its operands."""
-    if operation == ca.OP_MUL:  # the most frequent ones without a call
+    """The partial derivatives of an operation with respect to its operands."""
+    if operation == ca.OP_MUL:  # the most frequent operations without a call
         return operands[::-1]
     if operation in {ca.OP_ADD, ca.OP_SUB}:
         return [ca.SX(1), ca.SX(1 if operation == ca.OP_ADD else -1)]
@@ -168,9 +168,9 @@ class Tangents:
     """The tangents of an input.
 
     Attributes:
-        array: in C.
-        elements: of the input that have tangents; None: all.
-        packed: whether the array holds those alone; else it holds all.
+        array: name of their array in C.
+        elements: elements of the input with tangents; None: all.
+        packed: whether the array holds only those; else it holds all.
     """
 
     array: str
@@ -183,11 +183,11 @@ class JacobianProduct:
     """The product of a function's Jacobian with tangents, in two parts.
 
     Attributes:
-        slopes: ``NAME_slopes(...) -> slopes``: of the function's inputs, the partial derivatives that are not constant.
-        statements: C statements that make the tangents of the outputs, ``OUTPUT_tangent``, of those of the inputs and
-            the slopes, for one lane. Elements of slopes lie LANES apart, those of tangents DIRECTIONS, if nothing else
-            was asked for.
-        still: elements of outputs, ``(name, element)``, whose tangents are zero.
+        slopes: ``NAME_slopes(...) -> slopes``: from the function's inputs, the non-constant partial derivatives.
+        statements: C statements that compute the tangents of the outputs, ``OUTPUT_tangent``, from the slopes and the
+            tangents of the inputs, for one lane. The stride of the slopes' elements is LANES by default, that of the
+            tangents' DIRECTIONS.
+        still: elements of outputs, ``(name, element)``, with zero tangents.
     """
 
     slopes: ca.Function
@@ -198,13 +198,13 @@ class JacobianProduct:
 def jacobian_product(
     function: ca.Function, along: Mapping[str, Tangents], outputs: Sequence[str], lanes: str = "LANES"
 ) -> JacobianProduct:
-    """The Jacobian-vector product of a function: its slopes, and statements that multiply tangents with them.
+    """The Jacobian-vector product of a function: its slopes, and statements that multiply tangents by them.
 
     Args:
-        function: of dense SX expressions.
+        function: function of dense SX expressions.
         along: input name → its tangents.
-        outputs: names of the outputs that are differentiated.
-        lanes: how far apart the elements of slopes lie, as C text.
+        outputs: names of the outputs to differentiate.
+        lanes: stride of the slopes' elements, as C text.
     """
     symbols = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
     sources: dict[Vertex, str] = {}

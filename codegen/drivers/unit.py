@@ -1,4 +1,4 @@
-"""Puts one C translation unit together: sizes as macros, generated functions, a driver."""
+"""Composition of a C translation unit: sizes as macros, generated functions, a driver."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
@@ -15,7 +15,7 @@ from dualwinch.codegen.source.operations import Generator
 
 
 def hoisted_all(functions: Iterable[ca.Function], generator: Generator = "dualwinch") -> list[ca.Function]:
-    """``derive_NAME`` and the function that takes what it derives, for each (`codegen.source.hoist`)."""
+    """``derive_NAME`` and the function that uses its values, for each function (`codegen.source.hoist`)."""
     return [part for function in functions for part in hoisted(function, generator=generator)]
 
 
@@ -24,8 +24,8 @@ def unit(sizes: Mapping[str, int], functions: Iterable[ca.Function], *texts: str
 
     Args:
         sizes: macro name → value.
-        functions: what `hoisted_all` gave; the size of what ``derive_NAME`` derives becomes ``NAME_DERIVED``.
-        texts: C text, or names of C files beside this one, in their order; ``driver.h`` comes before them.
+        functions: result of `hoisted_all`; the number of values of ``derive_NAME`` becomes ``NAME_DERIVED``.
+        texts: C text, or names of C files in this folder, in order; ``driver.h`` comes before them.
     """
     derived = {
         function.name().removeprefix("derive_").upper() + "_DERIVED": function.numel_out("derived")
@@ -41,16 +41,16 @@ def _text(part: str) -> str:
 
 
 def c_file(name: str) -> str:
-    """The text of a C file beside this one."""
+    """The text of a C file in this folder."""
     return (files("dualwinch.codegen.drivers") / name).read_text(encoding="utf-8")
 
 
 def recipe(functions: Sequence[ca.Function], *options: object) -> str:
-    """Fingerprint of all that a translation unit is made of (`cache.library`), in a fraction of the time to write it.
+    """Fingerprint of everything that determines a translation unit (`cache.library`), much faster than writing it.
 
     Args:
-        functions: that it is written of.
-        options: what else shapes it, beside the compiler; equal ones look the same.
+        functions: its functions.
+        options: further options besides the compiler; their `repr` must identify them.
 
     Returns:
         The fingerprint; empty where the emitter lacks an operation, so that each process warns of it.
@@ -63,21 +63,21 @@ def recipe(functions: Sequence[ca.Function], *options: object) -> str:
 
 @cache
 def _version() -> str:
-    """Fingerprint of what writes C: the sources of `codegen`, and CasADi's version."""
+    """Fingerprint of the code generator: the sources of `codegen`, and CasADi's version."""
     sources = (path for path in Path(__file__).parents[1].rglob("*") if path.suffix in {".py", ".c", ".h"})
     return fingerprint(ca.CasadiMeta.version(), *(path.read_text(encoding="utf-8") for path in sorted(sources)))
 
 
 def all_read(functions: Iterable[ca.Function], name: str) -> list[int]:
-    """The elements of an input that some functions read; at least one, as C has no empty arrays."""
+    """The elements of an input that the functions read; at least one, as C has no empty arrays."""
     return sorted(set().union(*(elements_read(function, name) for function in functions))) or [0]
 
 
 def macros_of_lists(**lists: Iterable[object]) -> str:
-    """C macros of lists in braces."""
+    """C macros of initialiser lists."""
     return "".join(f"#define {name} {{{', '.join(map(str, values))}}}\n" for name, values in lists.items())
 
 
 def kept_rows(samples: int, stride: int) -> int:
-    """How many rows of a run are kept where every `stride`-th sample keeps one, the first included; 0: none."""
+    """Number of kept rows if every `stride`-th sample keeps one, from the first on; 0: none."""
     return -(-samples // stride) if stride else 0

@@ -37,7 +37,7 @@ def test_a_wrong_wish_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_command_that_makes_nothing_is_no_compiler(tmp_path: Path) -> None:
-    with pytest.raises(CompileError, match="true made no library: is no C compiler"):
+    with pytest.raises(CompileError, match="true made no library: it is no C compiler"):
         find_compiler("true").build(ANSWER, tmp_path / "answer.so")
 
 
