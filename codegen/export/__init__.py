@@ -1,1 +1,1 @@
-"""Blocks as files for other people's tools: C packages, MEX functions, CasADi files."""
+"""Export of blocks for other tools: C packages, PLC code, MEX functions, CasADi files."""

@@ -1,4 +1,4 @@
-"""Blocks in CasADi's own forms: serialised functions, and C by its code generator."""
+"""Blocks in CasADi's formats: serialised functions, and C by its code generator."""
 
 import json
 import math
@@ -45,7 +45,7 @@ def casadi_files(blocks: Sequence[Block], provenance: Provenance) -> dict[str, b
 
 
 def functions_of_blocks(blocks: Sequence[Block]) -> dict[str, ca.Function]:
-    """``BLOCK_FUNCTION`` → function, of all blocks."""
+    """``BLOCK_FUNCTION`` → function, for all blocks."""
     return {
         f"{block.name}_{function.name()}": function
         for block in blocks
@@ -62,14 +62,14 @@ def variables_of(blocks: Sequence[Block]) -> str:
 def generated_c(
     functions: Mapping[str, ca.Function], name: str, *, header: bool, main: bool, mex: bool
 ) -> dict[str, bytes | str]:
-    """C as CasADi's ``CodeGenerator`` writes it, ready for ``casadi.external``: ``NAME.c`` and maybe ``NAME.h``.
+    """C by CasADi's ``CodeGenerator``, ready for ``casadi.external``: ``NAME.c``, and ``NAME.h`` if requested.
 
     Args:
-        functions: what each function is called in C → the function.
-        name: of the files.
-        header: CasADi's option: a header file, too.
-        main: likewise: a ``main`` that reads arguments from a file.
-        mex: likewise: a gateway for MATLAB and Octave.
+        functions: name in C → function.
+        name: name of the files.
+        header: CasADi's option: also a header file.
+        main: CasADi's option: a ``main`` that reads arguments from a file.
+        mex: CasADi's option: a gateway for MATLAB and Octave.
 
     Raises:
         CodegenError: a name is no C identifier, or CasADi generates no C for a function.

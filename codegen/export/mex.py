@@ -1,4 +1,4 @@
-"""Blocks as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
+"""Blocks as MEX sources for MATLAB and GNU Octave, with a script of the closed loop."""
 
 from collections.abc import Callable, Mapping
 
@@ -19,14 +19,14 @@ def mex_files(
     """File name → content: for each block its C package and ``NAME_mex.c``; ``build.m``, ``closed_loop.m``.
 
     Args:
-        plant: its outputs have the names of the controller's inputs, as far as those are no reference.
-        controller: its outputs have the names of the plant's inputs, as far as those are no disturbance.
+        plant: outputs named as the controller's inputs, except for the reference.
+        controller: outputs named as the plant's inputs, except for disturbances.
         name_of: block → C identifier.
-        reference: (samples,) for each input of the controller that the plant does not give, by name.
-        provenance: goes into every file.
+        reference: (samples,) for each input of the controller that is no output of the plant, by name.
+        provenance: written into every file.
 
     Raises:
-        CodegenError: as for `c_package`.
+        CodegenError: as in `c_package`.
     """
     environment = templates("double")
     files: dict[str, str] = {}

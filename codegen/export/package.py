@@ -1,11 +1,10 @@
 """A block as a self-contained C99 package: source, header, CMake file, README and example.
 
-Its functions are split for a processor that has little time a sample: what follows from the parameters alone is
-computed when they change. In single precision the states of a step are summed with compensation (Kahan, Further remarks
-on reducing truncation errors, Communications of the ACM 8 (1965) 40): at 46 m a number of single precision is known to
-2 µm, half of what stands between it and the next. An observer that adds ``T v`` to a position at every sample loses up
-to that, and at constant speed always in the same direction: 2 mm/s at 1 kHz, which it takes for a disturbance. So what
-rounding takes from a state is kept beside it and added at the next sample.
+Expressions of the parameters alone are computed only when these change, which saves time per sample. In single
+precision the states of a step use compensated summation (Kahan, Further remarks on reducing truncation errors,
+Communications of the ACM 8 (1965) 40): at 46 m the rounding error is up to 2 µm. An observer that adds ``T v`` to a
+position at every sample makes this error, at constant speed always in the same direction: 2 mm/s at 1 kHz, which it
+takes for a disturbance. The rounding error of a state is therefore stored and added at the next sample.
 """
 
 import math
@@ -38,13 +37,13 @@ def of_structures(
     arrays: Mapping[str, str] | None = None,
     named: Callable[[Variable], str] = member,
 ) -> Element:
-    """Where elements stand that are members of structures.
+    """C expressions of elements that are members of structures.
 
     Args:
-        vectors: name of an argument or result → what its members stand behind (e.g. ``state->``), and the variables;
-            of others they are elements of arrays.
-        arrays: name of an argument or result → the array, where it has another name.
-        named: a variable's name as a member.
+        vectors: name of an argument or result → prefix of its members (e.g. ``state->``), and the variables; others are
+            arrays.
+        arrays: name of an argument or result → name of its array, if different.
+        named: name of a variable as a member.
     """
     other = arrays or {}
     members = {name: [before + named(variable) for variable in held] for name, (before, held) in vectors.items()}
@@ -57,13 +56,13 @@ def of_structures(
 
 @GRAPHS.cached
 def compensated(step: ca.Function) -> ca.Function:
-    """A step whose states keep what rounding takes from them, as far as it adds something to them (cached).
+    """A step with compensated summation of all states that are sums of their last value and a change (cached).
 
     Args:
-        step: of dense SX expressions, with an input ``state`` and an output ``next_state``, the first.
+        step: function of dense SX expressions, with an input ``state`` and ``next_state`` as the first output.
 
     Returns:
-        The step with one more input ``lost`` and one more output ``next_lost``, the last ones.
+        The step with ``lost`` as an additional last input and ``next_lost`` as an additional last output.
     """
     inputs = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
     states = ca.vertsplit(inputs[step.name_in().index("state")])
@@ -88,7 +87,7 @@ def compensated(step: ca.Function) -> ca.Function:
 
 
 def _sum(after: ca.SX, state: ca.SX) -> tuple[ca.SX, ca.SX] | None:
-    """A state's next value as a sum of what it was and what is added; None where it is none."""
+    """A state's next value as a sum of its last value and a change; None where it is no such sum."""
     own, others = _terms(after, state)
     if not own or not others:
         return None
@@ -96,7 +95,7 @@ def _sum(after: ca.SX, state: ca.SX) -> tuple[ca.SX, ca.SX] | None:
 
 
 def _terms(value: ca.SX, state: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
-    """The terms of a sum that are the state, maybe under a condition, and the others."""
+    """The terms of a sum that are the state, possibly under a condition, and the others."""
     if value.is_op(ca.OP_ADD) or value.is_op(ca.OP_SUB):
         own, others = _terms(value.dep(0), state)
         more, further = _terms(value.dep(1), state)
@@ -120,10 +119,10 @@ class PreparedBlock:
     """The functions of a block, each but the first with ``derived`` as its last input.
 
     Attributes:
-        derive: ``derive(parameters) -> derived``, all that follows from the parameters alone.
-        step, initial, output: those of the block; in single precision the step takes and gives ``lost`` too
-            (`codegen.export.package`).
-        kept: the parameters that these read beside what is derived.
+        derive: ``derive(parameters) -> derived``, all expressions of the parameters alone.
+        step, initial, output: functions of the block; in single precision the step has the additional argument and
+            result ``lost`` (`codegen.export.package`).
+        kept: the parameters that these read in addition to the derived values.
     """
 
     derive: ca.Function
@@ -134,30 +133,30 @@ class PreparedBlock:
 
     @property
     def derived(self) -> int:
-        """How many numbers are derived."""
+        """Number of derived values."""
         return self.derive.numel_out("derived")
 
     @property
     def lost(self) -> int:
-        """How many states keep what rounding took from them."""
+        """Number of states with compensated summation."""
         return self.step.numel_in("lost") if "lost" in self.step.name_in() else 0
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
-        """All of them, that which is for every sample first."""
+        """All functions, the one of every sample first."""
         return (self.step, self.initial, *((self.output,) if self.output else ()), self.derive)
 
 
 def prepared(block: Block, precision: Precision) -> PreparedBlock:
-    """Split the functions of a block into what follows from the parameters alone, and the rest.
+    """Split the functions of a block into expressions of the parameters alone, and the rest.
 
-    Functions that Structured Text lacks are `written_out`. In double precision every other number stays as it is, to
-    the last bit. In single precision divisions by what is derived become products with reciprocals, as a division takes
-    a Cortex-M4 fourteen times as long, and sums over samples keep what rounding takes from them.
+    Functions that Structured Text lacks are `written_out`. In double precision all other results are unchanged to the
+    last bit. In single precision divisions by derived values become products with reciprocals, as a division takes
+    fourteen times as long on a Cortex-M4, and states use compensated summation.
 
     Args:
-        block: whose functions.
-        precision: that they are to be written in.
+        block: the block.
+        precision: precision of the generated code.
     """
     functions = tuple(map(written_out, (block.step, block.initial, *((block.output,) if block.output else ()))))
     if precision == "float":
@@ -170,12 +169,12 @@ def prepared(block: Block, precision: Precision) -> PreparedBlock:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a package comes from.
+    """Origin of a package.
 
     Attributes:
-        product: name and version of what generated it.
-        configuration: digest of the configuration it was made from.
-        date: of its making, ISO 8601.
+        product: name and version of the generating product.
+        configuration: digest of its configuration.
+        date: date of generation, ISO 8601.
     """
 
     product: str
@@ -184,7 +183,7 @@ class Provenance:
 
 
 def frozen(block: Block, names: Collection[str] | None = None) -> Block:
-    """The block with parameters as constants: those of the names, by default all (its functions then take none)."""
+    """The block with the named parameters as constants; by default all, so that its functions take none."""
     kept = tuple(variable for variable in block.parameters if names is not None and variable.name not in names)
     free = ca.SX.sym("parameters", len(kept))
     symbols = dict(zip((variable.name for variable in kept), ca.vertsplit(free) if kept else (), strict=True))
@@ -214,9 +213,9 @@ def c_package(
     """The files of a package by name.
 
     Args:
-        block: what to write.
-        name: a C identifier; begins every symbol and file name.
-        provenance: goes into header and README.
+        block: the block.
+        name: a C identifier, the prefix of every symbol and file name.
+        provenance: written into header and README.
         precision: ``double`` or ``float`` (no double-precision operation at all).
         freeze: parameters as constants instead of an argument.
 
@@ -257,7 +256,7 @@ def c_package(
 
 
 def templates(precision: Precision) -> Environment:
-    """The templates of generated files, with the filters of names, numbers and texts."""
+    """The templates of generated files, with filters for names, numbers and texts."""
     environment = Environment(
         loader=PackageLoader("dualwinch.codegen.export"),
         undefined=StrictUndefined,
@@ -299,19 +298,19 @@ def _bodies(block: Block, apart: PreparedBlock, precision: Precision) -> dict[st
     bodies = {
         "step": body(apart.step),
         "initial": body(apart.initial, at_start),
-        "derive": rolled_statements(apart.derive, style, [Strand(given)]),  # room counts there, time does not
+        "derive": rolled_statements(apart.derive, style, [Strand(given)]),  # size matters here, not speed
     } | ({"output": body(apart.output)} if apart.output else {})
     return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 
 
 def _mark(apart: PreparedBlock, derive: str) -> str:
-    """A number that stands for what is prepared and how, never zero, in C."""
+    """A nonzero C constant that identifies the layout and computation of the prepared values."""
     text = "".join([*(variable.name for variable in apart.kept), derive])
     return f"0x{zlib.crc32(text.encode()) | 1:08x}"
 
 
 def described(variable: Variable, *, value: bool = False) -> str:
-    """What a comment says of a variable: unit, meaning, bounds and maybe its value with the source."""
+    """Comment on a variable: unit, meaning, bounds, and optionally its value with the source."""
     lower, upper = variable.lower, variable.upper
     least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
     bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
@@ -322,5 +321,5 @@ def described(variable: Variable, *, value: bool = False) -> str:
 
 
 def _padded(variable: Variable, variables: tuple[Variable, ...]) -> str:
-    """A member's declaration, as wide as the longest beside it."""
+    """A member's declaration, padded to the width of the longest."""
     return f"{member(variable)};".ljust(max(len(member(other)) for other in variables) + 1)

@@ -1,4 +1,4 @@
-"""Data types and program organisation units (POUs) of a controller, as text in the flavours of IEC 61131-3."""
+"""Data types and program organisation units (POUs) of a controller, as text in the dialects of IEC 61131-3."""
 
 import re
 import uuid
@@ -10,8 +10,7 @@ from dualwinch.codegen.text import one_line, xml_text
 
 Flavour: TypeAlias = Literal["iec", "codesys", "twincat", "siemens-scl"]
 FLAVOURS: tuple[Flavour, ...] = get_args(Flavour)
-"""The standard's own text, which Beremiz and OpenPLC take; CODESYS; TwinCAT's project files; external sources of TIA
-Portal."""
+"""Standard text for Beremiz and OpenPLC; CODESYS; TwinCAT's project files; external sources of TIA Portal."""
 
 _KEYWORDS = """
 abs abstract acos action add and any array asin at atan bit bool by byte case char concat configuration constant
@@ -25,21 +24,18 @@ tof ton tp transition true trunc type udint uint ulint until usint using var whi
 _INSTRUCTIONS = "cal calc calcn cd clk cu d ds in jmpc jmpcn l ld ldn n p pt pv r r1 ret retc s s1 st stn"
 
 KEYWORDS = frozenset(_KEYWORDS.split())
-"""Names that no variable may have anywhere."""
+"""Names that are reserved in all dialects."""
 
 INSTRUCTIONS = frozenset(_INSTRUCTIONS.split())
-"""Names of the instruction list, which the standard allows and some vendors do not."""
+"""Names of the instruction list, which the standard allows but some vendors do not."""
 
 
 OPTIMISED = "{ S7_Optimized_Access := 'TRUE' }\n"
-"""Attribute of a Siemens block: its variables stand where the CPU reaches them fastest."""
+"""Attribute of a Siemens block: its variables are stored for the fastest access."""
 
 
 def identifier(name: str, flavour: Flavour = "iec") -> str:
-    """A name as IEC 61131-3 has them: ASCII, no two underscores in a row, none at the end, no keyword.
-
-    A keyword gets ``_value`` behind it.
-    """
+    """A valid name in IEC 61131-3: ASCII, no double or final underscore; a keyword gets the suffix ``_value``."""
     plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).rstrip("_")
     plain = plain if re.match(r"[A-Za-z_]", plain) else f"n{plain}"
     taken = KEYWORDS if flavour == "iec" else KEYWORDS | INSTRUCTIONS
@@ -47,7 +43,7 @@ def identifier(name: str, flavour: Flavour = "iec") -> str:
 
 
 def comment(text: object) -> str:
-    """A text in one line that does not end the comment it stands in, nor begins another."""
+    """A text in one line for a comment, without comment delimiters."""
     return one_line(text).replace("(*", "( *").replace("*)", "* )")
 
 
@@ -58,7 +54,7 @@ class PlcVariable:
     Attributes:
         name: an identifier.
         type: elementary, derived, or ``ARRAY[0..n] OF`` an elementary one.
-        initial: the literal it begins with; none: that of its type.
+        initial: literal of its initial value; empty: that of its type.
         about: a comment.
     """
 
@@ -68,7 +64,7 @@ class PlcVariable:
     about: str = ""
 
     def declaration(self, width: int = 0) -> str:
-        """Its declaration, the name as wide as others'."""
+        """Its declaration, with the name padded to a width."""
         value = f" := {self.initial}" if self.initial else ""
         about = f" (* {comment(self.about)} *)" if self.about else ""
         return f"{self.name.ljust(width)} : {self.type}{value};{about}"
@@ -111,14 +107,14 @@ class Pou:
 
 @dataclass(frozen=True)
 class PlcProject:
-    """All that a controller needs, each part after those it makes use of.
+    """All parts of a controller, in the order of their dependences.
 
     Attributes:
-        name: begins every name.
-        about: what it is and where it comes from, line by line.
+        name: prefix of every name.
+        about: description and origin, line by line.
         structures, pous: types and POUs.
-        program: one that runs the last POU.
-        interval: of the program's task, in s.
+        program: a program that runs the last POU.
+        interval: interval of the program's task, in s.
         origin: name and version of the product, and the date.
     """
 
@@ -137,7 +133,7 @@ class PlcProject:
 
 
 def files_of(project: PlcProject, flavour: Flavour) -> dict[str, str]:
-    """A project as source text in a flavour, by the names of the files."""
+    """Source texts of a project in a dialect: file name → content."""
     name = project.name
     if flavour == "twincat":
         types = {f"{part.name}.TcDUT": _twincat_type(part) for part in project.structures}
@@ -199,9 +195,9 @@ def _scl_structure(part: Structure, names: Collection[str]) -> str:
 
 
 def _scl_pou(pou: Pou, names: Collection[str]) -> str:
-    """SCL quotes the names of types and blocks, not that of a function where it is given its value.
+    """A POU in SCL, with the names of types and blocks in quotes, except for the assignment of a function's result.
 
-    It has no programs, and of variables of functions temporary ones alone.
+    SCL has no programs, and functions have only temporary variables.
     """
     kind = "FUNCTION_BLOCK" if pou.kind == "PROGRAM" else pou.kind
     returns = f" : {pou.returns}" if pou.returns else ""

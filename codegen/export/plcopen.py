@@ -17,11 +17,11 @@ POU_TYPES = {"FUNCTION": "function", "FUNCTION_BLOCK": "functionBlock", "PROGRAM
 def plcopen_xml(project: PlcProject, flavour: Flavour = "iec") -> str:
     """A project as one file.
 
-    The schema leaves two things to vendors: the element that texts stand in, and how a task's interval is written.
+    The schema leaves two details to vendors: the element of texts, and the format of a task's interval.
 
     Args:
-        project: what to write.
-        flavour: ``iec`` is what Beremiz reads and writes, others what CODESYS does.
+        project: the project.
+        flavour: ``iec`` for the format of Beremiz, others for that of CODESYS.
     """
     text_tag, interval = ("p", project.duration) if flavour == "iec" else ("xhtml", f"PT{project.interval:g}S")
     product, date = project.origin

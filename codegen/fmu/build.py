@@ -1,4 +1,4 @@
-"""An FMU as a file: its one C source, binaries for each platform, and the archive around them."""
+"""Build of an FMU: its C source, binaries for each platform, and the archive."""
 
 import hashlib
 import io
@@ -20,7 +20,7 @@ from dualwinch.codegen.source.c_source import c_source
 from dualwinch.codegen.text import c_comment
 
 PORTABLE = ("-fno-finite-math-only", "-ftrapping-math", "-s")
-"""After the flags of every build: an FMU must notice values that are not finite."""
+"""Additional flags: an FMU must detect values that are not finite."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Platform:
     """One platform.
 
     Attributes:
-        name: its folder in an FMU of FMI 2, and how it is asked for.
+        name: its folder in an FMU of FMI 2, and its name in options.
         tuple_: its folder in an FMU of FMI 3.
-        suffix: of a shared library.
-        target: for zig; oldest system libraries the binary runs with included.
-        machine: a processor every such machine has, for gcc and clang.
+        suffix: suffix of a shared library.
+        target: target of zig, with the oldest supported system libraries.
+        machine: baseline processor, for gcc and clang.
     """
 
     name: str
@@ -56,25 +56,25 @@ PLATFORMS = {
 
 
 def find_platform(name: str) -> Platform | None:
-    """The platform of a name, FMI 2's or FMI 3's; None where there is none."""
+    """The platform of a name in FMI 2 or FMI 3; None if unknown."""
     return next((known for known in PLATFORMS.values() if name in {known.name, known.tuple_}), None)
 
 
 def host_platform() -> Platform:
-    """The platform this runs on.
+    """The platform of this machine.
 
     Raises:
-        CodegenError: it is none of those an FMU can have.
+        CodegenError: it is no platform of an FMU.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     found = find_platform(f"{machine}-{platform.system().lower()}")
     if found is None:
-        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name others")
+        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
     return found
 
 
 def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
-    """Compiler and flags that build for a platform: zig where it is installed, else the machine's own for its own.
+    """Compiler and flags for a platform: zig if installed, else the machine's compiler for its own platform.
 
     Raises:
         CompilerNotFoundError: zig is not installed and the platform is not this one, or there is no compiler.
@@ -91,10 +91,10 @@ def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
 
 
 ROLES = ("input", "parameter", "output", "state", "derivative")
-"""What the vectors in an instance's memory hold, in this order."""
+"""Vectors in an instance's memory, in this order."""
 
 WRAPPERS = {2: ("core.c", "fmi2.c"), 3: ("core.c", "fmi3.c", "fmi3_lacking.c")}
-"""What stands around the generated functions, by version of FMI."""
+"""C files around the generated functions, by version of FMI."""
 
 
 def fmu_source(model: FmuModel) -> tuple[str, str]:
@@ -114,7 +114,7 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
 
 
 def _definitions(model: FmuModel) -> list[str]:
-    """Sizes as macros; names, start values and ranges of all variables, and which outputs answer an input at once."""
+    """Sizes as macros; names, start values and ranges of all variables; outputs with direct feedthrough."""
     counts, signals = {role: len(model.of(role)) for role in ROLES}, model.signals
     held = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
     macros: dict[str, object] = {}
@@ -144,7 +144,7 @@ def _definitions(model: FmuModel) -> list[str]:
 
 
 def _limits(signal: FmuVariable) -> tuple[float, float]:
-    """Range within which a variable can be set; a state can be any number."""
+    """Range within which a variable can be set; states are unlimited."""
     largest = sys.float_info.max
     if signal.role not in {"input", "parameter"}:
         return -largest, largest
@@ -171,13 +171,13 @@ EPOCH = (1980, 1, 1, 0, 0, 0)
 def build_fmu(
     model: FmuModel, platforms: Sequence[Platform], about: About, progress: Callable[[str], None] | None = None
 ) -> dict[str, bytes]:
-    """Generate and compile the files of an FMU; binaries come from the cache where they are known.
+    """Generate and compile the files of an FMU; known binaries come from the cache.
 
     Args:
-        model: what to export.
-        platforms: what to compile for; the sources are always included.
-        about: what the model description says beside the block.
-        progress: called with the name of each platform before it is compiled for.
+        model: the model.
+        platforms: platforms of the binaries; the sources are always included.
+        about: further data of the model description.
+        progress: called with the name of each platform before its compilation.
 
     Returns:
         Path in the archive → content.
@@ -202,7 +202,7 @@ def build_fmu(
 
 
 def archive(files: Mapping[str, bytes]) -> bytes:
-    """The archive of some files, which is the FMU; the same files give the same bytes."""
+    """The FMU: a reproducible archive of the files."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped:
         for name, content in files.items():

@@ -1,4 +1,4 @@
-"""The model description of an FMU, by FMI 2.0 or 3.0, with units as integer powers of the SI base units."""
+"""The model description of an FMU in FMI 2.0 or 3.0, with units as integer powers of the SI base units."""
 
 import math
 import re
@@ -27,16 +27,16 @@ SI: dict[str, dict[str, int]] = {
 """Units by their powers of the base units."""
 
 FACTOR = re.compile(r"(/)?\s*(?:\(([^()]*)\)|([A-Za-z]+|1))(?:\^(-?\d+))?(?=[\s/]|$)\s*")
-"""One factor of a product: after a slash or not, a group or a unit, and its power."""
+"""One factor of a product: an optional slash, a group or a unit, and its power."""
 
 
 def base_powers(unit: str) -> dict[str, int] | None:
     """Powers of the SI base units, e.g. ``N m/rad`` → kg 1, m 2, s −2, rad −1.
 
-    A slash divides by the one factor after it, which may be a product in parentheses.
+    A slash divides by the next factor, which may be a product in parentheses.
 
     Returns:
-        None where the unit is no integer power of them (``m^(1/2)/s``) or not known.
+        None for a unit that is unknown or no integer power of them (``m^(1/2)/s``).
     """
     powers: Counter[str] = Counter()
     position = 0
@@ -67,17 +67,17 @@ CAUSALITY = {
 
 
 TOLERANCE = 1e-9
-"""Relative tolerance proposed to a solver: what matters may be a small difference of large states."""
+"""Relative tolerance proposed to a solver: small differences of large states matter."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What a model description says beside the block.
+    """Data of a model description in addition to the block.
 
     Attributes:
-        tool: name and version of what exports.
-        stop_time: of the default experiment, in s.
-        note: added to the block's description.
+        tool: name and version of the exporting tool.
+        stop_time: stop time of the default experiment in s.
+        note: text added to the block's description.
     """
 
     tool: str
@@ -89,9 +89,9 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
     """``modelDescription.xml`` of FMI 2.0 or 3.0.
 
     Args:
-        model: what is exported.
-        token: as in the C source.
-        about: what is said beside the block.
+        model: the model.
+        token: token of the C source.
+        about: further data.
     """
     two, block = model.version == 2, model.block
     listed = _listed(model)
@@ -150,7 +150,7 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
 
 
 def build_description(model: FmuModel) -> bytes:
-    """``sources/buildDescription.xml`` of FMI 3.0: how to compile the one source file."""
+    """``sources/buildDescription.xml`` of FMI 3.0, for the compilation of the source file."""
     document = Element("fmiBuildDescription", fmiVersion="3.0")
     build = SubElement(document, "BuildConfiguration", modelIdentifier=model.block.name)
     files = SubElement(build, "SourceFileSet", language="C99")
@@ -159,14 +159,14 @@ def build_description(model: FmuModel) -> bytes:
 
 
 def _number(value: float) -> str:
-    """A number as XML has it, to the last bit."""
+    """A number in XML, exact to the last bit."""
     return repr(float(value))
 
 
 def _listed(model: FmuModel) -> tuple[FmuVariable, ...]:
-    """The variables that a model description shows.
+    """The variables of a model description.
 
-    Derivatives only with model exchange, and what an integrator keeps for itself only with co-simulation.
+    Derivatives only with model exchange, states of the integrator only with co-simulation.
     """
     continuous = {signal.state for signal in model.of("derivative")}
     shown = {"derivative": model.flows, "state": model.steps}
@@ -174,7 +174,7 @@ def _listed(model: FmuModel) -> tuple[FmuVariable, ...]:
 
 
 def _interfaces(model: FmuModel) -> list[tuple[str, dict[str, str]]]:
-    """The interfaces that are offered, with their attributes."""
+    """The supported interfaces with their attributes."""
     directional = str(model.functions.now_tangent is not None).lower()
     variable_step = {"canHandleVariableCommunicationStepSize": "true"}
     if model.version == 2:
@@ -199,7 +199,7 @@ def _interfaces(model: FmuModel) -> list[tuple[str, dict[str, str]]]:
 
 
 def _role_attributes(signal: FmuVariable) -> dict[str, str]:
-    """Name, value reference, description and the role in FMI's words."""
+    """Name, value reference, description, and the role in FMI's terms."""
     causality, variability, initial = CAUSALITY[signal.role]
     variable = signal.variable
     beyond = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
@@ -227,7 +227,7 @@ def _value_attributes(signal: FmuVariable) -> dict[str, str]:
 
 
 def _text(element: Element) -> bytes:
-    """The document; texts from outside are in one line of letters that XML can hold."""
+    """The document, with texts made valid in XML."""
     for inner in element.iter():
         inner.attrib.update({name: xml_text(value) for name, value in inner.attrib.items()})
     indent(element)

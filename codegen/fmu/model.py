@@ -1,4 +1,4 @@
-"""A block seen through FMI: numbered variables with causality, their dependencies, and the functions of its FMU."""
+"""A block as an FMI model: numbered variables with causality, their dependencies, and the functions of its FMU."""
 
 import re
 from collections import Counter
@@ -19,19 +19,18 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class FmuFunctions:
-    """CasADi functions of an FMU, and what depends on what.
+    """CasADi functions of an FMU, and their dependences.
 
     Attributes:
-        derive: ``derive(parameters) -> derived``: what follows from the parameters alone.
+        derive: ``derive(parameters) -> derived``: expressions of the parameters alone.
         start: ``start(parameters, derived) -> state``.
-        now: ``now(state, input, parameters, derived) -> (derivatives, output)``; no derivatives where the block has
-            none.
+        now: ``now(state, input, parameters, derived) -> (derivatives, output)``; the derivatives may be empty.
         step: ``step(state, input, parameters, derived) -> next_state``.
         start_tangent: directional derivative of `start`, ``(parameters, parameters_seed) -> state_seed``.
         now_tangent: directional derivative of `now`, ``(state, input, parameters, state_seed, input_seed,
             parameters_seed) -> (derivatives_tangent, output_tangent)``. Both are None without a derivative.
-        on_state, on_input: (derivatives + outputs, states or inputs), what `now` depends on.
-        at_start: (states + derivatives + outputs, inputs + parameters), what start values depend on.
+        on_state, on_input: (derivatives + outputs, states or inputs), dependence of `now`.
+        at_start: (states + derivatives + outputs, inputs + parameters), dependence of start values.
     """
 
     derive: ca.Function
@@ -106,7 +105,7 @@ class FmuVariable:
     """One variable of an FMU; its value reference is its position among all.
 
     Attributes:
-        name: in FMI's structured convention.
+        name: name in FMI's structured convention.
         role: ``input``, ``parameter``, ``output``, ``state``, ``derivative`` or ``time``.
         reference: value reference.
         variable: unit, description, start value, range.
@@ -122,12 +121,12 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class FmuModel:
-    """A block seen through FMI.
+    """A block as an FMI model.
 
     Attributes:
-        block: what is exported.
-        kind: which interfaces it offers.
-        version: of FMI.
+        block: the block.
+        kind: its interfaces.
+        version: version of FMI.
     """
 
     block: Block
@@ -146,7 +145,7 @@ class FmuModel:
 
     @cached_property
     def functions(self) -> FmuFunctions:
-        """The functions it computes with."""
+        """Its functions."""
         return functions_of(self.block)
 
     @cached_property
@@ -198,9 +197,9 @@ class FmuModel:
 
     @cached_property
     def initial_unknowns(self) -> dict[int, list[int]]:
-        """Value reference of what follows from start values → those of the inputs and parameters it depends on.
+        """Value reference of each initial unknown → those of the inputs and parameters it depends on.
 
-        Outputs and, with model exchange, continuous states and their derivatives.
+        Unknowns are outputs and, with model exchange, continuous states and their derivatives.
         """
         unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
         continuous = {signal.state for signal in self.of("derivative")}
@@ -217,15 +216,15 @@ class FmuModel:
 
 
 def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
-    """A block seen through FMI.
+    """A block as an FMI model.
 
     Args:
-        block: what to export.
-        version: of FMI, 2 or 3.
-        kind: ``co-simulation``, ``model-exchange`` or ``both``; default: all the block can be.
+        block: the block.
+        version: version of FMI, 2 or 3.
+        kind: ``co-simulation``, ``model-exchange`` or ``both``; default: all that the block supports.
 
     Raises:
-        CodegenError: an unknown version or kind, or model exchange of a block that is sampled by nature.
+        CodegenError: an unknown version or kind, or model exchange of a block without derivatives.
     """
     if version not in VERSIONS:
         raise CodegenError(f"FMI version {version}: must be 2 or 3")
@@ -238,7 +237,7 @@ def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuMod
 
 
 def _rate(state: Variable) -> Variable:
-    """The derivative of a state by time."""
+    """The time derivative of a state."""
     unit = state.unit
     if unit == "1":
         unit = "1/s"

@@ -1,4 +1,4 @@
-"""C source of CasADi functions over arrays with the names of the functions' own arguments, plain or in vector lanes."""
+"""C source of CasADi functions over arrays named as their arguments, scalar or in vector lanes."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,43 +13,43 @@ from dualwinch.codegen.source.operations import Style
 from dualwinch.codegen.source.statements import Strand, helpers, statements
 
 LANES = 16
-"""Computations that run side by side: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
+"""Parallel computations: two AVX-512 vectors of doubles, four of AVX2, eight of SSE2 or NEON."""
 
 LANE_FLAGS = ("-ffp-contract=fast", "-freciprocal-math", "-mprefer-vector-width=512", "-fno-finite-math-only")
-"""Beside the flags of every build. Contraction and reciprocals change last bits, the same way in every lane.
+"""Additional flags. Contraction and reciprocals change the last bits, in the same way in every lane.
 
-Numbers that are not finite are reckoned with: gcc turns choices into branches and back into masks, and where it takes
-`x > 0` for the opposite of `x <= 0`, a NaN in one of two interleaved lanes loses what the other one computed.
+Non-finite numbers must be respected: gcc turns choices into branches and back into masks, and if it takes `x > 0` for
+the opposite of `x <= 0`, a NaN in one of two interleaved lanes spoils the result of the other.
 """
 
 GCC_FLAGS = (*SCHEDULED, "-fno-thread-jumps", "--param=loop-max-datarefs-for-datadeps=100000")
-"""Flags that only gcc knows. It orders instructions with an eye to its registers, and leaves choices as they are.
+"""Additional flags of gcc: scheduling limited by register pressure, and no jump threading.
 
-Else it makes branches of choices, threads those through each other, and turns what comes of it into several masks each.
-Loops with more than a thousand reads and writes, such as that of a machine with heavy ropes, it would not vectorise.
+By default it turns choices into branches, threads these, and turns the result into several masks each; and it does not
+vectorise loops with more than a thousand reads and writes, such as that of a machine with heavy ropes.
 """
 
 
 def lane_flags(compiler: Compiler) -> tuple[str, ...]:
-    """Flags of a build with lanes, beside those of every build."""
+    """Additional flags of a build with lanes."""
     return LANE_FLAGS if compiler.is_clang else LANE_FLAGS + GCC_FLAGS
 
 
 def lane_sizes(compiler: Compiler) -> dict[str, int]:
-    """``LANES``, and ``PAIRED``: whether functions work on two lanes a call (clang interleaves them by itself)."""
+    """``LANES``, and ``PAIRED``: whether functions process two lanes per call (clang interleaves by itself)."""
     return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
 
 
 @dataclass(frozen=True)
 class LaneLayout:
-    """A function in lanes: its arrays' elements lie some lanes apart, it calls nothing that `elementary.h` has.
+    """Layout of a function in lanes: arrays have the stride `apart`, and functions of `elementary.h` are inlined.
 
     Attributes:
-        paired: a call works on a lane and on the one lanes/2 further on, statement by statement, so that a processor
-            has something to do while it waits for a result.
+        paired: whether a call processes a lane and the one lanes/2 further on, statement by statement, to hide the
+            latency of instructions.
         shared: arguments that are the same in all lanes.
         apart: the number of lanes as C text.
-        packed: input → those of its elements that its array holds, in their order; others hold all.
+        packed: input → the elements in its array, in order; other arrays hold all elements.
     """
 
     paired: bool
@@ -58,7 +58,7 @@ class LaneLayout:
     packed: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     style = Style(compares=True, inlined=True)
-    """How operations are written."""
+    """Style of operations."""
 
     @property
     def strands(self) -> tuple[Strand, ...]:
@@ -81,19 +81,19 @@ def c_source(
     lanes: Mapping[str, LaneLayout] | None = None,
     part: int | None = None,
 ) -> str:
-    """C99 definitions ``static inline void NAME(const double *IN, ..., double *OUT, ...)``, one a function.
+    """C99 definitions ``static inline void NAME(const double *IN, ..., double *OUT, ...)``, one per function.
 
-    Inputs and outputs are dense vectors and must not overlap. Out of lanes, a null output is not written.
+    Inputs and outputs are dense vectors and must not overlap. Without lanes, a null output is not written.
 
     Args:
         functions: named functions of SX expressions with named inputs and outputs.
-        style: how operations are written.
-        lanes: name → how the arrays lie of a function that is called in vector lanes; the others' are plain.
-        part: most statements of a function; a longer one is written as several, and none of its outputs may be null. A
-            compiler's time to allocate registers grows faster than a function's length.
+        style: style of operations.
+        lanes: name → layout of a function in vector lanes; other functions are scalar.
+        part: largest number of statements of a function; a longer one is divided, and none of its outputs may be null.
+            The time of register allocation grows faster than a function's length.
 
     Raises:
-        CodegenError: an argument or a result is sparse, or there is no C of a function in single precision.
+        CodegenError: an argument or a result is sparse, or a function has no C in single precision.
     """
     style, lanes = style or Style(), lanes or {}
     definitions = [
@@ -119,7 +119,7 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     unused = [name for name in inputs if not elements_read(function, name)]
     unused += [name for name in outputs if not function.numel_out(name)]
     strands = lanes.strands if lanes else (Strand(optional=True),)
-    once = inputs == ["parameters"]  # a run: room counts there, time does not
+    once = inputs == ["parameters"]  # runs once per run: size matters, not speed
     own = replace(lanes.style, generator=style.generator) if lanes else style
     lines = (rolled_statements if once else statements)(function, own, strands)
     lines += [f"  (void){name};" for name in unused]
@@ -128,12 +128,12 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
 
 
 def _in_parts(function: ca.Function, style: Style, length: int) -> str:
-    """A function that calls others one after the other, each with so many of its statements at most.
+    """A function that calls others in sequence, each with at most `length` of its statements.
 
-    Values that a part leaves to later ones go through an array, ``kept``.
+    Values for later parts are passed in an array, ``kept``.
     """
     made = [instruction[:3] for instruction in instructions(function)]
-    lines = statements(function, style)[-len(made) :]  # one an instruction, after the declarations
+    lines = statements(function, style)[-len(made) :]  # one per instruction, after the declarations
     bounds = range(0, len(made), length)
     read, written = list[set[int]](), list[set[int]]()
     for first in bounds:

@@ -1,4 +1,4 @@
-"""C as CasADi's own code generator writes it, untouched, and the statements that call it."""
+"""C of CasADi's own code generator, unchanged, and the statements that call it."""
 
 import re
 import warnings
@@ -12,7 +12,7 @@ from dualwinch.codegen.source.expressions import GRAPHS, as_written, elements_re
 from dualwinch.codegen.source.operations import Style, name_of, patterns
 
 IGNORED = ("-Wunused-parameter", "-Wunused-function", "-Wunused-variable", "-Wconversion", "-Wshadow")
-"""Warnings that CasADi's text is not written for."""
+"""Compiler warnings that CasADi's text causes."""
 
 BEFORE = "\n".join(
     [
@@ -24,12 +24,12 @@ BEFORE = "\n".join(
     ]
 )
 AFTER = "#if defined(__GNUC__)\n#pragma GCC diagnostic pop\n#endif\n"
-"""Stand before and after CasADi's text, which is left as it is."""
+"""Text before and after CasADi's unchanged text."""
 
 
 @GRAPHS.cached
 def lacking(function: ca.Function) -> str | None:
-    """Why the emitter has no C for a function; None where it has C for all of its operations."""
+    """Reason why the emitter has no C for a function; None where it has C for all operations."""
     if not function.is_a("SXFunction"):
         return f"it is no function of SX expressions but of class {function.class_name()}"
     known = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
@@ -38,18 +38,17 @@ def lacking(function: ca.Function) -> str | None:
 
 
 def by_casadi(function: ca.Function, style: Style) -> bool:
-    """Whether a function's C is CasADi's: where the style says so, and where the emitter has none."""
+    """Whether a function's C is CasADi's: by the style, or because the emitter has none."""
     return bool(function.nnz_out()) and (style.generator == "casadi" or lacking(function) is not None)
 
 
 def casadi_text(functions: Iterable[ca.Function], style: Style) -> str:
-    """CasADi's C of those functions that it is taken of, in one text; empty where there are none.
+    """CasADi's C of the functions that need it, in one text; empty without any.
 
-    A `CodegenWarning` says which functions the emitter has no C for.
+    A `CodegenWarning` names the functions for which the emitter has no C.
 
     Raises:
-        CodegenError: CasADi generates no C either, or the style asks for single precision, which its C does not have
-            throughout.
+        CodegenError: CasADi generates no C either, or the style is single precision, which its C does not support.
     """
     written = [function for function in functions if by_casadi(function, style)]
     if not written:
@@ -59,7 +58,7 @@ def casadi_text(functions: Iterable[ca.Function], style: Style) -> str:
         if style.precision != "double":
             raise CodegenError(f"no C in single precision for {function.name()}: {reason or 'CasADi writes double'}")
         if reason and style.generator != "casadi":
-            message = f"no C of our own for {function.name()}: {reason}; CasADi's is taken, without vector lanes"
+            message = f"no C of our own for {function.name()}: {reason}; CasADi's is used, without vector lanes"
             warnings.warn(message, CodegenWarning, stacklevel=4)
     generator = ca.CodeGenerator("generated.c")
     for function in written:
@@ -70,10 +69,10 @@ def casadi_text(functions: Iterable[ca.Function], style: Style) -> str:
 
 
 def check_generated(text: str, name: str) -> None:
-    """Check that CasADi has written all of a text.
+    """Check that CasADi's text is complete.
 
     Raises:
-        CodegenError: it has no C for a part of it.
+        CodegenError: CasADi has no C for a part of it.
     """
     if refused := re.search(r"#error (.*)", text):
         raise CodegenError(f"no C for {name}: {refused[1]}")
@@ -82,12 +81,12 @@ def check_generated(text: str, name: str) -> None:
 def calling_statements(
     function: ca.Function, elements: Sequence[Callable[[str, int], str]], *, optional: bool
 ) -> list[str]:
-    """Statements that call CasADi's C of a function, which stands before; where it fails, results are no numbers.
+    """Statements that call CasADi's C of a function, defined before; where it fails, results are NaN.
 
     Args:
-        function: with dense arguments and results.
-        elements: of each evaluation, one after the other, ``(argument or result, element) -> C``.
-        optional: whether results are arrays that may be null, and are not written then.
+        function: function with dense arguments and results.
+        elements: for each evaluation, ``(argument or result, element) -> C``.
+        optional: whether result arrays may be null, and are not written then.
     """
     made = renamed(function, f"generated_{function.name()}")
     ins = [(name, made.numel_in(name)) for name in made.name_in()]
@@ -112,7 +111,7 @@ def calling_statements(
 
 @GRAPHS.cached
 def renamed(function: ca.Function, name: str) -> ca.Function:
-    """The function under another name, operation by operation."""
+    """The function under another name, with the same operations."""
     inputs: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     names = function.name_in(), function.name_out()
     with as_written():

@@ -1,7 +1,7 @@
-"""CasADi's expressions: how they are built and kept, and the instructions of a function of SX expressions.
+"""CasADi's expressions: construction and cache, and the instructions of a function of SX expressions.
 
-They are built on one thread at a time, and as they are written where that matters; what is built of them is kept
-within a number of bytes.
+Expressions are built on one thread at a time, and without simplification where that matters; the cache of results is
+limited in bytes.
 """
 
 import sys
@@ -21,12 +21,12 @@ Arguments = ParamSpec("Arguments")
 Built = TypeVar("Built")
 
 BUILDING = threading.RLock()
-"""Held while expressions are built: CasADi shares them between threads without locks of its own, and what it simplifies
-is one setting for all. Functions that are built may be called on any thread."""
+"""Lock for the construction of expressions: CasADi shares them between threads without locks, and its setting of
+simplification is global. Finished functions may be called on any thread."""
 
 
 class _Call:
-    """A call as a key of the cache; its hash, which goes through all numbers of a plant, is computed once."""
+    """A call as a key of the cache; its hash, over all numbers of a plant, is computed once."""
 
     __slots__ = ("arguments", "hash")
 
@@ -42,16 +42,16 @@ class _Call:
 
 
 class GraphCache:
-    """Cache of what functions build of hashable arguments, by least recent use within a number of bytes.
+    """Least-recently-used cache of results of functions of hashable arguments, limited in bytes.
 
-    One cache for all functions: a process that has gone through many laws, estimators and ropes keeps the graphs of the
-    latest ones. The result of the last call stays, however large it is.
+    There is one cache for all functions: a process with many laws, estimators and ropes keeps the graphs of the latest
+    ones. The result of the last call is kept at any size.
 
     Args:
-        limit: most bytes, as estimated, of all results and the arguments they were built of.
-        per_instruction: bytes of one instruction of a CasADi function: its node and its place in the algorithm take 75,
-            the rest is for sparsity patterns and what CasADi keeps of derivatives.
-        sample: most elements of a sequence whose bytes are counted; those of a longer one are as many times more.
+        limit: limit of the estimated bytes of all results and their arguments.
+        per_instruction: bytes per instruction of a CasADi function: 75 for its node and its entry in the algorithm, the
+            rest for sparsity patterns and derivatives that CasADi keeps.
+        sample: largest number of elements of a sequence that are measured; longer sequences are extrapolated.
     """
 
     def __init__(self, limit: int = 512 << 20, per_instruction: int = 110, sample: int = 100) -> None:
@@ -59,24 +59,24 @@ class GraphCache:
         self.per_instruction = per_instruction
         self.sample = sample
         self.size = 0
-        """Estimated bytes of what is kept now."""
+        """Estimated bytes of the cached results."""
         self._kept: OrderedDict[_Call, tuple[Any, set[ca.Function], int]] = OrderedDict()
         self._users = Counter[ca.Function]()
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
-        """How many results are kept now."""
+        """Number of cached results."""
         return len(self._kept)
 
     def clear(self) -> None:
-        """Keep nothing of what was built so far."""
+        """Delete all cached results."""
         with self._lock:
             self._kept.clear()
             self._users.clear()
             self.size = 0
 
     def cached(self, build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-        """Decorator: a function whose results this cache keeps. Two threads may build the same result at once."""
+        """Decorator: cache the results of a function. Two threads may build the same result at once."""
 
         @wraps(build)
         def found(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Built:
@@ -100,7 +100,7 @@ class GraphCache:
         return found
 
     def _bytes_beside_functions(self, value: object, functions: set[ca.Function]) -> int:
-        """Estimated bytes of a value without CasADi functions, which are added to those given."""
+        """Estimated bytes of a value without CasADi functions, which are added to `functions`."""
         if isinstance(value, ca.Function):
             functions.add(value)
             return 0
@@ -117,7 +117,7 @@ class GraphCache:
         return sys.getsizeof(value) + (size * len(parts) // len(counted) if counted else 0)
 
     def _count(self, functions: Iterable[ca.Function], rest: int, sign: int) -> None:
-        """Add the bytes of an entry, or take them away; a function that several entries have counts once."""
+        """Add or subtract the bytes of an entry; a function in several entries counts once."""
         self.size += sign * rest
         for function in functions:
             users = self._users[function]
@@ -129,9 +129,9 @@ class GraphCache:
 
 
 def _instructions(function: ca.Function) -> int:
-    """The number of instructions, or of numbers in the work vectors of what has none, and those of what it calls.
+    """The number of instructions (or else the length of the work vectors), including those of called functions.
 
-    A solver calls the derivatives of its problem, ten times as large as all else of it.
+    A solver calls the derivatives of its problem, which are ten times as large as the rest of it.
     """
     if function.is_a("SXFunction"):
         return function.n_instructions()
@@ -140,11 +140,11 @@ def _instructions(function: ca.Function) -> int:
 
 
 GRAPHS = GraphCache()
-"""What the functions of this process build of structures, and what is compiled of them."""
+"""Cache of this process for built and compiled functions."""
 
 
 def built_once(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
-    """Decorator: `GRAPHS` keeps what a function of hashable arguments builds, on one thread at a time."""
+    """Decorator: cache a function of hashable arguments in `GRAPHS`, and run it on one thread at a time."""
     cached = GRAPHS.cached(build)
 
     @wraps(build)
@@ -157,7 +157,7 @@ def built_once(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
 
 @contextmanager
 def as_written() -> Iterator[None]:
-    """Within, CasADi keeps x (1/y) as it is; else it makes x/y of it."""
+    """Context without CasADi's simplifications, such as x (1/y) to x/y."""
     with BUILDING:
         before = ca.GlobalOptions.getSimplificationOnTheFly()
         ca.GlobalOptions.setSimplificationOnTheFly(False)
@@ -171,10 +171,10 @@ class Instruction(NamedTuple):
     """One instruction.
 
     Attributes:
-        operation: CasADi's number of it (``OP_ADD``, …).
-        read: the registers of its operands; of an input, its argument and element.
-        written: the register of its result; of an output, its result and element.
-        constant: the number, of a constant.
+        operation: CasADi's code of the operation (``OP_ADD``, …).
+        read: the registers of its operands; for an input, its argument and element.
+        written: the register of its result; for an output, its result and element.
+        constant: the value of a constant.
     """
 
     operation: int
@@ -202,7 +202,7 @@ def instructions(function: ca.Function) -> tuple[Instruction, ...]:
 
 
 def elements_read(function: ca.Function, name: str) -> set[int]:
-    """Which elements of an input a function reads, or might; none where it has no such input."""
+    """The elements of an input that a function reads or may read; none without such an input."""
     if name not in function.name_in():
         return set()
     if not function.is_a("SXFunction"):
@@ -219,16 +219,16 @@ def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
 
 
 def operands_of(function: ca.Function) -> dict[int, tuple[int, ...]]:
-    """Instruction → the instructions that made its operands; none for inputs and constants.
+    """Instruction → the instructions that computed its operands; none for inputs and constants.
 
     Raises:
-        CodegenError: the function calls another one, which has many results.
+        CodegenError: the function calls another function.
     """
     made_by: dict[int, int] = {}
     operands: dict[int, tuple[int, ...]] = {}
     for index, (operation, read, written, _) in enumerate(instructions(function)):
         if operation == ca.OP_CALL:
-            raise CodegenError(f"{function.name()} calls a function that is not inlined; its derivatives are not there")
+            raise CodegenError(f"{function.name()} calls a function that is not inlined; its derivatives are missing")
         if operation not in {ca.OP_INPUT, ca.OP_CONST}:
             operands[index] = tuple(made_by[register] for register in read)
         if operation != ca.OP_OUTPUT:

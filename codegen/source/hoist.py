@@ -1,6 +1,6 @@
-"""Hoists work out of a step that runs a million times: what depends on the parameters alone is computed once.
+"""Hoisting of invariants out of a step: expressions of the parameters alone are computed once per run.
 
-Expressions are rewritten with cheaper instructions before: fewer divisions, fewer products.
+Before, expressions are rewritten with cheaper instructions: fewer divisions, fewer products.
 """
 
 from collections import Counter
@@ -19,10 +19,10 @@ SCALINGS = {ca.OP_NEG: -1.0, ca.OP_TWICE: 2.0}
 
 @dataclass
 class Reciprocals:
-    """Divisions by something that depends on the parameters alone, as products with a reciprocal computed once.
+    """Reciprocals of divisors that depend on the parameters alone, computed once.
 
     Attributes:
-        symbols, values: what stands for the reciprocals, and what they are.
+        symbols, values: symbols of the reciprocals, and their expressions.
     """
 
     symbols: list[ca.SX] = field(default_factory=list)
@@ -30,7 +30,7 @@ class Reciprocals:
     _of: dict[int, ca.SX] = field(default_factory=dict)
 
     def of(self, divisor: ca.SX) -> ca.SX:
-        """A divisor's reciprocal."""
+        """The reciprocal of a divisor."""
         if divisor.is_constant():
             return ca.SX(1 / float(divisor))
         key = divisor.element_hash()
@@ -43,7 +43,7 @@ class Reciprocals:
 
 @dataclass(frozen=True)
 class _Value:
-    """A value in a function: `fixed` if it depends on the parameters alone, else maybe a fixed `factor` × `rest`."""
+    """A value in a function: `fixed` if it depends on the parameters alone, else optionally fixed `factor` × `rest`."""
 
     whole: ca.SX
     fixed: bool = False
@@ -51,7 +51,7 @@ class _Value:
     rest: ca.SX | None = None
 
     def times(self, factor: ca.SX) -> "_Value":
-        """The product with something fixed, gathered with the factor there is."""
+        """The product with a fixed factor, combined with the present factor."""
         rest = self.whole if self.rest is None else self.rest
         if self.factor is not None:
             constant = self.factor.is_constant() and factor.is_constant()
@@ -60,18 +60,18 @@ class _Value:
 
 
 class Rewriting:
-    """The outputs of a function, whose instructions are followed one by one.
+    """The rewritten outputs of a function, instruction by instruction.
 
-    Divisions by what depends on the parameters alone, and several ones by the same divisor, become products; factors
-    that depend on the parameters alone become one factor where several stand in a product. Either can change the last
-    bits of a result.
+    Divisions by expressions of the parameters alone, and several divisions by the same divisor, become products;
+    several factors of a product that depend on the parameters alone are combined. Both can change the last bits of a
+    result.
 
     Attributes:
         outputs: the new expressions.
     """
 
     def __init__(self, function: ca.Function, inputs: list[ca.SX], reciprocals: Reciprocals) -> None:
-        """Rewrite a function of dense SX expressions; `inputs` are new symbols, `reciprocals` is added to."""
+        """Rewrite a function of dense SX expressions; `inputs` are new symbols, `reciprocals` is extended."""
         self._reciprocals = reciprocals
         self._inputs = [ca.vertsplit(symbol) for symbol in inputs]
         self._fixed = [name == "parameters" for name in function.name_in()]
@@ -144,16 +144,16 @@ def hoisted(step: ca.Function, *, generator: Generator = "dualwinch") -> tuple[c
 def hoisted_together(
     functions: tuple[ca.Function, ...], *, exact: bool = False, generator: Generator = "dualwinch"
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
-    """Split functions so that what depends on their parameters alone is computed once, for all of them (cached).
+    """Split functions so that expressions of their parameters alone are computed once, for all of them (cached).
 
-    Products and divisions are written anew (`Rewriting`), which can change the last bits of a result. A function that
-    CasADi's generator writes stays as it is.
+    Products and divisions are rewritten (`Rewriting`), which can change the last bits of a result. A function for
+    CasADi's generator is unchanged.
 
     Args:
-        functions: of dense SX expressions; inputs of one name are one and the same. Those that depend on parameters
+        functions: functions of dense SX expressions; inputs of one name are identical. Those that depend on parameters
             have an input ``parameters``.
-        exact: leave products and divisions as they are: every result stays as it was, to the last bit.
-        generator: what is to write their C.
+        exact: leave products and divisions unchanged, so that every result is the same to the last bit.
+        generator: generator of their C.
 
     Returns:
         ``derive_NAME(parameters) -> derived`` with the first function's name, and the functions again with ``derived``
@@ -193,7 +193,7 @@ def hoisted_together(
 def _split(
     name: str, parameters: ca.SX, outputs: list[list[ca.SX]], reciprocals: Reciprocals
 ) -> tuple[ca.Function, ca.SX, list[list[ca.SX]]]:
-    """The function of what is derived, the symbols that stand for it, and the outputs that make use of them."""
+    """The function of the derived values, their symbols, and the outputs as expressions of these."""
     every = [output for results in outputs for output in results]
     ends = [0]
     for output in every:

@@ -1,4 +1,4 @@
-"""Where the instructions of a function repeat themselves, and a loop in their place, which is as long as one round."""
+"""Loop rolling: repeated sequences of instructions of a function become loops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from dualwinch.codegen.source.statements import Strand, statements
 Ints = NDArray[np.int_]
 
 WORTHWHILE = 200
-"""How many statements a loop has to save."""
+"""Least number of statements that a loop must save."""
 
 WORD = 24
-"""Length of the words of operations that tell where rounds may begin again."""
+"""Length of the words of operations by which repetitions are found."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """Instructions that are `rounds` times the same `length` ones, from `start` on.
+    """`rounds` repetitions of `length` instructions, from `start` on.
 
-    An operand of a round is a value of this round or of one before, the same number of rounds ago in every one; or a
-    value from before the loop, the same in every round.
+    An operand is a value of the same round or of an earlier one, at a constant distance; or a value from before the
+    loop, the same in every round.
     """
 
     start: int
@@ -40,20 +40,20 @@ class Loop:
 
     @property
     def saved(self) -> int:
-        """How many statements it saves."""
+        """Number of statements it saves."""
         return (self.rounds - 1) * self.length
 
     def place(self, instruction: int) -> tuple[int, int]:
-        """An instruction's position in its round, and the number of that round: negative before the loop."""
+        """Position of an instruction in its round, and the number of that round: negative before the loop."""
         number, position = divmod(instruction - self.start, self.length)
         return position, number
 
 
 def loops(function: ca.Function) -> list[Loop]:
-    """The loops in a function of SX expressions, in their order: the one that saves most, and those beside it."""
+    """The loops in a function of SX expressions, in order: the one that saves most, then those before and after it."""
     made = instructions(function)
     operations = np.array([instruction.operation for instruction in made], dtype=int)
-    operations[np.isin(operations, [ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST])] = -1  # none is like another
+    operations[np.isin(operations, [ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST])] = -1  # never part of a loop
     operands = np.full((len(made), 2), -1)
     for index, values in operands_of(function).items():
         operands[index, : len(values)] = values
@@ -69,7 +69,7 @@ def _loops_in(start: int, end: int, operations: Ints, operands: Ints) -> list[Lo
 
 
 def _longest(first: int, last: int, operations: Ints, operands: Ints) -> Loop | None:
-    """The loop between two instructions that saves most; None where there is none worth while."""
+    """The loop between two instructions that saves most; None if none saves enough."""
     best: Loop | None = None
     for length, most in _lengths(operations[first:last]):
         if most < (best.saved + 1 if best else WORTHWHILE):
@@ -86,10 +86,10 @@ def _longest(first: int, last: int, operations: Ints, operands: Ints) -> Loop | 
 
 
 def _lengths(operations: Ints) -> list[tuple[int, int]]:
-    """Lengths that rounds may have, with how many statements they save at most: most first.
+    """Possible lengths of rounds with the largest number of statements they can save, in descending order.
 
-    Rounds consist of the same operations, so that as many pairs of equal words, some operations long, lie one round
-    apart as there are operations in all rounds but one, less a word.
+    Rounds consist of the same operations, so that equal words of operations recur at a distance of one round, as often
+    as there are operations in all rounds but one, less a word.
     """
     if len(operations) <= WORD:
         return []
@@ -105,7 +105,7 @@ def _lengths(operations: Ints) -> list[tuple[int, int]]:
 
 
 def _distances(positions: Ints, count: int) -> Ints:
-    """How many pairs of some positions, below a count, lie so far apart; by distance from 0 to count − 1."""
+    """Number of pairs of positions (below `count`) by their distance, from 0 to count − 1."""
     if len(positions) ** 2 < count:
         apart = positions[None, :] - positions[:, None]
         return np.bincount(apart[apart > 0], minlength=count)
@@ -117,7 +117,7 @@ def _distances(positions: Ints, count: int) -> Ints:
 
 
 def _regular(loop: Loop, operands: Ints) -> bool:
-    """Whether every round finds its operands as the first one does."""
+    """Whether the operands are at the same relative positions in every round."""
     rounds = operands[loop.start : loop.end].reshape(loop.rounds, loop.length, 2)
     steps = np.diff(rounds, axis=0)
     fixed = rounds[0][steps[0] == 0]
@@ -127,12 +127,12 @@ def _regular(loop: Loop, operands: Ints) -> bool:
 def rolled_statements(
     function: ca.Function, style: Style | None = None, strands: Sequence[Strand] = (Strand(),)
 ) -> list[str]:
-    """`statements`, with a loop where they repeat themselves: the same operations in the same order.
+    """`statements` with loops for repetitions: the same operations in the same order.
 
     Args:
-        function: of SX expressions, with dense arguments and results.
-        style: how operations are written.
-        strands: evaluations side by side; each statement stands there for one after the other.
+        function: function of SX expressions, with dense arguments and results.
+        style: style of operations.
+        strands: interleaved evaluations.
 
     Raises:
         CodegenError: an argument or a result is sparse.
@@ -141,7 +141,7 @@ def rolled_statements(
     lines = statements(function, style, strands)
     if by_casadi(function, style):
         return lines
-    each = len(strands)  # there is a line an instruction and strand, after the declarations
+    each = len(strands)  # one line per instruction and strand, after the declarations
     declarations = len(lines) - each * len(instructions(function))
     written, upto = lines[:declarations], 0
     for loop in loops(function):
@@ -152,10 +152,10 @@ def rolled_statements(
 
 
 def _loop(strands: "Sequence[_Rolling]", rounds: int, style: Style) -> list[str]:
-    """A loop that carries on some strands."""
+    """A loop over all strands."""
     values = [line for made in zip(*(strand.body() for strand in strands), strict=True) for line in made]
     results = [line for strand in strands for line in strand.results()]
-    histories = [line for strand in strands for line in strand.histories()]  # all else has said by now what it needs
+    histories = [line for strand in strands for line in strand.histories()]  # last, when all earlier values are known
     ageing = [line for strand in strands for line in strand.ageing()]
     return style.loop(rounds, histories, [*values, *ageing], results)
 
@@ -163,22 +163,22 @@ def _loop(strands: "Sequence[_Rolling]", rounds: int, style: Style) -> list[str]
 class _Rolling:
     """A strand's part of a loop.
 
-    ``a_7`` is the value at position 7 of a round, ``a_7_2`` that of two rounds ago. What comes from before the loop
-    stands in the work variables of `statements`, and what is of use after it goes there.
+    ``a_7`` is the value at position 7 of a round, ``a_7_2`` that of two rounds ago. Values from before the loop, and
+    those used after it, are in the work variables of `statements`.
     """
 
     def __init__(self, function: ca.Function, loop: Loop, style: Style, register: str) -> None:
         self._made, self._operands = instructions(function), operands_of(function)
         self._loop, self._style, self._strand = loop, style, register
-        self._ago: dict[int, int] = {}  # position → for how many rounds its value is of use
+        self._ago: dict[int, int] = {}  # position → number of rounds for which its value is used
         self._read_from_start, self._read_after = self._read_from(loop.start), self._read_from(loop.end)
 
     def body(self) -> list[str]:
-        """A round."""
+        """Statements of a round."""
         return [f"      {self._style.declared(self._value(k), constant=True)}" for k in range(self._loop.length)]
 
     def results(self) -> list[str]:
-        """What is of use after the loop goes where it is looked for."""
+        """Statements that copy the values used after the loop to their work variables."""
         loop, lines = self._loop, []
         for operand in sorted(self._read_after):
             position, number = loop.place(operand)
@@ -188,7 +188,7 @@ class _Rolling:
         return lines
 
     def histories(self) -> list[str]:
-        """Values of earlier rounds, before the first; to be asked for when all else is written."""
+        """Initial values of earlier rounds; to be called after all other statements are written."""
         style = self._style
         return [
             f"    {style.declared(style.copy(self._earlier(position, ago), self._first(position, ago)))}"
@@ -196,7 +196,7 @@ class _Rolling:
         ]
 
     def ageing(self) -> list[str]:
-        """At the end of a round its values become those of the round before; likewise."""
+        """Statements that shift the values at the end of a round; to be called likewise."""
         return [
             f"      {self._style.copy(self._earlier(position, ago), self._earlier(position, ago - 1))}"
             for position, ago in self._backwards()
@@ -206,7 +206,7 @@ class _Rolling:
         return [(position, ago) for position in sorted(self._ago) for ago in range(self._ago[position], 0, -1)]
 
     def _value(self, position: int) -> str:
-        """The statement of what a position becomes in every round."""
+        """The statement at a position of every round."""
         index, names = self._loop.start + position, []
         for now, then in zip(self._operands[index], self._operands[index + self._loop.length], strict=True):
             other, number = self._loop.place(now)
@@ -214,7 +214,7 @@ class _Rolling:
         return self._style.operation(self._earlier(position, 0), self._made[index].operation, names)
 
     def _first(self, position: int, ago: int) -> str:
-        """Value of a history before the first round."""
+        """Initial value of a history before the first round."""
         before = self._loop.start + position - ago * self._loop.length
         return self._register(before) if before in self._read_from_start else self._style.number(0)
 
@@ -229,5 +229,5 @@ class _Rolling:
         return f"{self._strand}{self._made[index].written[0]}"
 
     def _read_from(self, start: int) -> set[int]:
-        """What the instructions from one on read."""
+        """The operands of all instructions from `start` on."""
         return {operand for index in range(start, len(self._made)) for operand in self._operands.get(index, ())}

@@ -1,4 +1,4 @@
-"""How numbers and each operation of CasADi's SX expressions are written in C, in single and double precision."""
+"""C text of numbers and of each operation of CasADi's SX expressions, in single and double precision."""
 
 import math
 import textwrap
@@ -15,14 +15,14 @@ Precision: TypeAlias = Literal["double", "float"]
 PRECISIONS: tuple[Precision, ...] = get_args(Precision)
 
 Generator: TypeAlias = Literal["dualwinch", "casadi"]
-"""What writes C: the emitter of `codegen.source`, or CasADi's ``CodeGenerator``."""
+"""Generator of C: the emitter of `codegen.source`, or CasADi's ``CodeGenerator``."""
 
 
 def literal(value: float, precision: Precision) -> str:
     """A number as a C constant of a precision.
 
-    In single precision a finite number that is too small or too large for it becomes the smallest or largest there
-    is: guards against a division by zero stay guards.
+    In single precision a finite number beyond its range becomes the smallest or largest one, so that guards against a
+    division by zero remain effective.
     """
     if math.isnan(value):
         return "NAN"
@@ -37,7 +37,7 @@ def literal(value: float, precision: Precision) -> str:
 
 
 def suffix(precision: Precision) -> str:
-    """What the names of functions of math.h end in."""
+    """Suffix of the functions of math.h."""
     return "f" if precision == "float" else ""
 
 
@@ -60,7 +60,7 @@ OPERATORS = {
     ca.OP_IF_ELSE_ZERO: "({0}!=0?{1}:0)",
     ca.OP_SIGN: "({0}<0?-1:{0}>0?1:{0})",
 }
-"""Operations that C has operators for; small integers are exact in either precision."""
+"""Operations with operators in C; small integers are exact in both precisions."""
 
 FUNCTIONS_OF_ONE = {
     ca.OP_EXP: "exp",
@@ -97,13 +97,13 @@ FUNCTIONS_OF_TWO = {
     ca.OP_FMIN: "fmin",
     ca.OP_FMAX: "fmax",
 }
-"""Operations that math.h has functions for, all but `ERF_INVERSE`."""
+"""Operations with functions in math.h, except `ERF_INVERSE`."""
 
 COMPARISONS = {ca.OP_FMIN: "({0}<{1}?{0}:{1})", ca.OP_FMAX: "({0}>{1}?{0}:{1})"}
-"""The smaller and the larger of two without a call."""
+"""Minimum and maximum without a call."""
 
 INLINED = ("exp", "log", "pow", "sin", "cos", "tanh")
-"""Functions that `elementary.h` has too; what is not here is a call of math.h in every lane."""
+"""Functions of `elementary.h`; all others call math.h in every lane."""
 
 ERF_INVERSE = Template("""\
 /* The inverse of erf: an estimate by Winitzki, then Halley's method, on erfc where erf has few digits left. */
@@ -125,14 +125,14 @@ static inline $real erf_inverse$f($real x) {
 
 @dataclass(frozen=True)
 class Style:
-    """How operations are written: in C, and in another language by a class that derives from this one.
+    """Style of operations in C; subclasses write other languages.
 
     Attributes:
-        precision: of every number and every operation.
-        compares: the smaller and the larger of two by a comparison, which is no call; the second where one is NaN.
-            Else by C's functions, which give the other one then.
-        inlined: elementary functions are those of `elementary.h`, as far as it has them.
-        generator: what writes them.
+        precision: precision of all numbers and operations.
+        compares: minimum and maximum by a comparison instead of a call; it gives the second operand where one is NaN,
+            the functions of C give the other one.
+        inlined: whether elementary functions are those of `elementary.h`, if available.
+        generator: generator of the C.
     """
 
     precision: Precision = "double"
@@ -145,15 +145,15 @@ class Style:
         return literal(value, self.precision)
 
     def copy(self, target: str, value: str) -> str:
-        """The statement that a variable gets a value."""
+        """The assignment of a value to a variable."""
         return f"{target}={value};"
 
     def operation(self, target: str, operation: int, operands: Sequence[str]) -> str:
-        """The statement that a variable gets the result of an operation."""
+        """The assignment of the result of an operation to a variable."""
         return self.copy(target, patterns(self)[operation].format(*operands))
 
     def declared(self, statement: str, *, constant: bool = False) -> str:
-        """The first statement about a variable that a loop has for itself."""
+        """The first statement of a local variable of a loop, with its declaration."""
         return f"{'const ' * constant}{self.precision} {statement}"
 
     def declarations(self, names: Sequence[str]) -> list[str]:
@@ -165,7 +165,7 @@ class Style:
         )
 
     def loop(self, rounds: int, before: Sequence[str], body: Sequence[str], after: Sequence[str]) -> list[str]:
-        """A loop with variables of its own: what declares them, a round, and what is of use afterwards."""
+        """A loop with local variables: declarations, a round, and statements after the loop."""
         head = ["  {", "    int turn;", *before, f"    for (turn=0;turn<{rounds};++turn) {{"]
         return [*head, *body, "    }", *after, "  }"]
 
@@ -174,7 +174,7 @@ class Style:
 def patterns(style: Style) -> dict[int, str]:
     """Operation → its C, with ``{0}`` and ``{1}`` for its operands.
 
-    Every operation of SX expressions is there but ``OP_PRINTME``, and ``OP_CALL``, which calls another function.
+    It has every operation of SX expressions except ``OP_PRINTME`` and ``OP_CALL``, the call of another function.
     """
 
     def called(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Statements of a function of SX expressions: one for each of its instructions, in their order."""
+"""Statements of a function of SX expressions: one for each of its instructions, in order."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from dualwinch.codegen.source.expressions import instructions
 from dualwinch.codegen.source.operations import ERF_INVERSE, Style, suffix
 
 Element: TypeAlias = Callable[[str, int], str]
-"""``(argument or result, element) -> C``: where an element stands."""
+"""``(argument or result, element) -> C``: C expression of an element."""
 
 
 def of_array(name: str, element: int) -> str:
-    """An element of an array that has the argument's name."""
+    """An element of an array with the argument's name."""
     return f"{name}[{element}]"
 
 
@@ -25,9 +25,9 @@ class Strand:
     """One of several evaluations whose statements are interleaved.
 
     Attributes:
-        element: where the elements of its arguments and results stand.
-        register: what the names of its work variables begin with.
-        optional: whether results are arrays that may be null, and are not written then.
+        element: C expressions of the elements of its arguments and results.
+        register: prefix of its work variables.
+        optional: whether result arrays may be null, and are not written then.
     """
 
     element: Element = of_array
@@ -42,15 +42,15 @@ def statements(
     *,
     in_place: bool = False,
 ) -> list[str]:
-    """Declarations and statements that evaluate a function: a line an instruction, with CasADi's work variables.
+    """Declarations and statements that evaluate a function: a line per instruction, with CasADi's work variables.
 
-    Where the emitter has no C for one of its operations, they call CasADi's C of the function, which is of `helpers`.
+    If the emitter has no C for an operation, they call CasADi's C of the function, which is in `helpers`.
 
     Args:
-        function: with dense arguments and results.
-        style: how operations are written.
-        strands: evaluations side by side; each statement stands there for one after the other.
-        in_place: read arguments and constants where they are used, instead of into work variables before.
+        function: function with dense arguments and results.
+        style: style of operations.
+        strands: interleaved evaluations.
+        in_place: use arguments and constants directly, without work variables.
 
     Raises:
         CodegenError: an argument or a result is sparse.
@@ -62,7 +62,7 @@ def statements(
     names_in, names_out = function.name_in(), function.name_out()
     count = range(function.sz_w())
     lines = [line for strand in strands for line in style.declarations([f"{strand.register}{k}" for k in count])]
-    held: list[dict[int, str]] = [{} for _ in strands]  # of each strand, register → what stands for it, in place
+    held: list[dict[int, str]] = [{} for _ in strands]  # for each strand, register → expression used in its place
     for operation, read, written, constant in instructions(function):
         for strand, given in zip(strands, held, strict=True):
             target = f"{strand.register}{written[0]}"
@@ -86,10 +86,10 @@ def statements(
 
 
 def helpers(functions: Sequence[ca.Function], style: Style) -> str:
-    """C functions that the statements of some functions call and math.h lacks.
+    """C functions that are called by the statements of the functions but missing in math.h.
 
     Raises:
-        CodegenError: there is no C of a function in single precision.
+        CodegenError: a function has no C in single precision.
     """
     ours = [function for function in functions if not by_casadi(function, style)]
     operations = {made.operation for function in ours for made in instructions(function)}

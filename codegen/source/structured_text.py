@@ -1,4 +1,4 @@
-"""How numbers and operations are written in Structured Text (IEC 61131-3), statement by statement as in C."""
+"""Numbers and operations in Structured Text (IEC 61131-3), statement by statement as in C."""
 
 import math
 import re
@@ -13,10 +13,10 @@ from dualwinch.codegen.source.operations import Precision, Style, literal, name_
 TYPES: dict[Precision, str] = {"double": "LREAL", "float": "REAL"}
 
 WHOLE: dict[Precision, float] = {"double": 2.0**52, "float": 2.0**23}
-"""From here on all numbers are whole; adding it rounds to a whole number."""
+"""Limit above which all numbers are whole; adding it rounds to a whole number."""
 
 WORK = "work"
-"""What the names of work variables begin with."""
+"""Prefix of work variables."""
 
 EXPRESSIONS = {
     ca.OP_ADD: "{0} + {1}",
@@ -40,7 +40,7 @@ EXPRESSIONS = {
     ca.OP_FLOOR: "{functions}_floor(value := {0})",
     ca.OP_CEIL: "-{functions}_floor(value := -{0})",
 }
-"""Operations that are an expression."""
+"""Operations that are expressions."""
 
 CONDITIONS = {
     ca.OP_LT: "{0} < {1}",
@@ -51,7 +51,7 @@ CONDITIONS = {
     ca.OP_AND: "({0} <> {zero}) AND ({1} <> {zero})",
     ca.OP_OR: "({0} <> {zero}) OR ({1} <> {zero})",
 }
-"""Operations that are 1 where a condition holds and else 0; vendors differ in how they convert a BOOL to a number."""
+"""Operations that are 1 where a condition holds, else 0; the conversion of BOOL to a number depends on the vendor."""
 
 CHOICES = {
     ca.OP_IF_ELSE_ZERO: (("{0} <> {zero}", "{1}"), ("", "{zero}")),
@@ -60,18 +60,18 @@ CHOICES = {
     ca.OP_SIGN: (("{0} < {zero}", "{minus}"), ("{0} > {zero}", "{one}"), ("", "{0}")),
     ca.OP_COPYSIGN: (("{1} < {zero}", "-ABS({0})"), ("", "ABS({0})")),
 }
-"""Operations that are the first value whose condition holds.
+"""Operations that are the first value with a true condition.
 
-MIN and MAX differ between controllers where one operand is no number; copysign takes −0 for 0.
+MIN and MAX of NaN differ between controllers; copysign treats −0 as 0.
 """
 
 
 @dataclass(frozen=True)
 class StructuredText(Style):
-    """Structured Text with a statement an operation.
+    """Structured Text with one statement per operation.
 
     Attributes:
-        functions: what the names of `floor_function` begin with.
+        functions: prefix of the name of `floor_function`.
     """
 
     functions: str = ""
@@ -82,7 +82,7 @@ class StructuredText(Style):
         return TYPES[self.precision]
 
     def number(self, value: float) -> str:
-        """A constant with its type: without it, compilers differ in which one it has.
+        """A constant with its type, which otherwise depends on the compiler.
 
         Raises:
             CodegenError: the number is not finite.
@@ -94,11 +94,11 @@ class StructuredText(Style):
         return f"{self.real}#{digits}{f'E{int(power)}' if exponent else ''}"
 
     def copy(self, target: str, value: str) -> str:
-        """The statement that a variable gets a value."""
+        """The assignment of a value to a variable."""
         return f"{target} := {value};"
 
     def operation(self, target: str, operation: int, operands: Sequence[str]) -> str:
-        """The statement that a variable gets the result of an operation.
+        """The assignment of the result of an operation to a variable.
 
         Raises:
             CodegenError: Structured Text has no such operation.
@@ -125,11 +125,11 @@ class StructuredText(Style):
         return f"{' '.join(parts)} END_IF;"
 
     def is_finite(self, name: str) -> str:
-        """The condition that a variable is finite, without a large constant, which matiec refuses."""
+        """The condition that a variable is finite, without a large constant, which matiec rejects."""
         return f"({name} - {name} = {self.number(0)})"
 
     def declared(self, statement: str, *, constant: bool = False) -> str:  # noqa: ARG002
-        """The first statement about a variable of a loop; it is declared before all statements."""
+        """The first statement of a variable of a loop; variables are declared before all statements."""
         return statement
 
     def declarations(self, names: Sequence[str]) -> list[str]:  # noqa: ARG002
@@ -148,7 +148,7 @@ def work_variables(statements: Sequence[str]) -> list[str]:
 
 
 def floor_function(style: StructuredText) -> tuple[str, list[str]]:
-    """The statements of the function ``floor`` of ``value``, with ``whole`` as its own variable; it is exact.
+    """The statements of an exact function ``floor`` of ``value``, with the local variable ``whole``.
 
     Returns:
         Its name, and the statements.

@@ -1,8 +1,8 @@
-"""Functions that Structured Text lacks, as expressions of functions that every language of controllers has.
+"""Functions that Structured Text lacks, as expressions of functions of every PLC language.
 
-C packages take them too, so that both are the same operations in the same order. Beside + − × / and comparisons they
-need `sqrt`, `exp`, `log` and `atan` alone; each docstring states the largest relative error in units of the last
-place (ulp) where those are within 1 ulp, as measured by `tests/codegen/source/test_written_out.py`.
+C packages use them too, so that both have the same operations in the same order. Besides + − × / and comparisons they
+need only `sqrt`, `exp`, `log` and `atan`; each docstring states the largest relative error in units in the last place
+(ulp) if those are within 1 ulp, as measured by `tests/codegen/source/test_written_out.py`.
 """
 
 import math
@@ -14,10 +14,10 @@ from dualwinch.codegen.source.casadi_c import lacking
 from dualwinch.codegen.source.expressions import GRAPHS, applied, as_written, instructions, operands_of
 
 MOST_FACTORS = 64
-"""Largest whole power that is written as a product."""
+"""Largest integer power that is written as a product."""
 
 FAR = 1e4
-"""exp of it overflows, and of its negative is 0, in double precision too."""
+"""Argument of exp that overflows, with its negative giving 0, even in double precision."""
 
 
 def tanh(x: ca.SX) -> ca.SX:
@@ -45,7 +45,7 @@ def log1p(x: ca.SX) -> ca.SX:
 
 
 def sinh(x: ca.SX) -> ca.SX:
-    """Sinh within 8 ulp for |x| ≤ 700, where exp has a value."""
+    """Sinh within 8 ulp for |x| ≤ 700, where exp is finite."""
     grown = expm1(ca.fabs(x))
     return ca.sign(x) * ((grown + grown / (grown + 1)) / 2)
 
@@ -75,9 +75,9 @@ def atanh(x: ca.SX) -> ca.SX:
 
 
 def power(x: ca.SX, y: ca.SX) -> ca.SX:
-    """x^y, no number for x < 0 unless y is whole.
+    """x^y, NaN for x < 0 unless y is an integer.
 
-    A product within y ulp for whole constant y up to `MOST_FACTORS`, else exp(y log|x|) within 4 + 2 |y log|x|| ulp.
+    A product within y ulp for constant integers y up to `MOST_FACTORS`, else exp(y log|x|) within 4 + 2 |y log|x|| ulp.
     """
     if y.is_constant() and float(y).is_integer() and abs(float(y)) <= MOST_FACTORS:
         result, factor, left = ca.SX(1), x, abs(int(float(y)))
@@ -87,7 +87,7 @@ def power(x: ca.SX, y: ca.SX) -> ca.SX:
         return result if float(y) >= 0 else 1 / result
     size, whole, even = ca.fabs(x), ca.floor(y) == y, 2 * ca.floor(y / 2) == y
     logarithm = y * ca.log(ca.if_else(size == 0, 1, size))
-    grown = ca.exp(ca.if_else(size == 0, -FAR * ca.sign(y), logarithm))  # 0, 1 or none of 0
+    grown = ca.exp(ca.if_else(size == 0, -FAR * ca.sign(y), logarithm))  # for size 0: 0, 1 or infinity
     undefined = ca.logic_and(x < 0, ca.logic_not(whole))
     known = grown * ca.sqrt(ca.if_else(undefined, -1, 1))
     return ca.if_else(ca.logic_and(x < 0, ca.logic_not(even)), -known, known)
@@ -110,20 +110,20 @@ def atan2(y: ca.SX, x: ca.SX) -> ca.SX:
 
 
 def fmod(x: ca.SX, y: ca.SX) -> ca.SX:
-    """What a division leaves, with the sign of x: within 1 ulp of x."""
+    """Remainder of x/y truncated, with the sign of x: within 1 ulp of x."""
     ratio = x / y
     return x - y * (ca.sign(ratio) * ca.floor(ca.fabs(ratio)))
 
 
 def remainder(x: ca.SX, y: ca.SX) -> ca.SX:
-    """What is left beside the nearest multiple of y, within 1 ulp of x; of two as near, that of the larger quotient."""
+    """Difference of x from the nearest multiple of y, within 1 ulp of x; in a tie, that of the larger quotient."""
     return x - y * ca.floor(x / y + 0.5)
 
 
 def erf(x: ca.SX) -> ca.SX:
     """Error function within 16 ulp.
 
-    The series of positive terms below 3 (Abramowitz and Stegun 7.1.6), the continued fraction of erfc beyond (7.1.14).
+    A series of positive terms below 3 (Abramowitz and Stegun 7.1.6), the continued fraction of erfc above (7.1.14).
     """
     size = ca.fmin(ca.fabs(x), 6)  # where it is 1
     square = size * size
@@ -156,15 +156,15 @@ WRITTEN_OUT: dict[int, Callable[..., ca.SX]] = {
     ca.OP_REMAINDER: remainder,
     ca.OP_ERF: erf,
 }
-"""Operation → what stands for it."""
+"""Operation → its replacement."""
 
 
 @GRAPHS.cached
 def written_out(function: ca.Function) -> ca.Function:
-    """The function with `WRITTEN_OUT` for what Structured Text lacks; itself where there is nothing of that.
+    """The function with the replacements `WRITTEN_OUT`; the function itself if none is needed.
 
     Args:
-        function: of dense SX expressions; one that the emitter has no C for stays as it is.
+        function: function of dense SX expressions; unchanged if the emitter has no C for it.
     """
     if lacking(function) or not any(made.operation in WRITTEN_OUT for made in instructions(function)):
         return function

@@ -85,7 +85,7 @@ def test_what_has_no_c_of_ours_is_casadi_s() -> None:
     outer = ca.Function("outer", [y], [inner(y)[0] * 3 + inner(2 * y)[1]])
     solved = ca.Function("solved", [x], [root(x, ca.DM(0, 0))])
     for function in (solved, table, outer):
-        with pytest.warns(CodegenWarning, match=f"^no C of our own for {function.name()}_: .*; CasADi's is taken"):
+        with pytest.warns(CodegenWarning, match=f"^no C of our own for {function.name()}_: .*; CasADi's is used"):
             called = compiled(function)
         at = np.array([0.5, 1.0, 2.5])
         arguments = [at] * function.n_in()

@@ -59,7 +59,7 @@ def test_a_rollout(generator: Any, one_step: bool, recwarn: pytest.WarningsRecor
 
 @pytest.mark.parametrize("one_step", [False, True])
 def test_lanes_each_with_its_own_parameters(one_step: bool) -> None:
-    with pytest.warns(CodegenWarning, match="CasADi's is taken, without vector lanes"):
+    with pytest.warns(CodegenWarning, match="CasADi's is used, without vector lanes"):
         batch = compile_batch(tabled(one_step=one_step))
     parameters = np.array([[4.0 + lane / 4, 0.5, 0.02] for lane in range(LANES)])
     signals = Signals([None])

@@ -213,7 +213,7 @@ def test_types_carry_units_bounds_sources_and_values() -> None:
     assert "part_gain  : LREAL := LREAL#0.3; (* [1] gain; min 0; 0.3 (paper (1)) *)" in text
     assert "part_limit : LREAL := LREAL#2.0; (* [m] limit; > 0; 2.0 (Table 1) *)" in text
     assert re.search(r"^  x +: LREAL := LREAL#0.0; \(\* \[m\] what is added \*\)$", text, re.MULTILINE)
-    assert text.startswith("(* st: A sum * ) that forgets, one sample a call.\n")
+    assert text.startswith("(* st: A sum * ) that forgets, one sample per call.\n")
     assert " REAL " not in text
     assert "LREAL" not in st_package(small(), "st", ABOUT, "float")["st.st"]
 
@@ -230,7 +230,7 @@ def test_names_are_those_that_the_standard_has() -> None:
 def test_what_it_cannot_write_is_refused_with_the_reason() -> None:
     operations = operation_count(small(terms=500).step).total
     assert operations > 500
-    with pytest.raises(CodegenError, match=r"small: \d+ operations a call; must be <= 500 \(--most-operations\)"):
+    with pytest.raises(CodegenError, match=r"small: \d+ operations per call; must be <= 500 \(--most-operations\)"):
         st_package(small(terms=500), "st", ABOUT, most_operations=500)
     with pytest.raises(CodegenError, match="unknown flavour 'step7': must be iec or codesys or twincat or siemens-scl"):
         st_package(small(), "st", ABOUT, flavour="step7")
