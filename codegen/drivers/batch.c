@@ -1,11 +1,10 @@
 /* Runs a sampled system for many samples and LANES sets of parameters at once, one in each vector lane.
    Comes after driver.h, elementary.h, the sizes, the functions of codegen/sampled.py, each with its
-   derive_NAME(parameters, derived), over arrays whose elements lie LANES apart, and sampled_lanes.h. The work of two
-   vectors is interleaved, so that a processor has something to do while it waits for a result: where PAIRED, each call
-   works on lanes l and l + LANES/2, else the compiler is asked to. Of the exogenous signals there are only the READ that
-   are read at all, those of READ_EXOGENOUS.
+   derive_NAME(parameters, derived), over arrays of stride LANES, and sampled_lanes.h. The work of two vectors is
+   interleaved to hide the latency of instructions: if PAIRED, each call processes lanes l and l + LANES/2, else the
+   compiler interleaves. The exogenous signals are only the READ ones in use, those of READ_EXOGENOUS.
 
-   What a lane gives depends on its own numbers alone: lanes never mix. */
+   The result of a lane depends on its own numbers alone: lanes never mix. */
 
 #define LOOK_EVERY 64
 
@@ -36,7 +35,7 @@ static __attribute__((noinline)) int any_at_most_zero(const double *restrict val
   return found != 0;
 }
 
-/* What is read and written at every sample, close together and at the same places of the cache in every call. */
+/* Data read and written at every sample, close together and at the same places of the cache in every call. */
 typedef struct {
   __attribute__((aligned(4096))) double first[STATES * LANES];
   double second[STATES * LANES], hold[HOLD * LANES];
@@ -49,12 +48,12 @@ typedef struct {
 
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
-   `fill` fills tables with what the lanes receive from `sources`, which changes; LOOK_EVERY samples ahead, so that memory
+   `fill` fills tables with the lanes' signals from `sources`, which changes, LOOK_EVERY samples ahead, so that memory
    does not grow with the samples. Every stride-th sample writes a row of each lane to rows (LANES, kept, COLUMNS); rows
-   may be null; those from sample done[l] on mean nothing. outcome and done have LANES elements.
+   may be null; rows from sample done[l] on are meaningless. outcome and done have LANES elements.
 
-   Whether all is finite is looked at every LOOK_EVERY samples. Where it is not, these samples are done again, looking
-   at each. As often, lanes are given up whose state number `watched` exceeds `most`: what comes of them is of no use. */
+   All states are checked to be finite every LOOK_EVERY samples. If one is not, these samples are repeated with a check
+   at each. At the same interval, lanes whose state `watched` exceeds `most` are stopped, as their result is not needed. */
 EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples, int64_t stride,
                   double *rows, int64_t kept, int64_t watched, double most, int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;

@@ -1,4 +1,4 @@
-/* What the drivers share. */
+/* Common definitions of the drivers. */
 
 #include <stdint.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* How a run ended, or where it stands: `Outcome` of codegen/drivers/outcome.py. */
+/* Outcome of a run: `Outcome` of codegen/drivers/outcome.py. */
 enum { COMPLETED = 0, DIVERGED = 1, LEFT = 2, GIVEN_UP = 3, RUNNING = 4 };
 
 static inline uint64_t to_bits(double value) {
@@ -18,8 +18,8 @@ static inline uint64_t to_bits(double value) {
   return bits;
 }
 
-/* Overflows into the highest bit for infinities and NaN, whose exponent is all ones. By bits, as the optimiser may
-   take floating-point comparisons for granted. */
+/* Overflows into the highest bit for infinities and NaN, whose exponent is all ones. It uses bits, as the optimiser may
+   remove floating-point comparisons. */
 static inline uint64_t overflow(double value) {
   return (to_bits(value) & UINT64_C(0x7ff0000000000000)) + UINT64_C(0x0010000000000000);
 }

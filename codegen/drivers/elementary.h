@@ -1,7 +1,6 @@
-/* Elementary functions without branches, tables or calls, so that compilers inline them, overlap them and carry
-   them out in vector lanes. Their polynomials are those of least error, of as few terms as a relative error below 1e-9
-   takes: the sampled systems they are for are known and integrated far less well. Not for non-finite arguments. Comes
-   after driver.h. */
+/* Elementary functions without branches, tables or calls, which compilers can inline, overlap and vectorise. Their
+   minimax polynomials have a relative error below 1e-9, far below the errors of models and integrators. Not for
+   non-finite arguments. Comes after driver.h. */
 
 static inline double from_bits(uint64_t bits) {
   double value;
@@ -52,7 +51,7 @@ static inline double inline_tanh(double x) {
   return from_bits(to_bits(grown / (grown + 2.0)) | sign);
 }
 
-/* sin(x) for |x| < 1e8, its absolute error grows with x like the spacing of numbers there; bounded beyond */
+/* sin(x) for |x| < 1e8, with an absolute error that grows like the spacing of numbers at x; bounded beyond */
 static inline double inline_sin(double x) {
   double shifted = x * 3.18309886183790671538e-01 + ROUNDER;
   double r = limited(x - (shifted - ROUNDER) * 3.14159265358979323846, -1.5707963267948968, 1.5707963267948968);
@@ -82,5 +81,5 @@ static inline double inline_log(double x) {
   return n * LN_2 + s * p;
 }
 
-/* x^y for positive normal x; relative error about |y log(x)| times that of log */
+/* x^y for positive normal x, with a relative error of about |y log(x)| times that of log */
 static inline double inline_pow(double x, double y) { return inline_exp(y * inline_log(x)); }

@@ -1,7 +1,7 @@
-/* How work is laid out over LANES vector lanes. Each loop over the lanes stands in a function of its own (IN_LANES) with
-   restrict pointers, or compilers do not see that lanes do not mix. EACH_CALL is for functions by codegen/source/c_source.py. */
+/* Loops over LANES vector lanes. Each loop needs a function of its own (IN_LANES) with restrict pointers, or compilers do
+   not see that lanes do not mix. EACH_CALL is for functions by codegen/source/c_source.py. */
 
-#define LANE_ARRAY __attribute__((aligned(64))) double /* a vector in no more than one cache line */
+#define LANE_ARRAY __attribute__((aligned(64))) double /* keeps a vector within one cache line */
 #define IN_LANES static __attribute__((noinline)) void
 #define EACH_OF(count) for (int l = 0; l < (count); ++l)
 #define EACH_LANE EACH_OF(LANES)

@@ -1,6 +1,6 @@
-/* Keeps a run of stepping.c in step with the clock on the wall, or with the answers of a client, and exchanges datagrams
-   with that client. Comes after driver.h. The layout of datagrams is that of the structures below; their numbers are
-   little-endian, as on every processor that this is built for. */
+/* Runs stepping.c in real time, or in lockstep with the answers of a client, and exchanges datagrams with that client.
+   Comes after driver.h. The layout of datagrams is that of the structures below; their numbers are little-endian, as on
+   every processor for which this is built. */
 
 #include <errno.h>
 #include <math.h>
@@ -22,7 +22,7 @@ enum { LARGEST = 64 };                                              /* signals o
 
 typedef struct {
   uint32_t magic, flags;
-  uint64_t sequence; /* number of the sample that it answers */
+  uint64_t sequence; /* number of the answered sample */
   double torques[2];
 } Command;
 
@@ -35,29 +35,30 @@ typedef struct {
 typedef int64_t Step(const void *runs, int64_t first, int64_t last, int64_t samples, double *row);
 typedef void Look(const void *runs, int64_t first, int64_t last);
 
-/* What `serve` works with. Another thread reads what it counts and sets what is volatile, a word at a time. */
+/* Data of `serve`. Another thread reads the counts and sets the volatile members, a word at a time. */
 typedef struct {
   /* the run */
   Step *step;
   Look *look;
   const void *runs;
-  const double **line;       /* where the run reads its exogenous signals */
-  double *lines;             /* (2, exogenous) room for those of a sample and the next */
+  const double **line;       /* the run's pointer to its exogenous signals */
+  double *lines;             /* (2, exogenous) signals of a sample and the next */
   const double *table;       /* (samples + 1, exogenous) */
-  volatile double *added;    /* (exogenous,) to those of the table */
+  volatile double *added;    /* (exogenous,) added to those of the table */
   double *commands;          /* (2,) torques in N m */
   const double *observation; /* (signals,) */
   const int64_t *outcome, *done;
   double *rows; /* (samples, columns) */
   int64_t exogenous, columns, signals;
-  /* how it is kept in step */
+  /* timing and commands */
   int64_t socket, period, lockstep, may_write; /* period in ns */
-  int64_t watchdog, release;                   /* samples without a command until torques are safe; ns until others may */
+  int64_t watchdog, release;                   /* samples without a command until torques are safe; silence in ns until
+                                                  another client is admitted */
   double safe[2], largest[2];                  /* torques in N m */
-  volatile double share[2];                    /* of its command that each motor gives */
-  volatile double other[2];                    /* torques that come by another way */
-  volatile int64_t other_count, start, quit;   /* how often those came; whether the run is to begin, to end */
-  /* what happened */
+  volatile double share[2];                    /* effective share of each motor's command */
+  volatile double other[2];                    /* torques from another source than datagrams */
+  volatile int64_t other_count, start, quit;   /* number of those; requests to start and to end the run */
+  /* status and counts */
   volatile int64_t running, is_safe, silences, connected;
   volatile int64_t ticks, missed, latest; /* ns */
   volatile int64_t accepted, refused, not_allowed;
@@ -68,12 +69,12 @@ typedef struct {
 
 enum { NEVER = -(1 << 30) };
 
-/* What `serve` keeps for itself: samples, but for `heard` in ns. */
+/* Private data of `serve`: sample numbers, except for `heard` in ns. */
 typedef struct {
   Served *served;
-  int64_t answered;        /* the sample that the last answer was for */
-  int64_t measured, fresh; /* that the command in force was computed from, and that it came at */
-  int64_t by_datagram;     /* whether it came so */
+  int64_t answered;        /* the sample of the last answer */
+  int64_t measured, fresh; /* the sample from which the present command was computed, and that of its arrival */
+  int64_t by_datagram;     /* whether it came by datagram */
   int64_t other_seen, heard;
 } Link;
 
@@ -100,8 +101,8 @@ static int within(const double *torques, const double *largest) {
   return fabs(torques[0]) <= largest[0] && fabs(torques[1]) <= largest[1];
 }
 
-/* Whether a datagram is one of the layout, for a sample that has been sent and none later was answered, with torques
-   within their limits. */
+/* Whether a datagram has the layout, answers a sample that has been sent, none earlier than the last answered one, and
+   has torques within their limits. */
 static int is_valid(const Link *link, const Command *c, ssize_t size) {
   if (size != sizeof *c || c->magic != COMMAND_MAGIC || c->flags & ~(uint32_t)(HAS_TORQUES | STARTS | HELLO)) return 0;
   if (c->flags & HELLO) return c->flags == HELLO;
@@ -129,19 +130,19 @@ static void take_answer(Link *link, const Command *c) {
   if (c->flags & HAS_TORQUES) take(link, c->torques, link->answered, 1);
 }
 
-/* Reads what has come, MOST_A_SAMPLE datagrams at most. The first sender of a valid one becomes the client: from then on
-   the system hands over what comes from there and nothing else, until it falls silent. */
+/* Reads the received datagrams, MOST_A_SAMPLE at most. The first sender of a valid one becomes the client: from then on
+   the system accepts its datagrams only, until it falls silent. */
 static void receive(Link *link) {
   Served *s = link->served;
   union {
     Command command;
-    char bytes[sizeof(Command) + 1]; /* what is too long shows by its size */
+    char bytes[sizeof(Command) + 1]; /* detects datagrams that are too long */
   } room;
   for (int i = 0; i < MOST_A_SAMPLE; ++i) {
     struct sockaddr_storage sender;
     socklen_t length = sizeof sender;
     const ssize_t size = recvfrom((int)s->socket, &room, sizeof room, 0, (struct sockaddr *)&sender, &length);
-    if (size < 0 && errno != ECONNREFUSED) break; /* refused: what was sent before did not arrive */
+    if (size < 0 && errno != ECONNREFUSED) break; /* refused: an earlier datagram did not arrive */
     if (size < 0) continue;
     if (!is_valid(link, &room.command, size)) {
       ++s->refused;
@@ -154,7 +155,7 @@ static void receive(Link *link) {
   if (s->connected && now_ns() - link->heard > s->release) let_go(link);
 }
 
-/* Torques by another way count while none come by datagram. */
+/* Torques from another source apply while none come by datagram. */
 static void take_other(Link *link) {
   Served *s = link->served;
   const int64_t count = s->other_count;
@@ -175,7 +176,7 @@ static void send_measurement(const Served *s, uint32_t flags) {
   (void)!send((int)s->socket, &m, offsetof(Measurement, signals) + size, 0); /* a client that has gone falls silent */
 }
 
-/* What is observed of the coming sample, with the signals that are to be added now. */
+/* Observes the next sample, with the present added signals. */
 static void look_now(const Served *s) {
   const double *from = s->table + *s->done * s->exogenous;
   for (int64_t i = 0; i < 2 * s->exogenous; ++i) s->lines[i] = from[i] + s->added[i % s->exogenous];
@@ -192,7 +193,7 @@ static void count_lateness(Served *s, int64_t late) {
   if (late > s->period) ++s->missed;
 }
 
-/* Moves the run on by a sample, under safe torques where the last command is too old. */
+/* Steps the run by a sample, with safe torques if the last command is too old. */
 static void move(Link *link) {
   Served *s = link->served;
   const int64_t sample = *s->done, age = sample - link->measured;
@@ -208,7 +209,7 @@ static void move(Link *link) {
 
 static void wait_for_datagram(const Served *s) {
   struct pollfd ready = {(int)s->socket, POLLIN, 0};
-  poll(&ready, 1, 10); /* ms: meanwhile it may have become time to quit */
+  poll(&ready, 1, 10); /* ms, to check for `quit` in between */
 }
 
 /* Before the run: shows its first sample until a client, or another thread, starts it. */
@@ -225,7 +226,7 @@ static void await_start(Link *link) {
   }
 }
 
-/* One sample as soon as the client has answered it. */
+/* Runs one sample as soon as the client has answered it. */
 static void in_lockstep(Link *link) {
   Served *s = link->served;
   look_now(s);
@@ -236,10 +237,10 @@ static void in_lockstep(Link *link) {
   if (!s->quit) move(link);
 }
 
-/* One sample at its time: under the last command that has come, while the client works out the next. */
+/* Runs one sample at its time, with the last received command, while the client computes the next. */
 static void on_time(Link *link, int64_t deadline, int64_t *before) {
   Served *s = link->served;
-  const int64_t soonest = *before + s->period / 4; /* a client can follow where missed samples are caught up with */
+  const int64_t soonest = *before + s->period / 4; /* lets a client follow while missed samples are made up for */
   sleep_until(deadline > soonest ? deadline : soonest);
   *before = now_ns();
   count_lateness(s, *before - deadline);
@@ -254,7 +255,7 @@ static void on_time(Link *link, int64_t deadline, int64_t *before) {
 EXPORT void serve(Served *s) {
   Link link = {s, 0, 0, NEVER, 0, 0, now_ns()};
 #if defined(__linux__)
-  prctl(PR_SET_TIMERSLACK, 1000ul); /* ns, of this thread: else it is woken 50 us late */
+  prctl(PR_SET_TIMERSLACK, 1000ul); /* ns, of this thread; by default it wakes up to 50 us late */
 #endif
   let_go(&link); /* the client of an earlier run */
   await_start(&link);

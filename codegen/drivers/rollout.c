@@ -1,12 +1,12 @@
 /* Runs a sampled system for many samples. Comes after driver.h, the sizes and the functions of codegen/sampled.py,
-   each with its derive_NAME(parameters, derived) for what depends on the parameters alone. */
+   each with its derive_NAME(parameters, derived) for expressions of the parameters alone. */
 
-/* May change the state that a sample leaves; by default it does not. */
+/* May change the state after a sample; none by default. */
 #ifndef AFTER_SAMPLE
 #define AFTER_SAMPLE(next)
 #endif
 
-/* Steps `state` on for `samples` samples, reading one line of `exogenous` a sample.
+/* Steps `state` by `samples` samples, reading one line of `exogenous` per sample.
    Every `stride`-th sample writes a line of `rows`, the first one included; rows may be null.
    Ends early when the state is not finite (DIVERGED) or the margin is negative (LEFT).
    Returns the outcome; *done is the number of samples stepped. */

@@ -1,6 +1,6 @@
-/* The functions of codegen/sampled.py over LANES lanes, elements LANES apart. Comes after lanes.h, the sizes and the
-   functions. Each loop over the lanes stands in a function of its own with restrict pointers, or compilers do not see that
-   lanes do not mix. */
+/* The functions of codegen/sampled.py over LANES lanes, with arrays of stride LANES. Comes after lanes.h, the sizes and
+   the functions. Each loop over the lanes needs a function of its own with restrict pointers, or compilers do not see
+   that lanes do not mix. */
 
 IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
                        const double *restrict derived, double *restrict row) {
@@ -13,7 +13,7 @@ IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, 
   EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
 }
 
-/* All parts of the time until the next sample. */
+/* All parts of the sample interval. */
 static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *next,
                     double *margin) {
   LANE_ARRAY between[MOTION * LANES];
@@ -27,7 +27,7 @@ static void move_on(const double *now, const double *hold, const double *p, cons
 }
 
 #if HAS_ONE_STEP
-/* A sample and the one-step update to the next, in one loop: the update need not wait for what only the next sample reads. */
+/* A sample and the one-step update in one loop: the update need not wait for values that only the next sample reads. */
 IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
                                    const double *restrict p, const double *restrict for_sample,
                                    const double *restrict for_one_step, double *restrict discrete,
@@ -45,7 +45,7 @@ IN_LANES sample_lanes(const double *restrict state, const double *restrict exoge
 }
 #endif
 
-/* Takes what is new where a lane's choice is positive. */
+/* Copies `from` to `into` in lanes with a positive choice. */
 IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {
   for (int i = 0; i < count; ++i)
     EACH_LANE into[i * LANES + l] = choice[l] > 0 ? from[i * LANES + l] : into[i * LANES + l];

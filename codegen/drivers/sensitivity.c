@@ -1,17 +1,17 @@
-/* Runs a sampled system with the sensitivities of its state to some directions in its parameters.
-   LANES samples are stepped, then their slopes computed side by side, a sample in each lane, then the tangents taken
-   through these samples one after the other, a direction in each lane.
+/* Runs a sampled system with the sensitivities of its state along directions of its parameters.
+   LANES samples are stepped, then their slopes computed in parallel, a sample in each lane, then the tangents propagated
+   through these samples in sequence, a direction in each lane.
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/drivers/sensitivity.py: those of
-   codegen/sampled.py, each with its derive_NAME(parameters, derived), and over arrays whose elements lie LANES apart
+   codegen/sampled.py, each with its derive_NAME(parameters, derived), and over arrays of stride LANES
      sample_slopes(state, exogenous, parameters, derived, slopes)
      one_step_slopes(motion, hold, parameters, derived, slopes)
      observe_slopes(state, exogenous, parameters, derived, slopes)
-   and with tangents whose elements lie DIRECTIONS apart
+   and with tangents of stride DIRECTIONS
      along_move(motion, hold, part, parameters, motion_tangent, hold_tangent, direction, next_motion_tangent).
    SAMPLE_PRODUCT, ONE_STEP_PRODUCT and OBSERVE_PRODUCT are the statements of codegen/drivers/tangents.py for one lane:
-   tangents of the outputs from slopes and tangents of the inputs. `observe` writes the ROW columns asked for. */
+   tangents of the outputs from slopes and tangents of the inputs. `observe` writes the ROW requested columns. */
 
-/* LANES samples of the run: what their slopes depend on. Element i of sample t is at [i * LANES + t]. */
+/* Arguments of the slopes of LANES samples of the run. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
   LANE_ARRAY state[STATES * LANES], exogenous[(EXOGENOUS + 1) * LANES], hold[HOLD * LANES];
   LANE_ARRAY sample_slopes[(SAMPLE_SLOPES + 1) * LANES];
@@ -93,13 +93,12 @@ IN_LANES along_move_lanes(const double *restrict motion, const double *restrict 
 }
 
 /* One rollout with its sensitivities.
-   for_sample_slopes, for_one_step_slopes and for_observe_slopes hold what the slopes take that depends on parameters
-   alone; null where there are no such slopes. direction (VARIED, DIRECTIONS) holds the directions, signals
-   (samples, SIGNALS, DIRECTIONS) the slopes of what comes from outside; state (STATES) and its tangent
-   (STATES, DIRECTIONS) those at the start, and then at the end. Every stride-th sample writes state TRACKED to values
-   and its tangent to tangents (kept, DIRECTIONS), columns to rows (kept, ROW) and theirs to row_tangents
-   (kept, ROW, DIRECTIONS); all four may be null. Returns the outcome as in rollout.c; *done is the number of samples
-   stepped. A tangent that is not finite makes no outcome. */
+   for_sample_slopes, for_one_step_slopes and for_observe_slopes hold the values derived from the parameters alone; null
+   without such slopes. direction (VARIED, DIRECTIONS) holds the directions, signals (samples, SIGNALS, DIRECTIONS) the
+   tangents of exogenous signals; state (STATES) and its tangent (STATES, DIRECTIONS) are initial values, and then the
+   final ones. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS),
+   columns to rows (kept, ROW) and their tangents to row_tangents (kept, ROW, DIRECTIONS); all four may be null. Returns
+   the outcome as in rollout.c; *done is the number of samples stepped. Tangents do not affect the outcome. */
 EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_one_step_slopes,
                        const double *for_observe_slopes, const double *direction, const double *exogenous,
                        const double *signals, double *state, double *tangent, int64_t samples, int64_t stride,

@@ -1,12 +1,12 @@
-/* Moves runs of a sampled system on by a few samples a call, under commands from outside; LANES of them make a block.
-   Comes after driver.h, lanes.h, the sizes, the functions of codegen/sampled.py, sampled_lanes.h, and of
+/* Steps runs of a sampled system by a few samples per call, under external commands; a block consists of LANES runs.
+   Comes after driver.h, lanes.h, the sizes, the functions of codegen/sampled.py, sampled_lanes.h, and
    sense(state, exogenous, parameters, derived, observation), each with its derive_NAME(parameters, derived), over arrays
-   whose elements lie LANES apart. READ_EXOGENOUS lists the exogenous signals that are read at all. A command stands in
-   the state: COMMAND_OF lists commands, COMMANDED_STATES the state that each of these is put into.
+   of stride LANES. READ_EXOGENOUS lists the exogenous signals in use. Commands are elements of the state: COMMAND_OF
+   lists commands, COMMANDED_STATES the states that they set.
 
-   What a run gives depends on its own numbers alone. One that has ended stays as it is. */
+   The result of a run depends on its own numbers alone. An ended run does not change. */
 
-/* What the functions take of a block's parameters, the same at every sample. */
+/* Values derived from a block's parameters, constant over all samples. */
 typedef struct {
   LANE_ARRAY p[PARAMETERS * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
   LANE_ARRAY for_observe[(OBSERVE_DERIVED + 1) * LANES], for_sense[(SENSE_DERIVED + 1) * LANES];
@@ -20,9 +20,9 @@ EXPORT const int64_t constants_size = sizeof(Constants) / sizeof(double);
 
 /* All runs, run number b * LANES + l in lane l of block b. Beyond the last run, lanes are idle. */
 typedef struct {
-  const Constants *constants; /* (blocks,); of a single block where all runs have the same */
-  int64_t apart;              /* 1, or 0 where all blocks share them */
-  const double **lines;       /* (blocks, LANES) each run's exogenous signals of its coming sample; one line beyond is read */
+  const Constants *constants; /* (blocks,), or (1,) if all runs have the same */
+  int64_t apart;              /* stride of the constants: 1, or 0 if all blocks share them */
+  const double **lines;       /* (blocks, LANES) each run's exogenous signals of its next sample; one line beyond is read */
   double *state;              /* (blocks, STATES, LANES) */
   int64_t *outcome, *done;    /* (blocks, LANES) */
   const double *commands;     /* (runs, COMMANDS) */
@@ -48,7 +48,7 @@ IN_LANES sense_lanes(const double *restrict state, const double *restrict exogen
   EACH_CALL sense(state + l, exogenous + l, p + l, derived + l, observation + l);
 }
 
-/* The state at the next sample, as far as the one-step update or all parts of the time bring it. */
+/* The state at the next sample, by the one-step update or by all parts of the sample interval. */
 static void advance(const double *now, const double *w, const double *live, const Constants *constants, double *next,
                     double *margin) {
   LANE_ARRAY hold[HOLD * LANES];
@@ -73,7 +73,7 @@ static void advance(const double *now, const double *w, const double *live, cons
 #endif
 }
 
-/* Each lane's signals; of those that all lanes read from one line, only that. */
+/* The signals of all lanes, which may share one line. */
 static void gather(const double *const *lines, double *restrict w) {
   static const int read[] = READ_EXOGENOUS;
   const int count = sizeof read / sizeof *read;
@@ -99,7 +99,7 @@ static void command(const Runs *runs, int64_t block, double *now) {
   }
 }
 
-/* Observations of a block's runs; one that has diverged keeps its last. */
+/* Observes the runs of a block; a diverged run keeps its last observation. */
 static void look_at(const Runs *runs, int64_t block) {
   const Constants *constants = runs->constants + block * runs->apart;
   const int64_t first = block * LANES, *outcome = runs->outcome + first;
@@ -112,7 +112,7 @@ static void look_at(const Runs *runs, int64_t block) {
       if (outcome[l] != DIVERGED) runs->observation[i * runs->runs + first + l] = observed[i * LANES + l];
 }
 
-/* Returns how many runs are under way after it. */
+/* Steps a block; returns the number of runs still running. */
 static int step_block(const Runs *runs, int64_t block, int64_t samples, double *row) {
   const Constants *constants = runs->constants + block * runs->apart;
   const double **lines = runs->lines + block * LANES;
@@ -152,12 +152,12 @@ static int step_block(const Runs *runs, int64_t block, int64_t samples, double *
   return running;
 }
 
-/* Observes the blocks from first to before last as they are. */
+/* Observes the blocks from first to before last. */
 EXPORT void look(const Runs *runs, int64_t first, int64_t last) {
   for (int64_t block = first; block < last; ++block) look_at(runs, block);
 }
 
-/* The first command of a run under way that is not finite, or -1. */
+/* The first command of a running run that is not finite, or -1. */
 EXPORT int64_t odd_command(const Runs *runs) {
   for (int64_t run = 0; run < runs->runs; ++run) {
     if (runs->outcome[run] != RUNNING) continue;
@@ -168,8 +168,8 @@ EXPORT int64_t odd_command(const Runs *runs) {
   return -1;
 }
 
-/* Moves the blocks from first to before last on by so many samples, fewer where runs end, under the same commands.
-   Each sample of a block's first run writes a row, where row is not null. Returns how many runs are under way after it. */
+/* Steps the blocks from first to before last by `samples` samples, fewer where runs end, with constant commands. Each
+   sample of a block's first run writes a row, unless row is null. Returns the number of runs still running. */
 EXPORT int64_t step(const Runs *runs, int64_t first, int64_t last, int64_t samples, double *row) {
   int64_t running = 0;
   for (int64_t block = first; block < last; ++block) running += step_block(runs, block, samples, row);

@@ -9,11 +9,11 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* A name with the prefix its version of FMI asks for. */
+/* A name with the prefix of its version of FMI. */
 #define PASTE(prefix, function) prefix##function
 #define EXPAND(prefix, function) PASTE(prefix, function)
 
-/* A change of mode, which needs nothing done. */
+/* A change of mode, which needs no action. */
 #define MODE(function)                   \
   EXPORT Status FMI(function)(void *c) { \
     (void)c;                             \
@@ -23,13 +23,13 @@
 /* The statuses of FMI 2 and FMI 3 have the same numbers. */
 typedef enum { STATUS_OK, STATUS_WARNING, STATUS_DISCARD, STATUS_ERROR, STATUS_FATAL } Status;
 
-/* Everything that changes: a copy of it is a state of the FMU. A value stands at its value reference. */
+/* All variable data: a copy of it is a state of the FMU. Values are indexed by value reference. */
 typedef struct {
   char token[sizeof TOKEN];
   int initialising; /* the state follows from the parameters */
-  int stepped;      /* outputs that answer an input at once are those of the last sample */
-  int stale;        /* derivatives and outputs have to be computed anew */
-  int unprepared;   /* so has what follows from the parameters alone */
+  int stepped;      /* outputs with direct feedthrough are those of the last sample */
+  int stale;        /* derivatives and outputs must be recomputed */
+  int unprepared;   /* values derived from the parameters alone must be recomputed */
   double value[VARIABLES];
   double derived[DERIVED + 1];
 } Memory;
@@ -66,13 +66,13 @@ static Instance *create(const char *instance_name, const char *token, void *envi
   return instance;
 }
 
-/* Bring what follows from the parameters alone up to date: once after changes of parameters, not at every sample. */
+/* Update the values derived from the parameters alone: once after changes of parameters, not at every sample. */
 static void prepare(Memory *memory) {
   if (memory->unprepared) derive_step(memory->value + FIRST_PARAMETER, memory->derived);
   memory->unprepared = 0;
 }
 
-/* Bring what follows from other values up to date. */
+/* Update all values that depend on others. */
 static void settle(Memory *memory) {
   double *value = memory->value, output[OUTPUTS + 1];
   if (!memory->stale) return;
@@ -124,8 +124,8 @@ static void leave_initialisation(Instance *instance) {
 }
 
 #if OFFERS_CO_SIMULATION
-/* Run the samples of a communication step; a refused step leaves everything as it was. One that is no multiple of the
-   sample time is an error: masters repeat a step that was discarded. */
+/* Run the samples of a communication step; a refused step changes nothing. One that is no multiple of the sample time is
+   an error, not discarded: masters repeat a discarded step. */
 static Status advance(Instance *instance, double time, double duration) {
   Memory next = instance->memory;
   double *value = next.value, following[STATES + 1], *state = value + FIRST_STATE;

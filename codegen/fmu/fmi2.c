@@ -1,4 +1,4 @@
-/* FMI 2.0: types and functions as the standard names them. */
+/* FMI 2.0: types and functions with the names of the standard. */
 #if defined(FMI2_FUNCTION_PREFIX) && !defined(FMI2_OVERRIDE_FUNCTION_PREFIX)
 #define FMI(function) EXPAND(FMI2_FUNCTION_PREFIX, function)
 #else

@@ -1,4 +1,4 @@
-/* FMI 3.0: types and functions as the standard names them. */
+/* FMI 3.0: types and functions with the names of the standard. */
 #include <stdbool.h>
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-/* The parts of FMI 3.0 this FMU has no use for; an importer may still look for them. */
+/* Functions of FMI 3.0 that this FMU does not support; importers may still look them up. */
 
 EXPORT fmi3Instance FMI(fmi3InstantiateScheduledExecution)(
   fmi3String instance_name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
@@ -31,7 +31,7 @@ NONE_OF(UInt64)
 NONE_OF(Boolean)
 NONE_OF(String)
 
-/* A function whose part of the standard this FMU has no use for. */
+/* An unsupported function. */
 #define LACKING(function, arguments, ...)                                           \
   EXPORT fmi3Status FMI(function) arguments {                                       \
     __VA_ARGS__;                                                                    \

@@ -1,9 +1,9 @@
-/* An extended Kalman filter: from covariances it gives the gains of every sample. A reading that is NaN is none.
+/* An extended Kalman filter: the gains of every sample from covariances. NaN is a missing reading.
    Comes after linear.h. */
 
 enum { GAINS = READINGS * STATES, WHITENING = READINGS * READINGS };
 
-/* Covariance (STATES × COLUMNS) of the next state: A covariance A' + walk. */
+/* Covariance (STATES × COLUMNS) of the next state: A covariance A' + walk, the diagonal of Q. */
 static void spread(double *covariance, const Slopes *slopes, const double *walk) {
   LANE_ARRAY carried[STATES * COLUMNS], across[STATES * COLUMNS];
   carry(slopes, covariance, carried);
@@ -17,12 +17,12 @@ static void spread(double *covariance, const Slopes *slopes, const double *walk)
   }
 }
 
-/* Gains of a sample, one sensor after the other.
-   innovation: readings less what was expected; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
-   whitening is by the whole innovation, whatever the order of the sensors; row i of gains is what innovation i corrects of the
-   state; rows of absent readings are not written. corrected (STATES): the sum of all corrections. sums (4 each): how many
-   readings, the squares of whitened innovations, logarithms of their variances, and the squares that sensors' own noise
-   would have. */
+/* Gains of a sample, by sequential updates with one sensor after the other.
+   innovation: readings less their predictions; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
+   whitening refers to the whole innovation, independent of the order of the sensors; row i of gains is the correction of
+   the state per innovation i; rows of absent readings are not written. corrected (STATES): the sum of all corrections.
+   sums (4 each): number of readings, squares of whitened innovations, logarithms of their variances, and expected squares
+   of the sensor's own noise. */
 static void measurement_update(double *covariance, const double *innovation, const double *h, const double *variances,
                          double outlier, double *gains, double *whitening, double *corrected, double *sums) {
   LANE_ARRAY along[COLUMNS], column[COLUMNS];
@@ -30,9 +30,9 @@ static void measurement_update(double *covariance, const double *innovation, con
   for (int i = 0; i < READINGS; ++i) {
     if (absent(innovation[i])) continue;
     const double *slope = h + i * COLUMNS;
-    double own[READINGS] = {0}; /* the innovation that is left of it, by all */
+    double own[READINGS] = {0}; /* the remaining innovation, by all innovations */
     double variance = variances[i], left = innovation[i];
-    int by[STATES + 1], count = 0; /* the states that it is of */
+    int by[STATES + 1], count = 0; /* the states that the reading depends on */
     for (int k = 0; k < STATES; ++k) by[count] = k, count += slope[k] != 0;
     memset(along, 0, sizeof along);
     for (int n = 0; n < count; ++n) add_row(along, slope[by[n]], covariance + by[n] * COLUMNS);
@@ -54,20 +54,20 @@ static void measurement_update(double *covariance, const double *innovation, con
     memcpy(gains + i * STATES, column, STATES * sizeof *gains);
     for (int j = 0; j < i; ++j)
       if (!absent(innovation[j])) add(gains + j * STATES, own[j], column, STATES);
-    const double kept = variances[i] / variance; /* share of the innovation that stays after the correction */
+    const double kept = variances[i] / variance; /* share of the innovation that remains after the correction */
     sums[4 * i] += 1, sums[4 * i + 1] += weight * square, sums[4 * i + 2] += log(variance);
     sums[4 * i + 3] += weight * square * kept * variances[i] + (1 - kept) * variances[i];
   }
 }
 
 /* The gains of every sample: gains (samples × READINGS × STATES), whitening (samples × READINGS²); rows of absent readings
-   are left as they are; both may be null.
-   start (STATES), first_covariance (STATES²): what is expected before the first sample; walk (STATES): what a sample adds to
-   its variances; variances (READINGS) of the sensors' noise; outlier: innovation over its deviation from which on a reading
-   counts less (Huber). sums (4 a sensor) is overwritten. states and deviations (samples × STATES), what is expected after
-   each sample's readings and how well it is known, and covariances (samples × watched × STATES), the rows of the last
-   `watched` states then, may be null.
-   Returns the outcome: an expectation that is not finite or leaves the track ends it; *done: samples gone through. */
+   are unchanged; both may be null.
+   start (STATES), first_covariance (STATES²): mean and covariance before the first sample; walk (STATES): variances added
+   by a sample; variances (READINGS) of the sensors' noise; outlier: innovation over its deviation above which a reading is
+   downweighted (Huber). sums (4 per sensor) is overwritten. states and deviations (samples × STATES), mean and standard
+   deviation after each sample's readings, and covariances (samples × watched × STATES), the rows of the last `watched`
+   states then, may be null.
+   Returns the outcome: a mean that is not finite or leaves the track ends the filter; *done: samples processed. */
 EXPORT int filter(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                  const double *start, const double *first_covariance, const double *walk, const double *variances,
                  double outlier, double *gains, double *whitening, double *sums, double *states, double *deviations,

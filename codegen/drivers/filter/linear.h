@@ -1,16 +1,16 @@
 /* The system of codegen/sampled.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
    functions of codegen/drivers/prediction.py, each with its derive_NAME(parameters, derived):
      NAME           sense, prepare, move, one_step
-     linear_NAME    the same with slopes by the state, of `move` by the fitted numbers, too
-     NAME_slopes    slopes by the state and by the fitted numbers, over arrays whose elements lie LANES apart; not of `move`
-   Tangents are matrices, row by row: COLUMNS directions by the state, or WAYS, one for each fitted number.
-   NAME_BY_STATE and NAME_BY_ALL are the statements of codegen/drivers/tangents.py that make those of the outputs. */
+     linear_NAME    the same with slopes by the state, for `move` also by the fitted parameters
+     NAME_slopes    slopes by the state and by the fitted parameters, over arrays of stride LANES; not of `move`
+   Tangents are matrices, row by row: COLUMNS directions by the state, or WAYS, one for each fitted parameter.
+   NAME_BY_STATE and NAME_BY_ALL are the statements of codegen/drivers/tangents.py for the tangents of the outputs. */
 
 #include <math.h>
 
 typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias));
 
-/* What follows from the parameters alone. */
+/* Values derived from the parameters alone. */
 typedef struct {
   double sense[SENSE_DERIVED + 1], prepare[PREPARE_DERIVED + 1], move[MOVE_DERIVED + 1];
   double linear_sense[LINEAR_SENSE_DERIVED + 1], linear_prepare[LINEAR_PREPARE_DERIVED + 1];
@@ -22,9 +22,9 @@ typedef struct {
 #endif
 } Derived;
 
-/* Slopes of the way from a sample to the next. */
+/* Slopes of the transition from a sample to the next. */
 typedef struct {
-  int in_one_step; /* whether that is how it goes, or part by part */
+  int in_one_step; /* whether by the one-step update, else part by part */
   double prepare[LINEAR_PREPARE_SLOPES + 1], one_step[LINEAR_ONE_STEP_SLOPES + 1];
   double move[PARTS * LINEAR_MOVE_SLOPES + 1];
 } Slopes;
@@ -56,7 +56,7 @@ static inline void add(double *restrict a, double factor, const double *restrict
   for (int i = 0; i < count; ++i) a[i] += factor * b[i];
 }
 
-/* out (rows × columns) += a (rows × inner) b (inner × columns); rows of a lie `stride` apart */
+/* out (rows × columns) += a (rows × inner) b (inner × columns); rows of a have the stride `stride` */
 static inline void add_product(double *restrict out, const double *restrict a, int stride, const double *restrict b,
                                int rows, int inner, int columns) {
   for (int i = 0; i < rows; ++i)
@@ -64,7 +64,7 @@ static inline void add_product(double *restrict out, const double *restrict a, i
       if (a[i * stride + k] != 0) add(out + i * columns, a[i * stride + k], b + k * columns, columns);
 }
 
-/* a += factor * b, rows of COLUMNS; as vectors, or compilers take several rows for one */
+/* a += factor * b, rows of COLUMNS; with explicit vectors, or compilers merge several rows */
 static inline void add_row(double *a, double factor, const double *b) {
   for (int v = 0; v < COLUMNS / VECTOR; ++v) ((Vector *)a)[v] += factor * ((const Vector *)b)[v];
 }
@@ -98,7 +98,7 @@ IN_LANES prepare_columns(const double *restrict slopes, const double *restrict s
 IN_LANES move_columns(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
                       double *restrict nexts) {
   enum { DIRECTIONS = COLUMNS };
-  static const double direction[FITTED * COLUMNS + 1]; /* zeros: as the numbers are */
+  static const double direction[FITTED * COLUMNS + 1]; /* zeros: constant parameters */
   (void)direction;
   EACH_OF(COLUMNS) {
     const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
@@ -119,7 +119,7 @@ IN_LANES one_step_columns(const double *restrict slopes, const double *restrict 
 }
 #endif
 
-/* The state at the next sample, in one step where that is good enough, else part by part, and the slopes of the way. */
+/* The state at the next sample, in one step if that is valid, else part by part, and the slopes of the transition. */
 static void linearise(const double *state, const double *input, const double *parameters, const Derived *derived,
                       double *next, double *margin, Slopes *slopes) {
   double hold[HOLD], motion[MOTION], valid = 0;
@@ -138,7 +138,7 @@ static void linearise(const double *state, const double *input, const double *pa
   }
 }
 
-/* Tangents (STATES × COLUMNS) of the state at the next sample, of those of the state. */
+/* Tangents (STATES × COLUMNS) of the state at the next sample, from those of the state. */
 static void carry(const Slopes *slopes, const double *tangents, double *next) {
   LANE_ARRAY held[HOLD * COLUMNS], moved[MOTION * COLUMNS];
   prepare_columns(slopes->prepare, tangents, next + MOTION * COLUMNS, held);

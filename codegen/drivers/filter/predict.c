@@ -1,8 +1,8 @@
-/* Goes through a log with given gains, with the exact slopes of what is expected by the fitted numbers: LANES samples of the
-   run, then their slopes side by side, a sample in each lane, then the tangents through these samples one after the other,
-   a fitted number in each lane. Comes after kalman.c. */
+/* Predictions over a log with given gains, with their exact derivatives by the fitted parameters: LANES samples of the run,
+   then their slopes in parallel, a sample in each lane, then the tangents through these samples in sequence, a fitted
+   parameter in each lane. Comes after kalman.c. */
 
-/* LANES samples of the run: what their slopes depend on. Element i of sample t is at [i * LANES + t]. */
+/* Arguments of the slopes of LANES samples of the run. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
   LANE_ARRAY before[STATES * LANES], after[STATES * LANES], input[INPUTS * LANES], hold[HOLD * LANES];
   LANE_ARRAY sense[(SENSE_SLOPES + 1) * LANES], prepare[(PREPARE_SLOPES + 1) * LANES];
@@ -84,7 +84,7 @@ IN_LANES one_step_ways(const double *restrict slopes, const double *restrict mot
 }
 #endif
 
-/* The state at the next sample, and whether it got there in one step. */
+/* The state at the next sample; returns whether the one-step update was valid. */
 static int advance(const double *state, const double *hold, const double *parameters, const Derived *derived, double *next,
                    double *margin) {
   double motion[MOTION], valid = 0;
@@ -118,9 +118,9 @@ static void carry_by_parts(const Stretch *of, int t, const double *parameters, c
   }
 }
 
-/* Goes through the log with gains and whitening as `filter` gives them. normal ((FITTED + 1)²), overwritten: sums over all
-   readings of the products of the whitened innovations' slopes by the fitted numbers and, last, of the innovations themselves.
-   innovations (samples × READINGS, whitened; NaN where nothing was read) may be null. Else as `filter`. */
+/* Predicts the log with gains and whitening of `filter`. normal ((FITTED + 1)²), overwritten: sums over all readings of the
+   products of the whitened innovations' derivatives by the fitted parameters and, last, of the innovations themselves.
+   innovations (samples × READINGS, whitened; NaN for missing readings) may be null. Otherwise as `filter`. */
 EXPORT int predict(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                    const double *start, const double *gains, const double *whitening, double *normal,
                    double *innovations, int64_t *done) {

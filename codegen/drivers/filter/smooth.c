@@ -1,19 +1,19 @@
-/* Rows of STATES elements that lie COLUMNS apart, without what is between them. */
+/* Copies rows of STATES elements from a matrix of stride COLUMNS. */
 static inline void take_columns(double *to, const double *from, int rows) {
   for (int i = 0; i < rows; ++i) memcpy(to + i * STATES, from + i * COLUMNS, STATES * sizeof *to);
 }
 
-/* What the last `watched` states were, by all readings: the modified Bryson–Frazier smoother (Bierman, Factorization
-   Methods for Discrete Sequential Estimation, 1977), which goes backwards with the gains of `filter`.
-   states (samples × STATES) and covariances (samples × watched × STATES): as `filter` gives them. smoothed
-   (samples × watched) and spreads, their covariances (samples × watched²), are overwritten. Else as `filter`. Comes after
-   kalman.c. */
+/* The last `watched` states given all readings: the modified Bryson–Frazier smoother (Bierman, Factorization Methods for
+   Discrete Sequential Estimation, 1977), a backward pass with the gains of `filter`.
+   states (samples × STATES) and covariances (samples × watched × STATES) are results of `filter`. smoothed
+   (samples × watched) and spreads, their covariances (samples × watched²), are overwritten. Otherwise as `filter`. Comes
+   after kalman.c. */
 EXPORT int smooth(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                   const double *states, const double *gains, const double *whitening, int64_t watched,
                   const double *covariances, double *smoothed, double *spreads) {
   Derived derived;
   Slopes slopes;
-  double pull[STATES] = {0}, certainty[STATES * STATES] = {0}; /* slopes and curvature by what comes later */
+  double pull[STATES] = {0}, certainty[STATES * STATES] = {0}; /* adjoint state and its covariance, from later readings */
   double turned[STATES], product[STATES * STATES], kept[STATES * STATES], expected[READINGS], h[READINGS * STATES];
   double innovation[READINGS], white[READINGS], white_h[READINGS * STATES], moved[STATES], by_state[STATES * STATES];
   double margin, sense_by_state[LINEAR_SENSE_SLOPES + 1];
@@ -50,7 +50,7 @@ EXPORT int smooth(const double *parameters, const double *inputs, const double *
     memset(white_h, 0, sizeof white_h);
     add_product(white, by, READINGS, innovation, READINGS, READINGS, 1);
     add_product(white_h, by, READINGS, h, READINGS, READINGS, STATES);
-    memset(kept, 0, sizeof kept); /* share of a state that a correction leaves: 1 - gain h */
+    memset(kept, 0, sizeof kept); /* share of a state that remains after a correction: 1 - gain h */
     for (int i = 0; i < STATES; ++i) {
       kept[i * STATES + i] = 1;
       for (int r = 0; r < READINGS; ++r) add(kept + i * STATES, -gain[r * STATES + i], h + r * STATES, STATES);

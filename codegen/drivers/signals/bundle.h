@@ -1,13 +1,13 @@
 /* White and Gauss-Markov signals in vector lanes. Comes after elementary.h, normal.h and sources.h. To be compiled without
    contraction. */
 
-enum { PIECE = 32 }; /* samples that are drawn at a time, at most */
+enum { PIECE = 32 }; /* largest number of samples drawn at a time */
 
-/* Numbers of some lanes. */
+/* Numbers of WIDE lanes. */
 typedef double Doubles __attribute__((vector_size(WIDE * sizeof(double))));
 typedef float Floats __attribute__((vector_size(WIDE * sizeof(float))));
 
-/* What white noise makes of the signals' states, sample by sample, times their standard deviations; (samples, WIDTH). */
+/* The signals' states driven by white noise, times their standard deviations; (samples, WIDTH). */
 static void filter(Bundle *bundle, int64_t first, int64_t samples, const Floats *restrict noise, Doubles *restrict values) {
   Doubles decay[VECTORS], fresh[VECTORS], sigma[VECTORS], start[VECTORS], state[VECTORS];
   memcpy(decay, bundle->decay, sizeof decay);
@@ -25,7 +25,7 @@ static void filter(Bundle *bundle, int64_t first, int64_t samples, const Floats 
   for (int l = 0; l < bundle->count; ++l) bundle->signals[l]->state = bundle->state[l];
 }
 
-/* White noise of each signal's kind, whole blocks of it from block `first` on. */
+/* White noise of each signal's kind, in whole blocks from block `first` on. */
 static void draw_blocks(const Bundle *bundle, int64_t first, int64_t blocks, float *restrict noise) {
   uint32_t words[BLOCK * WIDTH];
   for (int64_t block = first; block < first + blocks; ++block, noise += BLOCK * WIDTH) {
@@ -37,7 +37,7 @@ static void draw_blocks(const Bundle *bundle, int64_t first, int64_t blocks, flo
   }
 }
 
-/* Puts one sample's values where they are received. */
+/* Writes one sample's values to the rows of the table. */
 static inline void hand_out(const Bundle *bundle, const double *restrict values, double *restrict line, const int64_t lanes) {
   for (int r = 0; r < bundle->rows; ++r) {
     double *restrict row = line + bundle->row[r] * lanes;
@@ -48,7 +48,7 @@ static inline void hand_out(const Bundle *bundle, const double *restrict values,
   }
 }
 
-/* Draws signals and puts them where they are received. */
+/* Draws signals and writes them to the table. */
 static void put_drawn(Bundle *bundle, int64_t first, int64_t samples, double *table, int64_t count, int64_t lanes) {
   Floats noise[(PIECE + 2 * BLOCK) * VECTORS];
   Doubles filtered[PIECE * VECTORS];

@@ -16,7 +16,7 @@ static void take_up(Bundle *bundle, Signal *signal) {
   bundle->state[at] = signal->state;
 }
 
-/* Whether something stands in a signal's rows before what is white or Gauss-Markov is added. */
+/* Whether a signal's rows are empty before white or Gauss-Markov signals are added. */
 static int starts_empty(const Sources *sources, int64_t i) {
   for (int64_t s = 0; s < sources->sources; ++s) {
     const Signal *signal = sources->signals + s * sources->count + i;
@@ -25,11 +25,11 @@ static int starts_empty(const Sources *sources, int64_t i) {
   return 1;
 }
 
-/* Puts white and Gauss-Markov signals side by side; to be done before `fill`. */
+/* Bundles white and Gauss-Markov signals; to be called before `fill`. */
 EXPORT void prepare(Sources *sources) {
   sources->drawn = 0;
   for (int64_t i = 0; i < sources->count; ++i) {
-    int at[WIDTH], taken = 0; /* where each source's stands, counted from the first */
+    int at[WIDTH], taken = 0; /* position of each source's signal, counted from the first */
     for (int64_t s = 0; s < sources->sources; ++s) {
       const int64_t kind = sources->signals[s * sources->count + i].kind;
       at[s] = kind == NORMAL || kind == UNIFORM ? taken++ : -1;
@@ -52,7 +52,7 @@ EXPORT void prepare(Sources *sources) {
   }
 }
 
-/* Whether what is drawn is all that a signal's row holds. */
+/* Whether a signal's row holds a drawn signal only. */
 static int is_drawn(const Sources *sources, int64_t i) {
   for (const Bundle *bundle = sources->bundles; bundle < sources->bundles + sources->drawn; ++bundle)
     for (int r = 0; r < bundle->rows; ++r)

@@ -1,9 +1,9 @@
-/* Standard normals from words of 32 bits, by the inverse of their distribution function: one of each word, the larger the
-   word (as a signed number) the larger the normal. As M. Giles approximates the inverse error function ("Approximating
-   the erfinv function", GPU Computing Gems, 2011): where x in (-1, 1) is uniform and w = -log(1 - x^2), the normal is x
-   times a polynomial in w, in the tails one in sqrt(w). In single precision, to 4e-7 of a value: more lanes at a time.
-   Additions, multiplications and square roots in a fixed order, none contracted: the same bits everywhere. Comes after
-   philox.h and the polynomials of codegen/drivers/signals/draws.py. */
+/* Standard normals from words of 32 bits, by the inverse of their distribution function: one from each word, increasing
+   with the word (as a signed number). By the approximation of the inverse error function of M. Giles ("Approximating the
+   erfinv function", GPU Computing Gems, 2011): for uniform x in (-1, 1) and w = -log(1 - x^2), the normal is x times a
+   polynomial in w, in the tails one in sqrt(w). In single precision, with a relative error of 4e-7, for more lanes at a
+   time. Additions, multiplications and square roots in a fixed order, without contraction, give the same bits everywhere.
+   Comes after philox.h and the polynomials of codegen/drivers/signals/draws.py. */
 
 #include <math.h>
 
@@ -19,11 +19,11 @@ static inline float bits_float(uint32_t bits) {
   return value;
 }
 
-/* How many words lie between zero and a word, taken as a signed number, and between the word and the last of its sign. */
+/* Number of words between zero and a word, taken as a signed number, and between the word and the last of its sign. */
 static inline int32_t inner(uint32_t word) { return (int32_t)word ^ ((int32_t)word >> 31); }
 static inline int32_t outer(uint32_t word) { return inner(word) ^ INT32_MAX; }
 
-/* The share of all words of its sign that so many words are, with half of the next. */
+/* A number of words as a share of all words of one sign, plus half of the next. */
 static inline float share(int32_t words) { return ((float)words + 0.5f) * 0x1p-31f; }
 
 static inline float with_sign(float magnitude, uint32_t word) {
@@ -43,12 +43,12 @@ static inline float depth(float t) {
 
 static inline int in_tail(uint32_t word) { return outer(word) < IN_TAIL; }
 
-/* A normal's magnitude in the tails. A call, as compilers would else work it out for every word. */
+/* A normal's magnitude in the tails. Not inlined, as compilers would compute it for every word. */
 static __attribute__((noinline)) float magnitude_in_tail(float x, float w) {
   return x * tail_polynomial(sqrtf(w) - TAIL_MIDDLE);
 }
 
-/* The normals of BLOCK * WIDTH words. In two loops, so that a processor finds more to do while it waits for a result. */
+/* The normals of BLOCK * WIDTH words, in two loops to hide the latency of instructions. */
 static __attribute__((noinline)) void draw_normals(const uint32_t *restrict words, float *restrict normals) {
   float x[BLOCK * WIDTH], w[BLOCK * WIDTH];
   int32_t outermost = INT32_MAX;

@@ -1,10 +1,9 @@
 /* Outages, each from one block of random words. Comes after sources.h. */
 
-/* One of so many numbers from 0 on, all as likely; fewer than 2^32. */
+/* A uniform integer from 0 to count - 1; count is below 2^32. */
 static inline int64_t below(int64_t count, uint64_t word) { return (int64_t)((uint64_t)count * (uint32_t)word >> 32); }
 
-/* Adds a signal's outages where its source's lanes are. Window k has its outage's length and beginning from the words of
-   block k. */
+/* Adds a signal's outages in the lanes of its source. Length and start of the outage in window k are drawn from block k. */
 static void add_outages(const Sources *sources, int64_t s, int64_t i, int64_t first, int64_t samples, double *out) {
   const Signal *signal = sources->signals + s * sources->count + i;
   const int64_t period = signal->period, half = signal->length / 2, line = sources->count * sources->lanes;

@@ -1,10 +1,10 @@
 /* Philox4x32-10 (Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011): a block of four
-   words of 32 bits for every counter and key, from multiplications alone, so that any can be drawn without those before
-   it. Comes after driver.h. */
+   words of 32 bits for every counter and key, by multiplications, so that each can be drawn without its predecessors.
+   Comes after driver.h. */
 
-enum { WIDTH = 16, BLOCK = 4 }; /* streams side by side in vector lanes, words of a block */
+enum { WIDTH = 16, BLOCK = 4 }; /* parallel streams in vector lanes, words of a block */
 
-/* Lanes that a register holds: wider vectors go to memory and back piece by piece. */
+/* Lanes of a register: wider vectors would go through memory piece by piece. */
 #if defined(__SSE2__)
 #include <immintrin.h>
 #endif
@@ -19,7 +19,7 @@ enum { VECTORS = WIDTH / WIDE };
 typedef uint64_t Longs __attribute__((vector_size(WIDE * sizeof(uint64_t))));
 typedef uint32_t Words __attribute__((vector_size(WIDE * sizeof(uint32_t))));
 
-/* Words of 32 bits, in the lower halves; what the upper ones hold does not matter. */
+/* Words of 32 bits in the lower halves; the upper halves are arbitrary. */
 typedef struct {
   uint64_t a, b, c, d;
 } Block;
@@ -48,7 +48,7 @@ static inline Block block_of(uint64_t seed, uint64_t stream, uint64_t number) {
   return philox((Block){number, number >> 32, stream, stream >> 32}, seed, seed >> 32);
 }
 
-/* The keys of all rounds, of WIDTH streams. */
+/* The keys of all rounds for WIDTH streams. */
 typedef struct {
   uint64_t key[ROUNDS][WIDTH], other[ROUNDS][WIDTH];
 } Keys;
@@ -60,7 +60,7 @@ static inline void set_keys(Keys *keys, int l, uint64_t seed) {
   }
 }
 
-/* Products of the lower halves by a word; of those of 64 bits gcc makes shifts and sums in vectors. */
+/* Products of the lower halves with a word; gcc would expand products of 64 bits into shifts and sums. */
 static inline Longs products(Longs words, uint32_t factor) {
 #if defined(__AVX512F__)
   return (Longs)_mm512_mul_epu32((__m512i)words, _mm512_set1_epi64(factor));

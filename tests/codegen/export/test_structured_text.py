@@ -247,7 +247,7 @@ def test_what_it_cannot_write_is_refused_with_the_reason() -> None:
 def test_each_flavour_has_its_files(flavour: Flavour, tmp_path: Path) -> None:
     files = st_package(small(), "st", ABOUT, flavour=flavour)
     assert ("st.xml" in files) == (flavour != "siemens-scl")
-    assert "| a sample | " in files["README.md"]
+    assert "| per sample | " in files["README.md"]
     if flavour == "twincat":
         for name in ("st_input.TcDUT", "st_floor.TcPOU"):
             (tmp_path / name).write_text(files[name])
