@@ -118,7 +118,7 @@ def model_description(model: FmuModel, token: str, about: About) -> bytes:
         if powers is not None:
             SubElement(definition, "BaseUnit", {base: str(power) for base, power in powers.items()})
     categories = SubElement(document, "LogCategories")
-    SubElement(categories, "Category", name="logStatusError", description="what a status means")
+    SubElement(categories, "Category", name="logStatusError", description="explanation of a status")
     experiment = {"startTime": "0.0", "stopTime": _number(about.stop_time), "stepSize": _number(block.sample_time)}
     experiment |= {"tolerance": _number(TOLERANCE)} if model.flows else {}
     SubElement(document, "DefaultExperiment", experiment)

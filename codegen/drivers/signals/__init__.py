@@ -1,1 +1,1 @@
-"""Signals that a run receives from outside: given, or drawn sample by sample to the same bits everywhere."""
+"""Exogenous signals of a run: given, or drawn sample by sample with the same bits on every machine."""

@@ -1,4 +1,4 @@
-"""Random words by Philox, and standard normals of them, in NumPy: the bits of philox.h and normal.h."""
+"""Random words by Philox, and standard normals from them, in NumPy, with the bits of philox.h and normal.h."""
 
 from collections.abc import Sequence
 
@@ -25,8 +25,8 @@ def philox(
     """Blocks of Philox4x32-10, four words for each counter.
 
     Args:
-        counter: its four words of 32 bits, arrays of one shape; lowest first.
-        key: its two words of 32 bits, lowest first, numbers or arrays of that shape.
+        counter: four words of 32 bits, arrays of one shape; lowest first.
+        key: two words of 32 bits, lowest first, numbers or arrays of that shape.
 
     Source: Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
     """
@@ -40,13 +40,13 @@ def philox(
 
 
 def blocks(seed: int, stream: int, first: int, count: int) -> Words:
-    """Blocks of a stream, (count, 4): those from block `first` on.
+    """Blocks of a stream, (count, 4), from block `first` on.
 
     Args:
         seed: the key, below 2^64.
-        stream: higher half of the counter, below 2^64; the lower one is the number of the block.
-        first: number of a block.
-        count: how many.
+        stream: higher half of the counter, below 2^64; the lower half is the number of the block.
+        first: number of the first block.
+        count: number of blocks.
     """
     numbers = np.arange(first, first + count, dtype=np.uint64)
     low, high = (np.full_like(numbers, part) for part in (stream % 2**32, stream >> 32))
@@ -55,7 +55,7 @@ def blocks(seed: int, stream: int, first: int, count: int) -> Words:
 
 
 def words(seed: int, stream: int, first: int, samples: int) -> Words:
-    """Words of 32 bits, one a sample, (samples,): those of a stream from the sample `first` on.
+    """Words of 32 bits, one per sample, (samples,), of a stream from sample `first` on.
 
     Sample k is word k % 4 of block k // 4.
     """
@@ -70,29 +70,29 @@ CENTRE = (
     *(2.6287105, 0.3229417, -0.010211866, -0.000287669, 0.00016799163, -2.2237188e-05, 7.115692e-07),
     *(2.966972e-07, -4.949059e-08, -6.9319605e-10, 5.538613e-10),
 )
-"""The normal over x, a polynomial of least error in w - 4 where w = -log(1 - x^2), from 0 to 8."""
+"""The normal over x: minimax polynomial in w - 4 with w = -log(1 - x^2), from 0 to 8."""
 
 TAIL = (
     *(5.073497, 1.4264868, 0.0029138303, -0.0018335806, 0.00071712016, -0.00033072532, 0.0003326637),
     *(-0.00018842452,),
 )
-"""The same in sqrt(w) - 3.75, from w = 8 to 21.5, where the last word lies."""
+"""The same in sqrt(w) - 3.75, from w = 8 to 21.5, the value of the last word."""
 
 CENTRE_MIDDLE, TAIL_MIDDLE, LN_2 = 4.0, 3.75, 0.6931472
 
 IN_TAIL = 0x58000
-"""Words beyond which, to the last of their sign, fewer than these lie are in the tails: 1 draw in 5958."""
+"""Number of outermost words of either sign that belong to the tails: 1 draw in 5958."""
 
 HALF_ROOT_BITS, MAGNITUDE, SIGN = np.uint32(0x3F3504F3), np.int32(0x7FFFFFFF), np.uint32(0x80000000)
 
 
 def uniforms(drawn: Words) -> Floats:
-    """Uniform in [-1, 1], one of each word; the bits of ``uniform`` in C."""
+    """Uniform in [-1, 1], one from each word, with the bits of ``uniform`` in C."""
     return _with_sign(_share(_inner(drawn)), drawn)
 
 
 def normals(drawn: Words) -> Floats:
-    """Standard normals, one of each word; the bits of ``draw_normals`` in C."""
+    """Standard normals, one from each word, with the bits of ``draw_normals`` in C."""
     outer = _inner(drawn) ^ MAGNITUDE
     x, w = _share(_inner(drawn)), _depth(_share(outer))
     magnitudes = x * _polynomial(CENTRE, w - np.float32(CENTRE_MIDDLE))
@@ -124,7 +124,7 @@ def _depth(t: Singles) -> Singles:
 
 
 def _polynomial(coefficients: Sequence[float], x: Singles) -> Singles:
-    """Even and odd powers apart, so that they need not wait for each other in C."""
+    """A polynomial with separate even and odd powers, which C can compute in parallel."""
     q, parts = x * x, []
     for terms in (coefficients[::2], coefficients[1::2]):
         total = np.full_like(x, terms[-1])

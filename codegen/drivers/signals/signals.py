@@ -1,4 +1,4 @@
-"""Signals of a run sample by sample, given or random: filled by compiled C (fill.c), or by NumPy to the same bits."""
+"""Signals of a run sample by sample, given or random, by compiled C (fill.c) or by NumPy with the same bits."""
 
 import ctypes
 import sys
@@ -34,7 +34,7 @@ class RandomSignal:
         seed: a whole number below 2^64.
         stream: its number, below 2^64: signals of one seed with different numbers are independent.
         sigma: standard deviation.
-        decay: of the autocorrelation from sample to sample; 0 is white noise.
+        decay: autocorrelation from sample to sample; 0 is white noise.
         limit: largest magnitude.
         from_zero: whether it is zero before its first sample.
     """
@@ -52,7 +52,7 @@ class UniformSignal:
     """White noise, uniform in [-1, 1].
 
     Attributes:
-        seed, stream: as of a `RandomSignal`.
+        seed, stream: as in `RandomSignal`.
     """
 
     seed: int
@@ -61,13 +61,13 @@ class UniformSignal:
 
 @dataclass(frozen=True)
 class OutageSignal:
-    """1 in an outage, else 0; each window of time has one outage, somewhere within it.
+    """1 in an outage, else 0; each time window has one outage.
 
     Attributes:
-        seed, stream: as of a `RandomSignal`.
+        seed, stream: as in `RandomSignal`.
         period: samples of a window, from 1 to 2^32 - 1.
-        length: of an outage in samples, on average, below 2^31: all lengths from half as long to half as long again are
-            as likely, but none is longer than its window. Where it begins is as likely anywhere that it ends in time.
+        length: mean length of an outage in samples, below 2^31. The length is uniform between half and one and a half
+            times the mean, limited to the window; the start is uniform among those that end within the window.
     """
 
     seed: int
@@ -79,7 +79,7 @@ class OutageSignal:
 Drawn: TypeAlias = RandomSignal | UniformSignal | OutageSignal
 
 NORMAL, UNIFORM, OUTAGES = 1, 2, 3
-"""Kinds of random parts in sources.h; 0 is nothing random."""
+"""Kinds of random parts in sources.h; 0: none."""
 
 SIGNAL_KINDS: dict[type[Drawn], int] = {RandomSignal: NORMAL, UniformSignal: UNIFORM, OutageSignal: OUTAGES}
 
@@ -99,27 +99,27 @@ Records: TypeAlias = NDArray[np.void]
 
 
 class Signals:
-    """Signals of a run, each of what is given and what is random, filled piece by piece.
+    """Signals of a run, each the sum of a given and a random part, filled piece by piece.
 
     Attributes:
-        records: (signals,) of `SIGNAL`; their states move on as samples are filled.
+        records: (signals,) of `SIGNAL`; filling samples advances their states.
     """
 
     def __init__(self, random: Sequence[Drawn | None]) -> None:
-        """Set the signals up.
+        """Set up the signals.
 
         Args:
-            random: the random part of each signal; ``None`` where there is none.
+            random: the random part of each signal, or ``None``.
         """
         (self.records,) = _records(random, 1)
         self._given: list[Floats | None] = []
 
     def of_many(self, random: Sequence[Drawn | None], count: int) -> "list[Signals]":
-        """Signals of many runs, of which the same is given as of these.
+        """Signals of many runs with the same given parts.
 
         Args:
-            random: the random part of each signal, whose numbers may be arrays (count,).
-            count: number of the runs.
+            random: the random part of each signal, with numbers or arrays (count,).
+            count: number of runs.
         """
         records = _records(random, count)
         records["given"], records["given_from"] = self.records["given"], self.records["given_from"]
@@ -129,10 +129,10 @@ class Signals:
         return runs
 
     def give(self, given: Sequence[Floats | None], first: int = 0) -> None:
-        """Say what is given.
+        """Set the given parts.
 
         Args:
-            given: of each signal, (samples,), or ``None`` for zero.
+            given: the given part of each signal, (samples,), or ``None`` for zero.
             first: number of the first of these samples.
         """
         self._given = [None if values is None else np.ascontiguousarray(values, float) for values in given]
@@ -140,9 +140,9 @@ class Signals:
         self.records["given_from"] = first
 
     def pieces(self, length: int, samples: int, shortest: int) -> Iterator[Floats]:
-        """So many samples from the first one on, (samples, signals), in tables that grow from `shortest` to `length`.
+        """Samples from the first one on, (samples, signals), in tables of growing length from `shortest` to `length`.
 
-        So the first one is there soon.
+        The short first table is available soon.
         """
         first, piece = 0, min(shortest, length)
         while first < samples:
@@ -152,10 +152,10 @@ class Signals:
             first, piece = first + len(table), min(2 * piece, length)
 
     def fill(self, table: Floats, first: int) -> None:
-        """Fill a table with samples; pieces follow each other. Python's lock is released meanwhile.
+        """Fill a table with samples, in consecutive pieces, without the global interpreter lock.
 
-        The bits are the same however the samples are divided into pieces, in C and, where there is no compiler or
-        nothing is random, in NumPy.
+        The bits do not depend on the division into pieces, and are the same in C and in NumPy, which is used without a
+        compiler or random parts.
 
         Args:
             table: (samples, signals), overwritten.
@@ -169,10 +169,7 @@ class Signals:
 
 
 def _records(random: Sequence[Drawn | None], count: int) -> Records:
-    """Random parts, whose numbers may be arrays (count,), as (count, signals) of `SIGNAL`.
-
-    Where a standard deviation is zero there is none.
-    """
+    """Random parts, with numbers or arrays (count,), as (count, signals) of `SIGNAL`; none for a deviation of zero."""
     records = np.zeros((count, len(random)), SIGNAL)
     for column, signal in zip(records.T, random, strict=True):
         if signal is not None:
@@ -183,20 +180,20 @@ def _records(random: Sequence[Drawn | None], count: int) -> Records:
 
 
 WIDE = ("-mprefer-vector-width=512",)
-"""Beside the flags of every build, none of which lets a compiler round otherwise: the same bits from every one."""
+"""Additional flags; as those of every build, they do not affect rounding: every compiler gives the same bits."""
 
 FILL_PARTS = (
     *("elementary.h", "signals/philox.h", normal_source(), "signals/normal.h"),
     *(f"signals/{name}" for name in ("sources.h", "outages.h", "bundle.h", "fill.c")),
 )
-"""Texts of fill.c and of what comes before it, as `unit` takes them."""
+"""Texts of fill.c and its headers, for `unit`."""
 
 ALONE = np.zeros(1, np.int64)
 """The source of a single lane."""
 
 
 class Sources(ctypes.Structure):
-    """What runs in lanes receive; ``Sources`` of sources.h."""
+    """Signals of runs in lanes; ``Sources`` of sources.h."""
 
     _fields_ = (
         ("signals", ctypes.c_void_p),
@@ -214,11 +211,11 @@ class CompiledFill:
     _library: ctypes.CDLL
 
     def __call__(self, signals: Records, first: int, table: Floats) -> None:
-        """Fill a table; Python's lock is released meanwhile."""
+        """Fill a table without the global interpreter lock."""
         self._library.fill(ctypes.byref(self.prepared(signals[np.newaxis])), first, len(table), table)
 
     def in_lanes(self, runs: Sequence[Signals], length: int, samples: int) -> Iterator[Floats]:
-        """So many samples of runs, 16 at most, side by side, in tables (samples, signals, runs) of at most `length`."""
+        """Samples of at most 16 parallel runs, in tables (samples, signals, runs) of at most `length` samples."""
         sources = self.prepared(np.stack([run.records for run in runs]), np.arange(len(runs)))
         for first in range(0, samples, length):
             table = np.empty((min(length, samples - first), len(runs[0].records), len(runs)))
@@ -226,11 +223,11 @@ class CompiledFill:
             yield table
 
     def prepared(self, records: Records, source: NDArray[np.int64] = ALONE) -> Sources:
-        """What lanes receive, for ``fill`` to fill tables (samples, signals, lanes) of it, piece after piece.
+        """Signals of lanes, for ``fill`` to fill tables (samples, signals, lanes) piece by piece.
 
         Args:
-            records: (sources, signals) of `SIGNAL`, C-contiguous; their states move on as samples are filled.
-            source: (lanes,) which of the sources each lane has; 16 lanes at most.
+            records: (sources, signals) of `SIGNAL`, C-contiguous; filling samples advances their states.
+            source: (lanes,) index of each lane's source; 16 lanes at most.
         """
         room = records.shape[1], ctypes.c_int64.in_dll(self._library, "bundle_size").value
         bundles = np.empty(room, np.uint8)
@@ -241,7 +238,7 @@ class CompiledFill:
 
     @property
     def address(self) -> int | None:
-        """Of ``fill``, for other compiled code to call it."""
+        """Address of ``fill``, for calls from other compiled code."""
         return ctypes.cast(self._library.fill, ctypes.c_void_p).value
 
 
@@ -257,11 +254,11 @@ def compile_fill(compiler: Compiler) -> CompiledFill:
 
 
 def fill(signals: Records, first: int, table: Floats) -> None:
-    """Fill a table with samples from the sample `first` on in NumPy, and move the signals' states on.
+    """Fill a table with samples from sample `first` on in NumPy, and advance the signals' states.
 
     Args:
         signals: (signals,) of `SIGNAL`.
-        first: number of a sample.
+        first: number of the first sample.
         table: (samples, signals), overwritten.
     """
     drawn = {NORMAL: _gauss_markov, UNIFORM: _uniform, OUTAGES: _outages}
@@ -309,5 +306,5 @@ def _outages(signal: np.void, first: int, samples: int) -> Floats:
 
 
 def _below(count: NDArray[np.int64], drawn: NDArray[np.uint64]) -> NDArray[np.int64]:
-    """Whole numbers from 0 to below a count, of words."""
+    """Uniform integers from 0 to count - 1, from words."""
     return (count.astype(np.uint64) * drawn >> np.uint64(32)).astype(np.int64)
