@@ -121,7 +121,7 @@ def _doubt(folder: Path) -> str:
         marker.touch(mode=0o600)
         marker.write_text(TAG)
     if not os.path.lexists(marker) or not own(marker):  # another process may have created it since
-        return f"{folder} was open to others, or is none of dualwinch's: remove it"
+        return f"{folder} was open to others, or was not made by dualwinch: remove it"
     return ""
 
 

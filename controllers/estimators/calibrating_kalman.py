@@ -131,5 +131,5 @@ class CalibratingKalman(Estimator):
 
 def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:
     """The nominal rope with the estimated compliance."""
-    believed = kelvin_voigt(rope)
-    return replace(believed, modulus=believed.modulus / (1 + known.excess))
+    nominal = kelvin_voigt(rope)
+    return replace(nominal, modulus=nominal.modulus / (1 + known.excess))

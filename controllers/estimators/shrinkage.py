@@ -34,7 +34,7 @@ def shrunk(known: Knowledge, n: int, exempt: Sequence[int]) -> tuple[Scalar, ...
         chi2 += w[i] * (element(known, i, i) * w[i] + 2 * before)
     threshold = len(others) - 2
     share = 1 - threshold / maximum(chi2, threshold)
-    believed = [share * value for value in w]
+    estimates = [share * value for value in w]
     for i, theirs in zip(exempt, alias, strict=True):
-        believed[i] = w[i] + (1 - share) * theirs
-    return tuple(believed)
+        estimates[i] = w[i] + (1 - share) * theirs
+    return tuple(estimates)

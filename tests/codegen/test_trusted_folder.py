@@ -152,7 +152,7 @@ def test_a_link_in_place_of_the_folder(given: Path, tmp_path: Path) -> None:
 def test_a_folder_that_somebody_has_filled_is_not_its_own(given: Path) -> None:
     (given / NAME).mkdir(mode=0o700)
     (given / NAME / "notes.txt").write_text("mine")
-    built_elsewhere("is none of dualwinch's")
+    built_elsewhere("was not made by dualwinch")
     assert [file.name for file in (given / NAME).iterdir()] == ["notes.txt"]
 
 
@@ -163,7 +163,7 @@ def test_files_of_somebody_else(given: Path) -> None:
     assert answer(library(SOURCE, find_compiler())) == 42
     assert planted.exists()
     os.chown(given / NAME / MARKER, SOMEBODY, SOMEBODY)
-    built_elsewhere("none of dualwinch's")
+    built_elsewhere("was not made by dualwinch")
     os.chown(given / NAME, SOMEBODY, SOMEBODY)
     built_elsewhere(f"{given / NAME} belongs to another user")
     os.chown(given, SOMEBODY, SOMEBODY)
