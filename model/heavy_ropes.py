@@ -175,7 +175,7 @@ def _evenly(rope: RopeLaw, wound: Scalar, stretch: Scalar, wound_rate: Scalar, s
 
 
 PASSES = 3
-"""Fixed-point iterations for node speeds and drag of a moving rope; each reduces the error by 1e-4."""
+"""Fixed-point iterations for node speeds and drag of a moving rope; each reduces the error by a factor of 1e4."""
 
 
 def steady_rope(
