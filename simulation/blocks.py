@@ -1,4 +1,4 @@
-"""Controller, plant and closed loop as blocks for other tools, by the equations that `simulate` runs."""
+"""Export controller, plant and closed loop as blocks for other tools, with the equations that `simulate` runs."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -43,10 +43,10 @@ from dualwinch.simulation.rows import COLUMNS
 
 Scalars: TypeAlias = dict[str, Scalar]
 Facts: TypeAlias = dict[str, tuple[Quantity, tuple[float, float]]]
-"""Variable name → what it is and the range it may take."""
+"""Variable name → quantity and range."""
 
 PHASE, SAMPLE, SLOW = "phase", "sample", "slow"
-"""States beside the plant's own state; the last is an integrator's memory and no part of the continuous plant."""
+"""States in addition to the plant's; the last is memory of an integrator, not a state of the continuous plant."""
 
 ANY = (-np.inf, np.inf)
 SATURATED = Quantity("1", "1 where the force command is beyond its limit")
@@ -61,9 +61,9 @@ class Equations:
         state, input: the symbols by name.
         initial, next_state, output: expressions by name; `output` may depend on the input.
         about: quantities and ranges of states, inputs and outputs.
-        output_now: the output from the state before the step, where it does not depend on the input.
-        nominal: sizes of states beside the others, where they are not 1.
-        derivative: by time of the states that are continuous, which come first; of a continuous system.
+        output_now: the output from the state before the step, if it does not depend on the input.
+        nominal: nominal magnitudes of states relative to each other, where they are not 1.
+        derivative: time derivative of the continuous states, which come first; only for a continuous system.
     """
 
     state: Scalars
@@ -78,7 +78,7 @@ class Equations:
 
 
 def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Plant, Plant]:
-    """Controller, plant and believed plant of an experiment with symbols for their numbers."""
+    """Controller, plant and nominal plant of an experiment with symbols for their numbers."""
     return (
         with_leaves(experiment.controller, symbols, "controller."),
         with_leaves(experiment.plant, symbols, "plant."),
@@ -95,7 +95,7 @@ def _facts(described: Mapping[str, Leaf]) -> Facts:
 
 
 def reference_inputs(controller: Controller) -> Facts:
-    """Setpoints as inputs of a controller: of now, and of each time of its preview."""
+    """Setpoints as inputs of a controller: the present one, and one for each preview time."""
     of_now = {name: COLUMNS[name] for name in ("x_ref", "v_ref", "a_ref")}
     ahead = {
         f"{name}_ahead_{number}": replace(quantity, meaning=f"{quantity.meaning} {time:g} s ahead")
@@ -106,13 +106,13 @@ def reference_inputs(controller: Controller) -> Facts:
 
 
 def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
-    """The setpoint of `reference_inputs`."""
+    """The setpoint made of the inputs of `reference_inputs`."""
     points = [Setpoint(*wanted[first : first + 3]) for first in range(0, len(wanted), 3)]
     return Previewed(**vars(points[0]), known=dict(zip(times, points[1:], strict=True)))
 
 
 def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
-    """One sample of the controller: sensor values and reference in, torques and inner signals out."""
+    """One sample of the controller: from sensor values and reference to torques and internal signals."""
     controller, _, nominal = _symbolic(experiment, symbols)
     start = initial_controller_state(experiment.controller, experiment.reference.start)
     state, sensed = _new(leaves(start)), _new(describe(Measurement))
@@ -192,9 +192,9 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 
 
 def _swings(plant: Plant, preload: float) -> dict[str, float]:
-    """Size of each speed beside its position: the frequency in rad/s of the ropes' swing amid the track, in decades.
+    """Magnitude of each speed relative to its position: natural frequency at mid-track in rad/s, as a power of ten.
 
-    A solver that allows both the same error would ask more of the speeds than the positions can give.
+    With one tolerance for both, a solver would demand more accuracy of the speeds than the positions can give.
     """
     lengths = rope_lengths(plant.track.length / 2, plant.track)
     ropes = (plant.rope_1, plant.rope_2)
@@ -248,21 +248,22 @@ BLOCKS: tuple[BlockName, ...] = get_args(BlockName)
 
 
 def block(name: str, experiment: Experiment | None = None, nominal: Plant | None = None) -> Block:
-    """A part of an experiment as a block, with the experiment's values as its parameters' own.
+    """Build a block of a part of an experiment, with the experiment's values as defaults of its parameters.
 
-    * ``controller``: sensor values and reference in, motor torques and inner signals out.
-    * ``plant``: motor torques, current and further forces in; motion and tensions out. One step is one sample of
-      `simulate`; the vortex force comes from the parameters. Torques arrive at once: ``simulation.delay_samples``
-      belongs to the closed loop.
-    * ``closed-loop``: reference, sensor noise and sea in; a row of a result out. Figures of merit are left out.
+    * ``controller``: inputs are sensor values and reference, outputs motor torques and internal signals.
+    * ``plant``: inputs are motor torques, current and further forces, outputs motion and tensions. One step is one
+      sample of `simulate`; the vortex force follows from the parameters. Torques act without delay, as
+      ``simulation.delay_samples`` belongs to the closed loop.
+    * ``closed-loop``: inputs are reference, sensor noise, current and forces, output is a row of a result. Figures of
+      merit are left out.
 
     Args:
-        name: one of these.
-        experiment: structure and values (default: the paper's Case 2).
+        name: one of the above.
+        experiment: structure and values; default: the paper's Case 2.
         nominal: the plant the controller was designed for; default: the simulated one.
 
     Raises:
-        ConfigurationError: an unknown `name`, or values that do not fit together.
+        ConfigurationError: an unknown `name`, or inconsistent values.
     """
     if name not in BLOCKS:
         raise ConfigurationError(unknown("block", name, BLOCKS))
@@ -282,7 +283,7 @@ def block(name: str, experiment: Experiment | None = None, nominal: Plant | None
 def _assemble(
     name: str, description: str, law: Equations, symbols: Scalars, values: dict[str, float], experiment: Experiment
 ) -> Block:
-    """The block of a law, without the inputs and parameters that nothing depends on."""
+    """The block of some equations, without inputs and parameters that nothing depends on."""
     given = {"step": ("state", "input", "parameters"), "initial": ("parameters",), "output": ("state", "parameters")}
     given["derivative"] = given["step"]
     results = {
@@ -338,7 +339,7 @@ def _used(symbols: Scalars, expressions: ca.SX) -> Scalars:
 
 
 def _at_rest(experiment: Experiment) -> dict[str, float]:
-    """Sensor values, reference and motor torques at rest before the first sample, by the names of inputs."""
+    """Sensor values, reference and motor torques at rest before the first sample, by input name."""
     preload, plant, x = experiment.controller.limits.preload, experiment.plant, experiment.reference.start
     rest = resting_state(preload, plant, x)
     read = dict(zip(("F1", "F2"), tensions(rest, plant), strict=True))
@@ -356,7 +357,7 @@ def _variables(names: Iterable[str], starts: Iterable[float], about: Facts) -> t
 
 
 def _parameter(key: str, value: float, leaf: Leaf) -> Variable:
-    """A parameter with its metadata; its source is the default's own, or the configuration."""
+    """A parameter with its metadata; its source is that of the default, or "configuration"."""
     believed = key.startswith("nominal.")
     return Variable(
         name=key,

@@ -1,4 +1,4 @@
-"""One experiment: plant, controller, reference, disturbances, sensors and how to simulate them."""
+"""An experiment: plant, controller, reference, disturbances, sensors and simulation settings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,14 +22,14 @@ IntegratorName: TypeAlias = Literal["adaptive", "exponential", "rk4", "verlet"]
 
 EngineName: TypeAlias = Literal["compiled", "casadi", "interpreter"]
 ENGINES: tuple[EngineName, ...] = get_args(EngineName)
-"""``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: the
-step as CasADi's code generator writes it, untouched. Both run in the same driver, the whole run in one call.
-``interpreter``: CasADi's virtual machine, a call a sample."""
+"""``compiled``: C by the emitter of `codegen.source`, which rewrites the step with fewer operations. ``casadi``: C as
+CasADi's code generator writes it. Both run the whole run in one call of the same driver. ``interpreter``: CasADi's
+virtual machine, one call per sample."""
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """How to simulate."""
+    """Settings of the simulation: timing, integrator, engine, seed."""
 
     sample_time: Annotated[
         Positive, at.Le(0.1), Quantity("s", "sampling period of the controller", "assumption"), Mark.TIMING
@@ -48,7 +48,7 @@ class Simulation:
         int,
         at.Ge(0),
         at.Le(100),
-        Quantity("1", "samples a torque is late at the motor", "assumption"),
+        Quantity("1", "delay of torque commands to the motors, in samples", "assumption"),
         Mark.SHAPES_CODE,
     ] = 0
     torque_step: Annotated[
@@ -120,13 +120,13 @@ class Experiment:
     ] = ()
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where a value is of the wrong type or out of its range."""
+        """Raise `ConfigurationError` for a value of the wrong type or out of its range."""
         object.__setattr__(self, "metrics", checked_metrics(self.metrics))
         check_values(self)
 
     @property
     def duration(self) -> float:
-        """Length of the run in s: the given one, else the reference's own."""
+        """Length of the run in s: as given, else that of the reference."""
         given = self.simulation.duration
         return own_duration(self.reference) if given is None else given
 

@@ -27,18 +27,18 @@ CASES = {
     3: "uniform speed, vortex shedding",
     4: "profile, vortex shedding",
 }
-"""Case number → what it is."""
+"""Case number → description."""
 
 CONTROLLERS = {law.kind: law.label for law in (FandoNftsm, Nftsm, PidCascade)}
 """The paper's controllers: `controller.kind` → its name in figures and tables (Table 2)."""
 
 REDUCTIONS = {"mae": -0.76, "max_abs_error": -0.67, "mse": -0.935}
-"""Figure 21: change of the steady-state errors by the observer in Case 4, as the paper reports it."""
+"""Figure 21: relative change of the steady-state errors due to the observer in Case 4, as the paper reports it."""
 
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One figure of the paper: its number, the case it shows and what it draws."""
+    """One figure of the paper: its number, case and content."""
 
     number: int
     case: int
@@ -51,7 +51,7 @@ CONTENTS = {
     "commands": "force commands of the coordination",
     "tensions": "rope tensions",
 }
-"""The four figures of a case and what they show, in the paper's order."""
+"""The four figures of a case and their titles, in the paper's order."""
 
 FIGURES = tuple(
     PaperFigure(number, case, content) for number, (case, content) in enumerate(product(CASES, CONTENTS), start=5)
@@ -75,15 +75,15 @@ def case(
     Args:
         number: 1 to 4.
         controller: a `controller.kind`.
-        law: a position law with its gains, in place of `controller`; also one of your own.
-        estimator: in place of the low-pass filter; likewise.
-        coordination: in place of differential tension; likewise.
-        rope: both ropes, in place of the paper's; also of a law of your own.
-        actuator: of both motors, which the paper takes for ideal; also one of your own.
-        metrics: figures of merit of your own, beside the built-in ones.
+        law: a position law with its gains, instead of `controller`; built-in or your own, as all parts below.
+        estimator: replaces the low-pass filter.
+        coordination: replaces differential tension.
+        rope: replaces the paper's two ropes.
+        actuator: of both motors, which the paper assumes to be ideal.
+        metrics: your own figures of merit, in addition to the built-in ones.
 
     Raises:
-        ConfigurationError: there is no such case or controller; the message names the nearest controller.
+        ConfigurationError: an unknown case or controller; the message suggests the nearest controller.
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
         raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")
@@ -102,18 +102,18 @@ WITH_OBSERVER, WITHOUT_OBSERVER = "fando-nftsm", "nftsm"
 """The controllers Figure 21 compares."""
 
 COMPARED_CASE = 4
-"""The case Figure 21 compares them in."""
+"""The case of Figure 21."""
 
 
 def steady_change(results: Mapping[str, Result]) -> dict[str, float] | None:
-    """Relative change of the steady-state errors by the observer.
+    """Relative change of the steady-state errors due to the observer.
 
     Args:
         results: controller → result, all of one case.
 
     Returns:
         ``mae``, ``max_abs_error``, ``mse`` → (with observer − without) / without, so −0.76 is 76 % less; NaN where
-        a run never reached its steady state. ``None`` where one of the two controllers is missing.
+        a run never reached its steady state. ``None`` if one of the two controllers is missing.
     """
     if WITH_OBSERVER not in results or WITHOUT_OBSERVER not in results:
         return None
@@ -123,7 +123,7 @@ def steady_change(results: Mapping[str, Result]) -> dict[str, float] | None:
 
 
 def reductions(runs: Mapping[tuple[int, str], Result]) -> dict[str, float] | None:
-    """Figure 21's reductions: `steady_change` of Case 4, ``None`` where it was not run with both controllers.
+    """Figure 21's reductions: `steady_change` of Case 4; ``None`` if it was not run with both controllers.
 
     Args:
         runs: (case, controller) → result.
@@ -132,10 +132,10 @@ def reductions(runs: Mapping[tuple[int, str], Result]) -> dict[str, float] | Non
 
 
 def percent(share: float, form: str = "+.1f") -> str:
-    """A relative change in percent, with a minus sign that is one, e.g. −74.4 %.
+    """A relative change in percent, with a true minus sign (U+2212), e.g. −74.4 %.
 
     Args:
         share: the change; −0.744 is 74.4 % less.
-        form: how the number is formatted; ``+g`` for as many digits as it has.
+        form: format of the number; ``+g`` for all its digits.
     """
     return f"{round(100 * share, 6):{form}} %".replace("-", "−")

@@ -1,6 +1,6 @@
-"""Experiments checked and made ready to run: whether their values fit together, and what every run of them needs.
+"""Check an experiment's values against each other, and prepare it for running.
 
-Rules for one value stand beside the value.
+Constraints on a single value are declared beside its field.
 """
 
 import math
@@ -34,18 +34,18 @@ from dualwinch.simulation.loop.structure import (
 )
 
 LONGEST = 10**9
-"""Samples of the longest run."""
+"""Maximum number of samples of a run."""
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedExperiment:
-    """An experiment whose values fit together, with what a run of it needs; not to be changed.
+    """An experiment with consistent values, and the data needed to run it. Read-only.
 
     Attributes:
-        experiment: to be run.
+        experiment: the experiment to run.
         nominal: the plant the controller was designed for; None: the simulated one.
-        structure: of the compiled code.
-        start: name → value of every state before the first sample.
+        structure: the experiment that represents its compiled code (`structure_of`).
+        start: state name → initial value.
     """
 
     experiment: Experiment
@@ -55,12 +55,12 @@ class PreparedExperiment:
 
     @cached_property
     def parameters(self) -> dict[str, float]:
-        """Every number that the closed loop takes at run time, by its key (`loop.structure.parameters_of`)."""
+        """Run-time parameters of the closed loop, by key (`loop.structure.parameters_of`)."""
         return parameters_of(self.experiment, self.nominal)
 
     @property
     def loop(self) -> ClosedLoop:
-        """The closed loop, without terms that are always zero; it is kept where its bytes are counted."""
+        """The closed loop without terms that are always zero, from the cache of graphs, whose size is limited."""
         return closed_loop(self.structure, self._zeros)
 
     @cached_property
@@ -69,20 +69,20 @@ class PreparedExperiment:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """(states,) before the first sample, to be written to."""
+        """(states,) initial state, as a new array that may be overwritten."""
         return np.array(list(self.start.values()))
 
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExperiment:
-    """Check that the values of an experiment fit together, and make it ready to run.
+    """Check that an experiment's values are consistent, and prepare it for running.
 
     Args:
-        experiment: to be run.
+        experiment: the experiment to run.
         nominal: the plant the controller was designed for; default: the simulated one.
 
     Raises:
-        ConfigurationError: values do not fit together; the message names the key and its range.
+        ConfigurationError: values are inconsistent; the message names the key and its range.
     """
     instance("experiment", experiment, Experiment)
     check_rules(experiment)
@@ -172,7 +172,7 @@ def _check_reference(experiment: Experiment) -> None:
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _position_at(t: float, reference: Reference) -> float:
-    """In m; kept, as the scenarios of an ensemble share their reference."""
+    """Reference position in m; cached, as the scenarios of an ensemble share their reference."""
     return float(setpoint(t, reference).x)
 
 
@@ -207,9 +207,9 @@ def _check_substeps(experiment: Experiment) -> None:
 
 
 def fastest_swing(plant: Plant) -> Any:
-    """How fast in rad/s Kelvin–Voigt ropes with their drums, or a vehicle on its bristles, swing at most.
+    """Highest natural frequency in rad/s of Kelvin–Voigt ropes with their drums, or of a vehicle on its bristles.
 
-    An array where the plant's numbers are.
+    An array if the plant's numbers are arrays.
     """
     rates = [
         swing_rate(kelvin_voigt(rope), winch, plant.track)
@@ -219,12 +219,12 @@ def fastest_swing(plant: Plant) -> Any:
 
 
 def substeps_for(fastest: Any, simulation: Simulation, integrator: str) -> Any:
-    """How many sub-steps, not rounded, of an integrator keep up with a swing in rad/s."""
+    """Sub-steps per sample, not rounded, that an integrator needs for an oscillation in rad/s."""
     return fastest * simulation.sample_time / INTEGRATORS[integrator].reach
 
 
 def check_memory(samples: int, stride: int, columns: int) -> None:
-    """Raise `ConfigurationError` where the rows of a run would take more than half of this machine's memory."""
+    """Raise `ConfigurationError` if the rows of a run would take more than half of this machine's memory."""
     if not (stride and hasattr(os, "sysconf")):
         return
     room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2

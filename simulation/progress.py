@@ -1,39 +1,39 @@
-"""How a long computation reports how far it is: one protocol for everything that takes ``progress=``.
+"""Progress reports of long computations: the protocol behind every ``progress=`` argument.
 
-A computation calls ``progress(fraction)`` now and then; any callable of a number suits it. One that goes through
-several phases, as a search does, also names the phase and sums up in a line of numbers where it stands:
-``progress(0.4, "searching", "120 trials")``. What receives that suits every computation.
+A computation calls ``progress(fraction)`` from time to time; any callable of a number will do. One with several
+phases, such as a search, also passes the name of the phase and a line of numbers on its status:
+``progress(0.4, "searching", "120 trials")``. A receiver of all three arguments works with every computation.
 """
 
 from typing import Protocol
 
 
 class Progress(Protocol):
-    """Receives how far a computation is; called from the thread that computes, and expected to return at once."""
+    """Receiver of progress reports; called in the computing thread, so it must return at once."""
 
     def __call__(self, fraction: float, /) -> None:
-        """Report the `fraction` of the whole computation that is done, from 0 to 1."""
+        """Report the completed `fraction` of the whole computation, from 0 to 1."""
         ...
 
 
 class PhaseProgress(Progress, Protocol):
-    """Receives how far a computation is that goes through several phases."""
+    """Receiver of progress reports of a computation with several phases."""
 
     def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
         """Report progress.
 
         Args:
-            fraction: of the whole computation that is done, from 0 to 1.
-            phase: name of the current step; empty: as before.
-            status: where the computation stands, as a line of numbers with units.
+            fraction: completed fraction of the whole computation, from 0 to 1.
+            phase: name of the current phase; empty: as before.
+            status: status of the computation as a line of numbers with units.
         """
         ...
 
 
 def no_progress(fraction: float, phase: str = "", status: str = "") -> None:
-    """The `Progress` that nothing receives; default of functions that take one."""
+    """Ignore progress reports; the default of ``progress=`` arguments."""
 
 
 def part(progress: Progress, first: float, last: float) -> Progress:
-    """Progress of a part of a computation, from 0 to 1, as that of the whole, from the fraction `first` to `last`."""
+    """A receiver for a part of a computation: maps its 0 to 1 to `first` to `last` of the whole."""
     return lambda fraction: progress(first + fraction * (last - first))

@@ -1,4 +1,4 @@
-"""Rows of a result, and what a sample of the closed loop offers to figures of merit."""
+"""Rows of a result, and the signals of a sample from which figures of merit are computed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -53,29 +53,29 @@ class Row:
 
 @dataclass(frozen=True)
 class ActualTorques:
-    """Actual motor torques, where they are not the commands."""
+    """Actual motor torques, where they differ from the commands."""
 
     torque_1: Annotated[Scalar, Quantity("N m", "torque of motor 1, its mean until the next sample"), Mark.HELD]
     torque_2: Annotated[Scalar, Quantity("N m", "torque of motor 2, its mean until the next sample"), Mark.HELD]
 
 
 READ = "_read"
-"""Ends the names of the columns that hold what a sensor says."""
+"""Suffix of columns that hold sensor readings."""
 
 READINGS = {leaf.key + READ: leaf.quantity for leaf in describe(Measurement).values()}
-"""Columns of what the sensors say, where they are kept."""
+"""Columns of sensor readings, where they are kept."""
 
 COLUMNS = {leaf.key: leaf.quantity for leaf in describe(Row).values()}
-"""Columns that every result has: name → quantity, in the order of a result file; a controller's own come after."""
+"""Columns of every result: name → quantity, in the order of a result file; those of the controller's parts follow."""
 
 INNER = {leaf.key: leaf.quantity for leaf in describe(InnerSignals).values()}
-"""Columns that follow where ropes have mass or weight, or gearboxes give."""
+"""Further columns where ropes have mass or weight, or gearboxes are elastic."""
 
 TORQUES = {leaf.key: leaf.quantity for leaf in describe(ActualTorques).values()}
-"""Columns that follow where the actuator is not ideal."""
+"""Further columns where the actuator is not ideal."""
 
 CONTINUOUS = frozenset(leaf.key for leaf in describe(Row).values() if Mark.HELD not in leaf.marks) | INNER.keys()
-"""Columns of what goes on between two samples; all others, a controller's own too, are held until the next."""
+"""Columns that vary between two samples; all others, the controller's included, are held until the next sample."""
 
 
 def row_of(
@@ -91,26 +91,26 @@ def row_of(
     torques: Torques | None = None,
     measurement: Measurement | None = None,
 ) -> dict[str, tuple[Scalar, Quantity]]:
-    """The row of one sample: column name → value and what it is.
+    """The row of one sample: column name → value and quantity.
 
-    ``d_true`` is the acceleration the nominal model leaves unexplained, given the true tensions: the value an observer
-    should find. With a perfect nominal model it is the disturbance force over the mass.
+    ``d_true`` is the acceleration that the nominal model leaves unexplained, given the true tensions: the value that
+    an observer should estimate. With a perfect nominal model it is the disturbance force divided by the mass.
 
     Args:
         t: time in s.
         state: the plant's state.
         forces: tensions in N.
         reference: where the vehicle should be at that time.
-        output: of the controller.
+        output: output of the controller.
         environment: exogenous disturbances of the vehicle.
         plant: the plant.
-        nominal: the plant as the controller believes it to be.
-        bias: of the position sensor in m; an error that is all the time there does not count.
-        torques: of the motors, where they are not the commands.
-        measurement: readings of the sensors, where rows have them.
+        nominal: the controller's model of the plant.
+        bias: of the position sensor in m; the tracking error does not include it.
+        torques: of the motors, where they differ from the commands.
+        measurement: readings of the sensors, if rows include them.
 
     Raises:
-        ConfigurationError: a part of the controller names a signal of its own like a column there is.
+        ConfigurationError: a part of the controller gives a signal the name of an existing column.
     """
     F1, F2 = forces
     pulls = rope_pulls(state, plant, t)
@@ -168,11 +168,11 @@ class Sample(Row):
     torque_saturated: Annotated[Scalar, Quantity("1", "1 where a motor torque is at its limit")]
     steady: Annotated[Scalar, Quantity("1", "1 in the steady-state window")]
     signals: Annotated[Mapping[str, Scalar], Mark.CONTENT]
-    """Signals of the controller's own parts, by the names of their columns."""
+    """Signals of the controller's parts, by column name."""
 
     @property
     def error(self) -> Scalar:
-        """Tracking error in m, x − x_ref in the frame of the position sensor: its bias does not count."""
+        """Tracking error in m, x − x_ref in the frame of the position sensor, so without its bias."""
         return self.e
 
     @property

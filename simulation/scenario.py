@@ -15,15 +15,15 @@ Value: TypeAlias = float | int | bool | str
 
 @dataclass(frozen=True)
 class Scenario:
-    """One draw of an ensemble: the drawn values. The experiment follows from them, and is made where it is needed.
+    """One draw of an ensemble: the drawn values. Its experiment is built from them on first use.
 
     Attributes:
-        index: its number in the ensemble, from 0.
+        index: number in the ensemble, from 0.
         base: the experiment without the draws.
         nominal: the plant the controller was designed for, without the draws.
         draws: key → drawn value, ``simulation.seed`` among them.
-        vertex: whether it is a vertex of the box of draws, not a draw like the others.
-        hard: whether it was picked because it is hard: it counts in the worst of the scenarios, and not in a mean.
+        vertex: whether it is a vertex of the box of draws instead of a random draw.
+        hard: whether it was picked for its difficulty: it counts in worst cases but not in means.
     """
 
     index: int
@@ -43,10 +43,10 @@ class Scenario:
         return with_leaves(self.base, self.draws)
 
     def having(self, settings: Mapping[str, Any]) -> "Scenario":
-        """The scenario with other values of some keys, whether these were drawn or not.
+        """The scenario with other values for some keys, drawn or not.
 
         Raises:
-            ConfigurationError: a value that the base refuses.
+            ConfigurationError: a value that the base experiment does not allow.
         """
         draws = {key: value for key, value in self.draws.items() if key not in settings}
         return replace(self, base=with_leaves(self.base, settings), draws=draws)

@@ -17,7 +17,7 @@ Silence: TypeAlias = Literal["held", "missing"]
 
 @dataclass(frozen=True)
 class Sensors:
-    """Errors of the sensors; 0 is a perfect one."""
+    """Errors of the sensors; 0 is a perfect sensor."""
 
     position_noise: Annotated[
         NonNegative, Quantity("m", "white noise of the position", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
@@ -142,7 +142,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Noise:
-    """Draws of one sample, standard normal where nothing else is said."""
+    """Random draws of one sample, standard normal unless stated otherwise."""
 
     position: Annotated[Scalar, Quantity("1", "draw of the position sensor")] = 0.0
     speed: Annotated[Scalar, Quantity("1", "draw of the speed sensor")] = 0.0
@@ -155,7 +155,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class LoadCells:
-    """What load cells that lag carry on from earlier samples."""
+    """Filter states of load cells with a lag."""
 
     F1: Annotated[Scalar, Quantity("N", "tensions before, as load cell 1 remembers them")]
     F2: Annotated[Scalar, Quantity("N", "tensions before, as load cell 2 remembers them")]
@@ -178,7 +178,7 @@ class HeldReadings(Readings):
 
 
 def sensors_structure(sensors: Sensors) -> Sensors:
-    """What of some sensors shapes code, with numbers of no sensors in particular."""
+    """Sensors of the same compiled code, with placeholder numbers."""
     silence = silence_of(sensors)
     outages = {"outage": silence, "outage_length": 1.0} if silence else {}
     shaping: dict[str, Any] = {
@@ -188,12 +188,12 @@ def sensors_structure(sensors: Sensors) -> Sensors:
 
 
 def silence_of(sensors: Sensors) -> Silence | None:
-    """Reading of the position sensor while it is silent; None: it never is."""
+    """Reading of the position sensor during an outage; None: it has no outages."""
     return sensors.outage if sensors.outage_length > 0 else None
 
 
 def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
-    """Drum angle in rad of one encoder count; 0 for a perfect encoder."""
+    """Drum angle per encoder count in rad; 0 for a perfect encoder."""
     counts = sensors.encoder_counts
     return where(counts > 0, 2 * math.pi / (gear_ratio * maximum(counts, 1)), 0.0)
 
@@ -201,13 +201,13 @@ def encoder_step(gear_ratio: Scalar, sensors: Sensors) -> Scalar:
 def measurement(
     state: PlantState, tensions: tuple[Scalar, Scalar], plant: Plant, sensors: Sensors, drift: Scalar = 0.0
 ) -> Measurement:
-    """The measurement equation: readings without noise and rounding, encoders on the motors' shafts.
+    """Evaluate the measurement equation: readings without noise and rounding, encoders on the motor shafts.
 
     Args:
-        state: the plant's.
-        tensions: true ones in N.
-        plant: gives drum radii.
-        sensors: their zeros and scales.
+        state: state of the plant.
+        tensions: true tensions in N.
+        plant: source of drum radii.
+        sensors: source of zeros and scales.
         drift: of the position sensor in m.
     """
     (shaft_1, speed_1), (shaft_2, speed_2) = state.shafts
@@ -224,7 +224,7 @@ def measurement(
 
 
 def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> dict[str, Scalar]:
-    """Drum angles in rad as the encoders count them, by their names in `Readings`."""
+    """Drum angles in rad, rounded to encoder counts, by their names in `Readings`."""
     return {
         "theta_1": quantise(exact.theta_1, encoder_step(plant.winch_1.gear_ratio, sensors)),
         "theta_2": quantise(exact.theta_2, encoder_step(plant.winch_2.gear_ratio, sensors)),
@@ -232,7 +232,7 @@ def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> dict[st
 
 
 def drum_speed(exact: Scalar, difference: Scalar, sensors: Sensors) -> Scalar:
-    """A drum's speed in rad/s: as its drive measures it, at its own rate, else the difference of encoder readings."""
+    """A drum's speed in rad/s: measured by its drive at the drive's own rate, else from two encoder readings."""
     if present(sensors.drum_speed_resolution):
         return quantise(exact, sensors.drum_speed_resolution)
     return where(sensors.encoder_counts > 0, difference, exact)
@@ -241,9 +241,9 @@ def drum_speed(exact: Scalar, difference: Scalar, sensors: Sensors) -> Scalar:
 def load_cells(
     cells: LoadCells, tensions: tuple[Scalar, Scalar], sensors: Sensors, sample_time: Scalar
 ) -> tuple[LoadCells, tuple[Scalar, Scalar]]:
-    """Readings in N of load cells that lag, and what they carry on, at tensions in N.
+    """Filter states and readings in N of load cells with a first-order lag, at tensions in N.
 
-    A lag of first order, exact for tensions that change evenly from sample to sample (first-order hold): with the time
+    Exact for tensions that change linearly from sample to sample (first-order hold): with the time
     constant T, the sample time h and a = exp(−h/T), a reading y = F + (1 − a) T/h (w − F) and w' = F + a (w − F).
     """
     samples = sample_time / sensors.load_cell_time_constant
@@ -255,7 +255,7 @@ def load_cells(
 
 
 def first_readings(state: PlantState, tension: Scalar, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
-    """Readings before the first sample, both ropes under a tension in N; of the position only where it may be held."""
+    """Readings before the first sample with both ropes at a tension in N; of position only if outages hold it."""
     exact = measurement(state, (tension, tension), plant, sensors)
     cells = LoadCells(tension, tension) if present(sensors.load_cell_time_constant) else NO_STATE
     encoders = Readings(**read_encoders(exact, plant, sensors), load_cells=cells)
@@ -279,14 +279,13 @@ def measure(
         tensions: true tensions in N.
         noise: this sample's draws.
         last: the readings of the last sample.
-        plant: gives gear ratios and drum radii.
+        plant: source of gear ratios and drum radii.
         sensors: errors of the sensors.
-        sample_time: in s; where drives do not measure it, a drum speed is the difference of two encoder readings over
-            it.
+        sample_time: in s; where drives do not measure drum speeds, these are differences of encoder readings over it.
         silence: `silence_of` these sensors.
 
     Returns:
-        The readings, to be kept for the next sample, and the measurement.
+        The readings, which the next sample needs, and the measurement.
     """
     carried = last.load_cells
     if isinstance(carried, LoadCells):

@@ -1,6 +1,6 @@
-"""Values by key, set on an experiment: each of the right type and in its range, or an error that names the key.
+"""Set values of an experiment by key, checking type and range; errors name the key.
 
-Keys that had another name (`RENAMED`) are understood wherever a key enters.
+Former names of keys (`RENAMED`) are accepted everywhere.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +18,7 @@ from dualwinch.model.quantities.tree import leaves, validated, with_leaves
 from dualwinch.simulation.experiment import Experiment
 
 RENAMED = {"controller.calibration.spread": "controller.calibration.deviation", "disturbance.seed": "simulation.seed"}
-"""Old key → what it is called now."""
+"""Former key → present key."""
 
 
 def current(key: str) -> str:
@@ -27,12 +27,12 @@ def current(key: str) -> str:
 
 
 def known_keys() -> dict[str, Leaf]:
-    """Every configuration key there is, of all registered parts, and what it is."""
+    """Every configuration key of all registered parts → its metadata."""
     return dict(_known_keys(tuple(tuple(registry.values()) for registry in registries())))
 
 
 @lru_cache(maxsize=4)
-def _known_keys(parts: tuple[tuple[type[Part], ...], ...]) -> dict[str, Leaf]:  # noqa: ARG001 # what it depends on
+def _known_keys(parts: tuple[tuple[type[Part], ...], ...]) -> dict[str, Leaf]:  # noqa: ARG001 # key of the cache
     return describe(Experiment)
 
 
@@ -40,9 +40,9 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     """A copy of an experiment with some values set.
 
     Args:
-        experiment: where the other values come from.
-        values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``. Another kind of a part, such as
-            ``controller.kind``, comes with its own gains, and with the gains that both kinds share.
+        experiment: source of all other values.
+        values: dotted key → value, e.g. ``{"plant.vehicle.mass": 1.1e4}``. Another kind of a part, such as another
+            ``controller.kind``, brings its own default gains and keeps the gains that both kinds share.
 
     Raises:
         ConfigurationError: an unknown key, a value of the wrong type or out of range, or a gain of a part that the
@@ -64,12 +64,12 @@ def with_settings(
     values: Mapping[str, Any],
     located: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> tuple[Experiment, list[str]]:
-    """A copy of an experiment with some values set, and the keys of parts that it does not have.
+    """A copy of an experiment with some values set, and the keys that belong to parts it does not have.
 
     Args:
-        experiment: where the other values come from.
+        experiment: source of all other values.
         values: dotted key → value.
-        located: puts the place of a key before an error.
+        located: context that prefixes errors with the place of a key.
 
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.
@@ -84,8 +84,8 @@ def with_settings(
     def located_now(key: str) -> AbstractContextManager[None]:
         return located(given[key])
 
-    for describe_those in (describe_choices, describe_parts):  # parts first: they say which gains there are
-        known = describe_those(experiment)
+    for described in (describe_choices, describe_parts):  # parts first: they determine which gains exist
+        known = described(experiment)
         for key, value in values.items():
             if key in known and key not in checked:
                 with located(given[key]):
@@ -101,7 +101,7 @@ def with_settings(
 def _with_files(
     experiment: Experiment, values: Mapping[str, Any], located: Callable[[str], AbstractContextManager[None]]
 ) -> Experiment:
-    """The experiment with the files among some values read; errors name the key of the file."""
+    """The experiment after reading the files that some values name; errors name the key of the file."""
     known = describe_parts(experiment)
     for key in values:
         if Mark.FILE in known[key].marks:
@@ -112,7 +112,7 @@ def _with_files(
 
 
 def from_folder(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Values of a file, the paths among them relative to its folder."""
+    """Values of a file, with paths resolved against its folder."""
     return {key: _from_folder(value, folder) if Mark.FILE in marks_of(key) else value for key, value in values.items()}
 
 
@@ -121,27 +121,27 @@ def _from_folder(value: Any, folder: Path) -> Any:
 
 
 def without_digests(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values without digests of files: where a setting names another file, they are another file's."""
+    """Values without digests of files, which no longer hold when a setting names another file."""
     return {key: value for key, value in values.items() if Mark.DIGEST not in marks_of(key)}
 
 
 def marks_of(key: str) -> frozenset[Mark]:
-    """Marks of a key; none of an unknown one."""
+    """Marks of a key; none for an unknown key."""
     leaf = known_keys().get(current(key))
     return leaf.marks if leaf else frozenset()
 
 
 def describe_choices(experiment: Experiment) -> dict[str, Leaf]:
-    """The keys that choose parts."""
+    """Keys that choose parts, with their metadata."""
     kinds = {Mark.PART, Mark.PARTS}
     return {key: leaf for key, leaf in describe_parts(experiment).items() if not kinds.isdisjoint(leaf.marks)}
 
 
 def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
-    """Metadata of a key, in an experiment or in any.
+    """Metadata of a key, of this experiment or of any.
 
     Raises:
-        ConfigurationError: it names nothing; the message says what may be meant.
+        ConfigurationError: an unknown key; the message suggests similar ones.
     """
     here, key = describe_parts(experiment) if experiment else {}, current(key)
     if found := here.get(key) or known_keys().get(key):

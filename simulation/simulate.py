@@ -15,7 +15,7 @@ from dualwinch.simulation.results.outcomes import WORDS
 from dualwinch.simulation.results.result import Result
 
 PIECE = 1_000_000
-"""Samples that run between two looks at the clock and the keyboard."""
+"""Samples between two progress reports and checks for an interrupt."""
 
 
 def simulate(
@@ -31,19 +31,19 @@ def simulate(
     Args:
         experiment: plant, controller, reference, disturbances, sensors, simulation.
         nominal: the plant the controller was designed for; default: the simulated one.
-        stride: every how many samples a row is kept; 0 keeps none (the metrics count every sample all the same).
+        stride: keep every `stride`-th sample as a row; 0 keeps none (the metrics still count every sample).
         engine: ``compiled`` (C by our emitter), ``casadi`` (C as CasADi's code generator writes it) or ``interpreter``
-            (CasADi's, some hundred times slower); the same answer but for rounding. Default: the experiment's
+            (CasADi's, about a hundred times slower); results differ only by rounding. Default: the experiment's
             (``simulation.engine``).
-        progress: called now and then in a long run with the share that is done.
+        progress: called from time to time in a long run with the completed fraction.
 
     Returns:
-        The result; a run that diverges or leaves the track is one too, with its outcome, its rows until then, and
-        NaN for figures of merit.
+        The result, also of a run that diverges or leaves the track: its outcome, its rows until then, and NaN for
+        figures of merit.
 
     Raises:
-        ConfigurationError: the experiment's values do not fit together, or its rows not into memory.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: the experiment's values are inconsistent, or its rows do not fit into memory.
+        DualwinchError: no compiler or no usable cache folder.
     """
     prepared = prepare(experiment, nominal)
     loop = prepared.loop

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(RunOutcomes):
-    """What came of an experiment over a grid of some of its values.
+    """Results of an experiment over a grid of some of its values.
 
     Attributes:
-        interrupted: whether an interrupt ended the runs; those it left out have the outcome ``not_run``.
-        experiment: what all other values are from.
-        keys: what was varied, an axis of the grid each.
-        values: the values of each key, in its axis' order.
+        interrupted: whether an interrupt ended the sweep; runs not started have the outcome ``not_run``.
+        experiment: source of all other values.
+        keys: the varied keys, one axis of the grid each.
+        values: the values of each key, in the order of its axis.
         quantities: key → unit and meaning.
     """
 
@@ -47,7 +47,7 @@ class Sweep(RunOutcomes):
 
     @property
     def merits(self) -> dict[str, MetricQuantity]:
-        """Figure of merit → what it is."""
+        """Figure of merit → its metadata."""
         return metric_quantities(self.experiment.metrics)
 
     @property
@@ -56,7 +56,7 @@ class Sweep(RunOutcomes):
         return tuple(map(len, self.values))
 
     def at(self, key: str, value: Any) -> Self:
-        """The part of the sweep with one value of a key, which is no axis any more.
+        """The part of the sweep at one value of a key, whose axis is dropped.
 
         Raises:
             UnknownNameError: the key was not varied.
@@ -81,9 +81,9 @@ class Sweep(RunOutcomes):
         return f"{type(self).__name__}({axes}; {ends})"
 
     def plot(self, metric: str, ax: "Axes | None" = None) -> "Figure":
-        """A line over one key, or a heat map over two (the first along the horizontal axis).
+        """Plot a line over one key, or a heat map over two (the first along the horizontal axis).
 
-        Axes of values that grow by factors are logarithmic, words stand in their order; runs that were not completed
+        Axes of values spaced by a factor are logarithmic, axes of words keep their order; runs that were not completed
         are marked.
 
         Args:
@@ -91,8 +91,8 @@ class Sweep(RunOutcomes):
             ax: axes to draw into; default: a figure of its own.
 
         Raises:
-            UnknownNameError: there is no such figure of merit.
-            ConfigurationError: there are more than two keys (`at` takes one away), or none.
+            UnknownNameError: an unknown figure of merit.
+            ConfigurationError: more than two keys (`at` removes one), or none.
         """
         return figures().ensembles.sweep_figure(self, metric, ax=ax)
 
@@ -106,30 +106,30 @@ def sweep(
 ) -> Sweep:
     """Run an experiment with every combination of some values.
 
-    Each run is that of `override`: its figures of merit are `simulate`'s up to the elementary functions of
-    `rollout`, in whose vector lanes runs of one structure go side by side.
+    Each run is of the experiment that `override` returns. Runs of one structure share the vector lanes of `rollout`;
+    figures of merit equal those of `simulate` up to the elementary functions used there.
 
     Args:
-        experiment: where the other values come from.
-        values: dotted key → its values; of any keys, those too that choose parts or shape the compiled code, such as
-            ``controller.kind`` and ``simulation.delay_samples``. Each key is an axis of the grid, in this order.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        experiment: source of all other values.
+        values: dotted key → its values. Any key is allowed, also one that chooses a part or shapes the compiled code,
+            such as ``controller.kind`` or ``simulation.delay_samples``. Each key is an axis of the grid, in this order.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called from time to time with the completed fraction.
 
     Returns:
-        Figures of merit and outcomes, as arrays of the grid's shape. An interrupt (Ctrl-C) leaves what is finished,
-        and ``not_run`` for the rest.
+        Figures of merit and outcomes, as arrays of the grid's shape. After an interrupt (Ctrl-C), the runs that are
+        not finished have the outcome ``not_run``.
 
     Raises:
-        ConfigurationError: an unknown key, no values, a value twice or out of range, or values that do not go together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: an unknown key, no values, a value given twice or out of range, or inconsistent values.
+        DualwinchError: no compiler or no usable cache folder.
     """
     instance("experiment", experiment, Experiment)
     if not isinstance(values, Mapping):
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     grid = {current(key): _listed(key, given) for key, given in values.items()}
     if "metrics" in grid:
-        raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")
+        raise ConfigurationError("metrics: are the same for all runs of a sweep; add every metric to the experiment")
     if not grid:
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
@@ -151,7 +151,7 @@ def sweep(
 
 
 def _listed(key: str, given: Iterable[Any]) -> list[Any]:
-    """Values of a key, as Python's own."""
+    """Values of a key, as plain Python values."""
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise ConfigurationError(f"{key} = {shown(given)}: must be a list of values")
     listed = [value.item() if isinstance(value, np.generic) else value for value in given]
@@ -164,13 +164,13 @@ def _listed(key: str, given: Iterable[Any]) -> list[Any]:
 
 
 def _point(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
-    """The experiment of a point of the grid, checked."""
+    """The checked experiment of a grid point."""
     try:
         made = override(experiment, values)
         prepare(made)
     except ConfigurationError as error:
-        said, assignments = str(error), [f"{key} = {shown(value)}" for key, value in values.items()]
-        if said.startswith(("unknown key", *assignments)):
+        message, assignments = str(error), [f"{key} = {shown(value)}" for key, value in values.items()]
+        if message.startswith(("unknown key", *assignments)):
             raise
-        raise ConfigurationError(f"{', '.join(assignments)}: {said}") from error
+        raise ConfigurationError(f"{', '.join(assignments)}: {message}") from error
     return made

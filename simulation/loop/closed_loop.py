@@ -1,4 +1,4 @@
-"""Plant and controller as one symbolic step of the sampled closed loop, and the zero-order hold between two samples."""
+"""The sampled closed loop of plant and controller as one symbolic step, with a zero-order hold between samples."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -48,15 +48,15 @@ from dualwinch.simulation.sensors import Noise, Readings, first_readings, measur
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop(Sampled):
-    """The closed loop as named CasADi functions, and the names of everything in their vectors.
+    """The closed loop as named CasADi functions, and the names of the elements of their vectors.
 
-    At a sample the controller senses and acts, and the figures of merit are summed up; until the next one the plant
-    moves. `margin` in m is the distance of the next position to the nearer end of the track.
+    At a sample the controller runs and the sums behind the figures of merit are updated; the plant then moves until
+    the next sample. `margin` in m is the distance of the next position to the nearer end of the track.
 
     Attributes:
         states, exogenous, parameters: names of the elements of those vectors.
-        marks: state → what else it is.
-        quantities: what each element of a row is, by its name: the columns of a result.
+        marks: state → its marks.
+        quantities: quantity of each element of a row, by name: the columns of a result.
     """
 
     states: tuple[str, ...]
@@ -71,10 +71,10 @@ class ClosedLoop(Sampled):
         return tuple(self.quantities)
 
     def vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """(parameters,) numbers by name, such as `structure.parameters_of` gives, as the compiled code takes them.
+        """(parameters,) vector for the compiled code, from numbers by name as `structure.parameters_of` returns them.
 
         Raises:
-            DualwinchError: they are not those of this closed loop.
+            DualwinchError: the names are not the parameters of this closed loop.
         """
         if tuple(values) != self.parameters:
             odd = ", ".join(sorted(set(values) ^ set(self.parameters))) or "their order"
@@ -82,12 +82,12 @@ class ClosedLoop(Sampled):
         return np.array(list(values.values()), float)
 
     def marked(self, *marks: Mark) -> NDArray[np.bool_]:
-        """(states,) whether a state has one of some marks."""
+        """(states,) whether a state has any of these marks."""
         return np.array([not self.marks[name].isdisjoint(marks) for name in self.states])
 
     @property
     def step(self) -> ca.Function:
-        """``step(state, exogenous, parameters) -> (next_state, row, margin)``: one whole sample."""
+        """``step(state, exogenous, parameters) -> (next_state, row, margin)`` over one sample."""
         return _whole_step(self)
 
 
@@ -109,15 +109,15 @@ def _whole_step(loop: Sampled) -> ca.Function:
 
 
 LOOP_OPENINGS = {"u": "u_sat", "tau_1": "tau_1", "tau_2": "tau_2"}
-"""Where the loop can be opened for analysis: signal → the column of what arrives at the opening."""
+"""Signals at which the loop can be opened for analysis → the column that returns to the opening."""
 
 ANALYSIS_POINTS = ("F1", "F2", "u", "tau_1", "tau_2")
-"""Analysis points, all signals it can be opened at, each computed from those before it."""
+"""Analysis points: all signals at which the loop can be opened, each computed from those before it."""
 
 
 @dataclass(frozen=True)
 class Exogenous:
-    """What one sample receives from outside."""
+    """Exogenous signals of one sample."""
 
     reference: Setpoint
     noise: Noise = field(default_factory=Noise)
@@ -129,26 +129,26 @@ class Exogenous:
 
 
 def nothing_from_outside(controller: Controller) -> Exogenous:
-    """What names the signals that one sample receives under a controller; all zero."""
+    """Exogenous signals of one sample under a controller, all zero; a template for names and structure."""
     times, rest = controller.preview, Setpoint(0.0, 0.0, 0.0)
     return Exogenous(rest, ahead=no_departures(times)) if times else Exogenous(rest)
 
 
 def exogenous_names(controller: Controller) -> tuple[str, ...]:
-    """Names of the signals that one sample receives under a controller."""
+    """Names of the exogenous signals of one sample under a controller."""
     return tuple(leaves(nothing_from_outside(controller)))
 
 
 FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.lateness"
-"""Signals that are hardly ever there: code of its own leaves them out."""
+"""Rarely used signals: where they are zero, code without them is compiled."""
 
 
 def absent_signals(*experiments: Experiment, varying: Collection[str] = ()) -> frozenset[str]:
-    """Signals from outside that are zero for good in all of some experiments; what they add can be left out.
+    """Exogenous signals that are always zero in all these experiments, so that their terms can be left out.
 
     Args:
-        experiments: some.
-        varying: keys of what may be another number elsewhere.
+        experiments: the experiments.
+        varying: keys whose values may differ elsewhere.
     """
     present = {
         FORCE: any(experiment.disturbance.force.given for experiment in experiments)
@@ -176,7 +176,7 @@ class LoopState:
 
 @dataclass(frozen=True)
 class Timing:
-    """When a sample is that need not be in time."""
+    """Timing of samples with jitter."""
 
     late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
 
@@ -185,9 +185,9 @@ def initial_loop_state(experiment: Experiment, parts: Any = None, x: Scalar | No
     """Plant, controller, sensors and actuators before the first sample, where the position sensor reads x.
 
     Args:
-        experiment: says what there is.
-        parts: gives the numbers (`symbolic_parts`); default: the experiment.
-        x: in m; default: where the reference begins.
+        experiment: determines the structure.
+        parts: source of the numbers (`symbolic_parts`); default: the experiment.
+        x: in m; default: the beginning of the reference.
     """
     given, begun = parts or experiment, experiment.reference.start if x is None else x
     preload, actuator, sensors = given.controller.limits.preload, given.actuator, given.sensors
@@ -208,9 +208,9 @@ def _queue_names(delay_samples: int) -> list[str]:
 
 
 def starting_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> dict[str, Scalar]:
-    """State before the first sample by name: at rest, both ropes at preload/2, equilibrium torques under way.
+    """Initial state by name: at rest, both ropes at preload/2, equilibrium torques in the delay queue.
 
-    The vehicle is where the position sensor reads what the reference begins with. Arguments as of `initial_loop_state`.
+    The position sensor reads the beginning of the reference. Arguments as for `initial_loop_state`.
     """
     given = parts or experiment
     start = initial_loop_state(experiment, parts, x)
@@ -230,17 +230,17 @@ def closed_loop(structure: Experiment, zeros: frozenset[str] = frozenset(), cuts
     """Build the symbolic functions of a structure (cached).
 
     Args:
-        structure: what shapes them.
-        zeros: names of parameters that are zero for good (`structure.zeros_of`), and of signals that are
-            (`absent_signals`): the functions leave out what these multiply or add and do not look at their values.
-        cuts: some of `ANALYSIS_POINTS`, to have the loop cut there for analysis: what leaves the cuts is then a fourth
-            input, ``cut``, of `sample`, `observe` and `step`, and what arrives at them one more output, ``returned``,
-            of `sample`.
+        structure: determines the functions.
+        zeros: names of parameters (`structure.zeros_of`) and signals (`absent_signals`) that are always zero: the
+            functions leave out their terms and ignore their values.
+        cuts: `ANALYSIS_POINTS` at which to open the loop for analysis: the signals injected at the openings become a
+            fourth input, ``cut``, of `sample`, `observe` and `step`, and the returned signals a further output,
+            ``returned``, of `sample`.
     """
     return _closed_loop(structure, zeros, cuts)
 
 
-def _offered(
+def _metric_sample(
     row: Mapping[str, tuple[Scalar, Quantity]],
     torques: Torques,
     plant: Plant,
@@ -249,7 +249,7 @@ def _offered(
     number: Scalar,
     steady: Scalar,
 ) -> Sample:
-    """What the sample of a row offers to figures of merit."""
+    """The signals of a sample from which figures of merit are computed."""
     columns = {name: value for name, (value, _) in row.items()}
     power_1 = plant.winch_1.gear_ratio * torques.tau_1 * columns["omega_1"]
     power_2 = plant.winch_2.gear_ratio * torques.tau_2 * columns["omega_2"]
@@ -267,16 +267,16 @@ def _offered(
 
 
 class _Instant(NamedTuple):
-    """When a sample is."""
+    """Timing of one sample."""
 
     t: Scalar
     """Time in s."""
     duration: Scalar
     """Time in s until the next sample."""
     reference: Setpoint
-    """Where the vehicle should be at that time; the controller knows that of a sample that is in time."""
+    """Setpoint at that time; the controller knows only the setpoint of a punctual sample."""
     timing: Any
-    """State of the next sample."""
+    """Timing state of the next sample."""
 
 
 def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter: Scalar) -> _Instant:
@@ -314,7 +314,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
     exogenous = with_leaves(calm, outside)
     plant_state = state.motion.plant
 
-    # the sample's beginning: sense and control
+    # at the sample: sense and control
     instant = _instant(state, exogenous, sample_time, values["simulation.jitter"])
     pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, instant.t), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
@@ -331,7 +331,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
         shared_force=injected.get("u"),
     )
 
-    # until the next sample: the plant moves on under what the motors make of the torques that reach them
+    # until the next sample: the plant moves under the motors' torques, which follow the commands that arrive
     winches = output.winches
     sent = injected.get("tau_1", winches.tau_1), injected.get("tau_2", winches.tau_2)
     queue = [*(of_state[name] for name in queued), *sent]
@@ -368,7 +368,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
         torques=None if is_ideal(actuator) else hold.torques,
         measurement=measurement if simulation.readings else None,
     )
-    sample = _offered(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
+    sample = _metric_sample(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
     sums |= states_after(parts.metrics, of_state, sample, sample_time)
     following = leaves(
@@ -381,7 +381,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
         returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
         at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
     marks = {name: leaf.marks for name, leaf in describe_parts(start).items()}
-    marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # they move nothing
+    marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # nothing depends on them
     move, one_step = between_samples(structure, problem, symbols["parameters"])
     return ClosedLoop(
         sample=named_function("sample", symbols, at_sample),
@@ -402,19 +402,19 @@ Floats = NDArray[np.float64]
 
 @built_once
 def start_function(structure: Experiment) -> ca.Function:
-    """``start(parameters, x) -> state`` of a structure, the numbers of `closed_loop.starting_state`; (states,)."""
+    """``start(parameters, x) -> state`` of a structure: `starting_state` as a CasADi function; (states,)."""
     parameters, x, state = _start(structure, steps=True)
     return ca.Function("start", [parameters, x], [state], ["parameters", "x"], ["state"])
 
 
 def starts(structure: Experiment, vectors: Floats, x: float | Floats) -> Floats:
-    """States before the first sample (runs, states) of parameters (runs, parameters) as the closed loop takes them.
+    """Initial states (runs, states) for parameter vectors (runs, parameters).
 
-    Each run begins at its x in m, (runs,) or one for all.
+    Each run begins at its x in m: (runs,), or one value for all.
     """
     function, positions = _mapped(structure, len(vectors)), np.full(len(vectors), x, float)
     states = np.empty((len(vectors), function.size1_out(0)))
-    buffer, evaluate = function.buffer()  # arrays in and out take CasADi longer than this function
+    buffer, evaluate = function.buffer()  # converting arrays would take CasADi longer than evaluating
     buffer.set_arg(0, np.ascontiguousarray(vectors).reshape(-1).data)  # pyright: ignore[reportCallIssue]
     buffer.set_arg(1, positions.data)  # pyright: ignore[reportCallIssue]
     buffer.set_res(0, states.reshape(-1).data)  # pyright: ignore[reportCallIssue]
@@ -429,7 +429,7 @@ def _mapped(structure: Experiment, count: int) -> ca.Function:
 
 @built_once
 def start_slopes(structure: Experiment) -> ca.Function:
-    """``start_slopes(parameters, x)``, (states, parameters): the same by parameters, of encoders without steps."""
+    """``start_slopes(parameters, x)``, (states, parameters): Jacobian of the initial state, with perfect encoders."""
     parameters, x, state = _start(structure, steps=False)
     return ca.Function("start_slopes", [parameters, x], [ca.densify(ca.jacobian(state, parameters))])
 
@@ -443,7 +443,7 @@ def _start(structure: Experiment, *, steps: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 @dataclass(frozen=True)
 class ZeroOrderHold:
-    """What acts on the plant from one sample to the next, constant in between."""
+    """Inputs of the plant, held constant from one sample to the next."""
 
     t: Annotated[Scalar, Quantity("s", "time of the sample's beginning")]
     torques: Torques
@@ -454,18 +454,18 @@ class ZeroOrderHold:
 
 @dataclass(frozen=True)
 class JitteringHold(ZeroOrderHold):
-    """The same where samples are early or late."""
+    """Zero-order hold of a duration that varies by jitter."""
 
     duration: Annotated[Scalar, Quantity("s", "time until the next sample")] = 0.0
 
 
 def zero_order_hold(structure: Experiment, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
-    """What is held until the next sample; how long, only where that is not always the same."""
+    """The inputs held until the next sample; includes the duration only if it varies."""
     return JitteringHold(**held, duration=duration) if structure.simulation.jitter > 0 else ZeroOrderHold(**held)
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
-    """What an integrator has to solve from one sample to the next, `duration` s later where the hold says nothing."""
+    """The integration problem from one sample to the next, `duration` s later unless the hold gives its own."""
     return Problem(
         t=hold.t,
         duration=hold.duration if isinstance(hold, JitteringHold) else duration,
@@ -477,12 +477,12 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
 
 
 def motion_template(structure: Experiment) -> Motion:
-    """What names the elements of the plant's vector; its numbers mean nothing."""
+    """Template that names the elements of the plant's vector; its numbers are placeholders."""
     return Motion(blank_state(structure.plant))
 
 
 def hold_template(structure: Experiment) -> ZeroOrderHold:
-    """What names the elements of a hold; its numbers mean nothing."""
+    """Template that names the elements of a hold; its numbers are placeholders."""
     others = dict.fromkeys(("t", "current", "normal_force_variation", "force"), 0.0)
     return zero_order_hold(structure, duration=0.0, torques=Torques(0.0, 0.0), **others)
 
@@ -490,14 +490,14 @@ def hold_template(structure: Experiment) -> ZeroOrderHold:
 def between_samples(
     structure: Experiment, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
-    """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`, the latter None where there is none.
+    """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`; the latter may be None.
 
-    Their `margin` in m is the distance of the next position to the nearer end of the track, with the overrun.
+    Their `margin` in m is the distance of the next position to the nearer end of the track, overrun included.
 
     Args:
         structure: integrator and number of sub-steps.
-        problem: gives what is solved, from the zero-order hold.
-        parameters: symbols in it that are parameters.
+        problem: zero-order hold → integration problem.
+        parameters: the symbols of its parameters.
     """
     template, still = hold_template(structure), motion_template(structure)
     motion, hold = ca.SX.sym("motion", len(leaves(still))), ca.SX.sym("hold", len(leaves(template)))
@@ -527,7 +527,7 @@ def _with_elements(group: Any, vector: ca.SX) -> Any:
 
 
 def named_function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    """A CasADi function of named inputs and outputs, common subexpressions merged."""
+    """A CasADi function with named inputs and outputs, common subexpressions merged."""
     with as_written():
         return ca.Function(
             name, list(inputs.values()), list(outputs.values()), list(inputs), list(outputs), {"cse": True}

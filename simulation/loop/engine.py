@@ -1,4 +1,4 @@
-"""Three ways to run the same symbolic step: C by our emitter, C by CasADi's code generator, CasADi's interpreter."""
+"""Engines that run the symbolic step: C by our emitter, C by CasADi's code generator, CasADi's interpreter."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -19,11 +19,11 @@ from dualwinch.simulation.loop.closed_loop import ClosedLoop
 Floats: TypeAlias = NDArray[np.float64]
 
 Engine: TypeAlias = Callable[[Floats, Floats, Floats, int], tuple[Outcome, int, Floats]]
-"""``(parameters, exogenous, state, stride) -> (outcome, samples stepped, rows)``; as `Rollout` of `codegen.drivers`."""
+"""``(parameters, exogenous, state, stride) -> (outcome, samples, rows)``; see `Rollout` of `codegen.drivers`."""
 
 
 class _Stepper:
-    """One sample after the other in CasADi's interpreter, without copies: from arrays, into arrays."""
+    """Steps sample by sample in CasADi's interpreter, reading and writing arrays in place."""
 
     def __init__(self, system: Sampled, parameters: Floats, state: Floats) -> None:
         self.state, self._parameters = state.copy(), parameters
@@ -60,7 +60,7 @@ class _Stepper:
         return call
 
     def step(self) -> Outcome:
-        """Step on by a sample; its outcome."""
+        """Advance by one sample and return its outcome."""
         self._sample()
         self._one_step()
         if not self._valid[0] > 0:
@@ -75,7 +75,7 @@ class _Stepper:
 def interpreter(system: Sampled) -> Engine:
     """Run a sampled system in CasADi's interpreter, with the outcomes of the compiled rollout.
 
-    It runs the very operations that are compiled, so that both engines give the same numbers.
+    It runs the same operations as the compiled code, so that both engines give the same numbers.
     """
 
     def run(parameters: Floats, exogenous: Floats, state: Floats, stride: int) -> tuple[Outcome, int, Floats]:
@@ -96,10 +96,10 @@ def interpreter(system: Sampled) -> Engine:
 
 
 def engine_of(loop: ClosedLoop, name: EngineName = "compiled") -> Engine:
-    """The engine of a name for a closed loop.
+    """The named engine for a closed loop.
 
     Raises:
-        DualwinchError: an engine that compiles finds no compiler, or no usable cache folder.
+        DualwinchError: a compiling engine finds no compiler or no usable cache folder.
         ConfigurationError: an unknown name.
     """
     if name not in ENGINES:

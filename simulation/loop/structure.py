@@ -1,4 +1,4 @@
-"""What of an experiment shapes the compiled code, which integrator solves it, and what are numbers at run time."""
+"""Structure of an experiment, which determines its compiled code; its integrator; its run-time parameters."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -23,24 +23,23 @@ from dualwinch.simulation.integrators.problem import fastest_rate
 from dualwinch.simulation.sensors import sensors_structure
 
 GENERAL: IntegratorName = "rk4"
-"""The integrator of ropes that the others do not know."""
+"""Integrator for ropes that the exponential integrators do not support."""
 
 DISTRIBUTED: IntegratorName = "verlet"
-"""The integrator of ropes with mass or weight, of gearboxes that give, and of friction with a state."""
+"""Integrator for ropes with mass or weight, elastic gearboxes, and friction with a state."""
 
 FINE = 0.5
-"""Rate of the fastest swing times sub-step in rad, at most, where nobody says how many sub-steps."""
+"""Highest natural frequency times sub-step in rad, at most, where the number of sub-steps is automatic."""
 
 OVERSHOOT = 1.5
-"""Tension beyond tension_max, as a factor, that sub-steps still keep up with."""
-
+"""Tension up to which automatic sub-steps are short enough, as a multiple of tension_max."""
 
 MOST_SUBSTEPS = 256
-"""Sub-steps of a sample at most."""
+"""Maximum number of sub-steps per sample."""
 
 
 class Solver(NamedTuple):
-    """An integrator by its name, and its sub-steps a sample."""
+    """Name of an integrator and its number of sub-steps per sample."""
 
     integrator: IntegratorName
     substeps: int
@@ -50,20 +49,20 @@ class Solver(NamedTuple):
 
 
 def is_automatic(experiment: Experiment) -> bool:
-    """Whether the ropes decide about integrator and sub-steps: one of them is no Kelvin–Voigt rope."""
+    """Whether the ropes determine integrator and sub-steps, as one of them is no Kelvin–Voigt rope."""
     return not all(map(is_kelvin_voigt, (experiment.plant.rope_1, experiment.plant.rope_2)))
 
 
 def solver_of(experiment: Experiment) -> Solver:
     """Integrator and sub-steps of an experiment.
 
-    With Kelvin–Voigt ropes they are those it asks for; where ropes have mass or weight, gearboxes give or friction has
-    a state, which the exponential integrators do not know, `DISTRIBUTED` takes their place. Ropes of other laws take a
-    general integrator with at least as many sub-steps as it asks for, and a power of two of them that keeps up with
-    the stiffest spring on the track, at tensions up to `OVERSHOOT` times tension_max.
+    With Kelvin–Voigt ropes they are the configured ones, except that `DISTRIBUTED` replaces an exponential integrator
+    where ropes have mass or weight, gearboxes are elastic or friction has a state. Ropes of other laws use a general
+    integrator with at least the configured number of sub-steps, or more (a power of two) where the stiffest spring
+    on the track, at tensions up to `OVERSHOOT` times tension_max, needs them.
 
     Raises:
-        ConfigurationError: a rope's law has no finite spring rate at these tensions, or asks for too many sub-steps.
+        ConfigurationError: a rope's law has no finite spring rate at these tensions, or needs too many sub-steps.
     """
     simulation = experiment.simulation
     distributed = is_distributed(experiment.plant) or remembers_friction(experiment.plant)
@@ -95,19 +94,19 @@ def solver_of(experiment: Experiment) -> Solver:
 
 @cache
 def unknown_keys() -> frozenset[str]:
-    """Keys ``nominal.*`` of what no controller believes of a plant."""
+    """Keys ``nominal.*`` of plant parameters that no controller knows."""
     return frozenset(key for key, leaf in describe_parts(Plant(), "nominal.").items() if Mark.UNKNOWN in leaf.marks)
 
 
 KEPT_STRUCTURES = 64
-"""Latest experiments whose numbers are kept: many calls in turn are about the same scenarios."""
+"""Size of the caches by experiment: successive calls often use the same scenarios."""
 
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def structure_of(experiment: Experiment) -> Experiment:
-    """The experiment that stands for all that share its compiled code: of the same parts, with the same numbers in all.
+    """The experiment that represents all experiments with the same compiled code.
 
-    Everything that code is not shaped by is a number that it takes at run time, and has some value here.
+    It has the same parts; every run-time parameter has a placeholder value.
     """
     solver, simulation = solver_of(experiment), experiment.simulation
     return Experiment(
@@ -127,10 +126,10 @@ def structure_of(experiment: Experiment) -> Experiment:
 
 
 def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
-    """What has the parts of an experiment with other numbers, which may be symbols; an experiment's own are checked.
+    """The parts of an experiment with other numbers, which may be symbols, in a namespace (`Experiment` takes none).
 
     Args:
-        experiment: gives parts, and the numbers that no key stands for.
+        experiment: source of the parts, and of numbers without a key.
         values: key → number.
     """
     groups = ("plant", "controller", "sensors", "actuator", "disturbance")
@@ -140,7 +139,7 @@ def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _alike(controller: Controller) -> Controller:
-    """A controller of the same structure with numbers of no controller in particular; nothing computes with them."""
+    """A controller of the same structure with placeholder numbers."""
     found = replace(alike(controller), nominal=Nominal())
     if found.preview != controller.preview:
         raise ConfigurationError(
@@ -151,19 +150,19 @@ def _alike(controller: Controller) -> Controller:
 
 @GRAPHS.cached
 def described_parameters(structure: Experiment) -> dict[str, Leaf]:
-    """What every parameter of a closed loop is, by its key (`parameters_of`)."""
+    """Metadata of every parameter of a closed loop (`parameters_of`), by key."""
     known = {**describe_parts(structure), **describe_parts(nominal_structure(structure.plant), "nominal.")}
     return {key: known[key] for key in parameters_of(structure)}
 
 
 def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
-    """Every number of an experiment that the closed loop takes at run time, by its key.
+    """Run-time parameters of the closed loop of an experiment, by key.
 
-    ``plant.*`` is the simulated plant, ``nominal.*`` the plant as the controller believes it to be.
+    ``plant.*`` is the simulated plant, ``nominal.*`` the controller's model of it.
 
     Args:
-        experiment: gives the numbers.
-        nominal: the plant the controller was designed for, where ``controller.nominal`` does not say otherwise;
+        experiment: source of the numbers.
+        nominal: the plant the controller was designed for, unless ``controller.nominal`` overrides it;
             default: the simulated one.
     """
     return dict(_parameters_of(experiment, nominal))
@@ -177,7 +176,7 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         nominal_plant(controller.nominal, plant, controller.limits.preload)
         for plant in (experiment.plant, nominal or experiment.plant)
     )
-    # code is shaped by the simulated plant: of what that has the other one may have nothing, a zero
+    # code has the structure of the simulated plant: parameters that the other plant lacks are zero
     believed, unknown = leaves(other, "nominal."), unknown_keys()
     values = (
         numbers(experiment.plant, "plant.")
@@ -197,19 +196,19 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _gains(controller: Controller) -> dict[str, float]:
-    """Not to be changed; kept, as the scenarios of an ensemble share their controller."""
+    """Gains by key (read-only); cached, as the scenarios of an ensemble share their controller."""
     return numbers(controller, "controller.")
 
 
 def zeros_of(structure: Experiment, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
-    """Parameters that are zero in all of these: what they multiply can be left out of the compiled code.
+    """Parameters that are zero in all these sets, so that the compiled code can leave out their terms.
 
-    Only those that are often zero for good count (`Mark.OFF_AT_ZERO`): each choice of zeros is code of its own.
+    Only parameters marked `Mark.OFF_AT_ZERO` are considered, as every set of zeros needs its own compiled code.
 
     Args:
         structure: of the closed loop.
-        parameters: as by `parameters_of`.
-        varying: keys of what may be another number elsewhere; those are not among the result.
+        parameters: sets as returned by `parameters_of`.
+        varying: keys whose values may differ elsewhere; excluded from the result.
     """
     changing = set(varying)
     if any(name.startswith("controller.nominal.") for name in varying):
