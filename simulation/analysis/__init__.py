@@ -1,1 +1,1 @@
-"""Analysis of the closed loop: linearisation, margins, the stability theorem, bounds of any controller."""
+"""Analysis of the closed loop: linearisation, margins, the stability theorem, performance bounds."""

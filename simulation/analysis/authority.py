@@ -1,8 +1,8 @@
-"""The actuators' authority: the force that a run asks of its motors, and the error that their limit leaves at least.
+"""Actuator authority: the force that a run requires of its motors, and the least error that their limits allow.
 
-Where the reference asks for more force than the motors can give, no gains help. The best that could be done is an
-optimal control problem: torques within their limits, chosen with full knowledge of the plant and of all that the sea
-will do, on ropes that do not stretch. A real controller knows less, and has elastic ropes and noisy sensors in between.
+Where the reference requires more force than the motors can deliver, no gains help. The least error is the solution of
+an optimal control problem: torques within their limits, chosen with full knowledge of the plant and of future
+disturbances, on inextensible ropes. A real controller knows less, and has elastic ropes and noisy sensors.
 """
 
 from collections.abc import Sequence
@@ -35,27 +35,27 @@ Floats = NDArray[np.float64]
 
 
 def required_force(experiment: Experiment, every: int = 50) -> Floats:
-    """Net force in N, at the ropes, that the motors have to give at every so many samples (instants,).
+    """Net rope force in N required of the motors along the reference, at every `every`-th sample (instants,).
 
-    It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with ropes that do not stretch: masses
-    times the reference's acceleration, and friction, drag and vortices at its speed. The motors can give
-    ``tension_max - tension_min`` either way (paper Section 3.1.1).
+    It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with inextensible ropes: masses times
+    the reference's acceleration, plus friction, drag and vortex forces at its speed. The motors can deliver
+    ``tension_max - tension_min`` in either direction (paper Section 3.1.1).
 
     Args:
-        experiment: what is run.
-        every: samples between two instants; what the sea does takes seconds.
+        experiment: the experiment.
+        every: samples between two instants; disturbances vary over seconds.
     """
     return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
 
 
 def outside_at(experiment: Experiment, every: int) -> Floats:
-    """What `force_law` receives at every so many samples, (7, instants)."""
+    """Inputs of `force_law` at every `every`-th sample, (7, instants)."""
     sea = np.array([signal[::every] for signal in sea_signals(experiment)])
     return np.vstack([_reference_at(experiment, every), sea])
 
 
 def _reference_at(experiment: Experiment, every: int) -> Floats:
-    """Time, position, speed and acceleration of the reference at every so many samples, (4, instants)."""
+    """Time, position, speed and acceleration of the reference at every `every`-th sample, (4, instants)."""
     t = np.arange(0, experiment.samples, every) * experiment.simulation.sample_time
     wanted = setpoint(t, experiment.reference)
     return np.array([t, wanted.x, wanted.v, np.broadcast_to(wanted.a, len(t))], dtype=np.float64)
@@ -63,12 +63,12 @@ def _reference_at(experiment: Experiment, every: int) -> Floats:
 
 @dataclass(frozen=True)
 class ForceDemand:
-    """The force that a run asks of its motors.
+    """The force that a run requires of its motors.
 
     Attributes:
-        share: the largest, as a share of what they can give.
-        shortfall: how far in m the vehicle falls behind at most, with all the force there is until it has caught up;
-            0: it need not. From the force alone: that a slower vehicle has less drag is left out.
+        share: largest required force over the available force.
+        shortfall: largest distance in m by which the vehicle falls behind when it uses the available force until it
+            has caught up; 0: it never does. Less drag at lower speed is neglected.
     """
 
     share: float
@@ -76,18 +76,18 @@ class ForceDemand:
 
 
 LANES, PIECE = 16, 64
-"""Runs whose seas are drawn side by side, and instants that are drawn at a time, so that they stay in the cache."""
+"""Runs whose disturbances are drawn in parallel, and instants drawn at a time, so that they fit into the cache."""
 
 
 def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
-    """The force that each of many runs asks of its motors; seas are drawn in vector lanes.
+    """The force that each of many runs requires of its motors; disturbances are drawn in vector lanes.
 
     Args:
         scenarios: the runs.
-        every: as of `required_force`.
+        every: as in `required_force`.
 
     Raises:
-        DualwinchError: no compiler, or no usable cache folder.
+        DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
     law, fill, found = compile_function(force_law()), compile_fill(find_compiler()), dict[int, ForceDemand]()
@@ -121,16 +121,16 @@ def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
 
 
 def within_authority(scenarios: Scenarios) -> NDArray[np.bool_]:
-    """(n,) whether each run stays within the actuators' authority: it asks for no more force than the motors can give.
+    """(n,) whether each run is within the actuators' authority: it requires no more force than the motors can deliver.
 
     Raises:
-        DualwinchError, KeyboardInterrupt: as of `force_demands`.
+        DualwinchError, KeyboardInterrupt: as in `force_demands`.
     """
     return np.array([demand.share <= 1 for demand in force_demands(scenarios)], bool)
 
 
 def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) -> float:
-    """How far in m a mass falls behind at most: it gets at most `limit` of the force in N, given every `step` s."""
+    """Largest lag in m of a mass that gets at most `limit` of a force in N, sampled every `step` s."""
     furthest = behind = rate = 0.0
     way = 1.0
     for value in force.tolist():
@@ -145,7 +145,7 @@ def _largest_shortfall(force: Floats, limit: float, step: float, mass: float) ->
 
 
 def force_parameters(experiment: Experiment) -> Floats:
-    """The parameters of `force_law`: the simulated plant's, and the vortices'."""
+    """Parameters of `force_law`: those of the simulated plant and of the vortices."""
     return _numbers(experiment.plant, experiment.disturbance)
 
 
@@ -155,7 +155,7 @@ def _numbers(plant: Plant, disturbance: Disturbance) -> Floats:
 
 @built_once
 def force_law() -> ca.Function:
-    """``force(outside, parameters)`` of time, position, speed, acceleration and what acts on the vehicle (`Sea`)."""
+    """``force(outside, parameters)``; `outside` is time, position, speed, acceleration and disturbances (`Sea`)."""
     outside, parameters, disturbance, plant = outside_symbols()
     _, _, v, a, *_ = ca.vertsplit(outside)
     force = pull(outside, disturbance, plant)
@@ -166,7 +166,7 @@ def force_law() -> ca.Function:
 
 
 def outside_symbols() -> tuple[ca.SX, ca.SX, Disturbance, Plant]:
-    """What `force_law` receives, as symbols, and disturbance and plant that are made of its parameters."""
+    """Symbols for the inputs and parameters of `force_law`, and the disturbance and plant made of its parameters."""
     plant, p = symbols(Plant(), "p")
     vortices, outside = numbers(Disturbance()), ca.SX.sym("outside", 7)
     switches = ca.SX.sym("switches", len(vortices))
@@ -175,25 +175,25 @@ def outside_symbols() -> tuple[ca.SX, ca.SX, Disturbance, Plant]:
 
 
 def pull(outside: ca.SX, disturbance: Disturbance, plant: Plant) -> Scalar:
-    """Net force F_1 − F_2 in N that the vehicle's motion asks of the ropes (paper Section 2.3)."""
+    """Net rope force F_1 − F_2 in N that the vehicle's motion requires (paper Section 2.3)."""
     t, x, v, a, push, current, load = ca.vertsplit(outside)
     vehicle = plant.vehicle
-    # the integral of the vortex frequency, which is proportional to the speed, over the way to x
+    # the vortex phase: the frequency is proportional to the speed, so that its time integral depends on x alone
     vortex = vortex_force(t, v, vortex_frequency(x, disturbance, vehicle), disturbance, vehicle)
     free = vehicle_acceleration(v, 0.0, DisturbanceInputs(push + vortex, current, load), vehicle)
     return inertia(vehicle) * (a - free)
 
 
 def motor_torque(v: Scalar, a: Scalar, tension: Scalar, winch: Winch) -> Scalar:
-    """Motor torque in N m that winds rope at v m/s and a m/s² against a tension in N (paper Section 2.4)."""
+    """Motor torque in N m for winding rope at v in m/s and a in m/s² against a tension in N (paper Section 2.4)."""
     idle = drum_acceleration(v / winch.drum_radius, tension, 0.0, winch)
     return total_inertia(winch) / winch.gear_ratio * (a / winch.drum_radius - idle)
 
 
 def moved_by(outside: ca.SX, deviation: ca.SX, step: float) -> ca.SX:
-    """What `force_law` receives of a motion that deviates in m (1, instants) from its reference.
+    """Inputs of `force_law` for a motion with a deviation in m (1, instants) from the reference.
 
-    It is known between the first and the last instant; speed and acceleration are by central differences.
+    Without the first and last instant, as speed and acceleration are central differences.
     """
     t, x, v, a, *sea = ca.vertsplit(outside[:, 1:-1])
     rate, bend = central_differences(deviation, step)
@@ -201,7 +201,7 @@ def moved_by(outside: ca.SX, deviation: ca.SX, step: float) -> ca.SX:
 
 
 def central_differences(values: ca.SX, step: float) -> tuple[ca.SX, ca.SX]:
-    """First and second derivative between the first and the last of values that are `step` s apart."""
+    """First and second time derivatives of values `step` s apart by central differences, without both ends."""
     before, now, after = values[:, :-2], values[:, 1:-1], values[:, 2:]
     return (after - before) / (2 * step), (after - 2 * now + before) / step**2
 
@@ -214,25 +214,25 @@ INTERIOR_POINT = {
     "max_iter": 500,
     **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-4),
 }
-"""Options of IPOPT for a start that is feasible: little is done to lead it away from there."""
+"""IPOPT options for a feasible initial guess: the solver starts close to it instead of pushing it off its bounds."""
 
 
 def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int = 40) -> float:
-    """Lower bound of the mean square error in m² of a run, whatever controls it; 0 where the motors can hold it.
+    """Lower bound of the mean square error in m² of a run under any controller; 0 within the actuators' authority.
 
-    Minimises the mean of e² over the vehicle's motion, where the net force that it takes (`required_force`) is at most
-    ``tension_max - tension_min`` either way (paper Section 3.1.1); speed and acceleration by central differences. The
-    problem is not convex, drag and friction being what they are; the search begins at a motion that is feasible
-    (`saturated_motion`), without which it often ends at none.
+    Minimises the mean of e² over the vehicle's motion, subject to a required force (`required_force`) of at most
+    ``tension_max - tension_min`` in either direction (paper Section 3.1.1), with speed and acceleration by central
+    differences. Drag and friction make the problem non-convex. IPOPT starts from a feasible motion
+    (`saturated_motion`), without which it often finds none.
 
     Args:
-        experiment: what is run.
-        anticipating: whether the vehicle may leave its reference beforehand, for the sake of what is to come. A
-            controller without a preview stays on it as long as it can.
-        every: samples in a step of the optimal control problem.
+        experiment: the experiment.
+        anticipating: whether the vehicle may leave its reference in advance of a shortage of force. A controller
+            without preview stays on it as long as it can.
+        every: samples per step of the optimal control problem.
 
     Returns:
-        The bound; NaN where the motors cannot hold the run and the solver finds no optimum.
+        The bound; NaN if the authority is exceeded and the solver finds no optimum.
     """
     limit = experiment.controller.limits.strength
     outside, parameters = outside_at(experiment, every), force_parameters(experiment)
@@ -250,16 +250,17 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int 
 
 
 def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: float, rate: float = 1.0) -> Floats:
-    """A motion within the motors' force: deviations in m from the reference at every instant.
+    """A motion within the motors' force limit: deviations in m from the reference at every instant.
 
-    Instant by instant the deviation decays, unless that takes more force than there is; then it takes what there is.
+    From instant to instant the deviation decays exponentially, unless that requires more than the available force;
+    then all the available force is used.
 
     Args:
-        outside: the reference and what acts on the vehicle, (7, instants).
+        outside: reference and disturbances, (7, instants).
         parameters: of `force_law`.
-        limit: the force in N that the motors can give.
+        limit: available force of the motors in N.
         step: time in s between two instants.
-        rate: of the decay in 1/s.
+        rate: decay rate in 1/s.
     """
     law, given = force_law(), 0.999 * limit
     deviation = np.zeros(outside.shape[1])
@@ -285,12 +286,12 @@ def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: fl
 
 @dataclass(frozen=True)
 class LeastErrors:
-    """Lower bounds of the mean square errors of many runs, whatever controls them.
+    """Lower bounds of the mean square errors of many runs under any controller.
 
     Attributes:
-        blind: (runs,) in m², of controllers that do not foresee what is to come; 0 within the actuators' authority,
-            NaN where that is exceeded and no bound could be found.
-        foreseeing: likewise, of controllers that do.
+        blind: (runs,) in m², for controllers without preview; 0 within the actuators' authority, NaN where that is
+            exceeded and no bound was found.
+        foreseeing: likewise, for controllers with full preview.
     """
 
     blind: Floats
@@ -298,24 +299,24 @@ class LeastErrors:
 
     @property
     def infeasible(self) -> int:
-        """Number of runs that ask for more force than the motors can give."""
+        """Number of runs that require more force than the motors can deliver."""
         return int((self.blind != 0).sum())
 
     @property
     def unknown(self) -> int:
-        """Number of runs among them whose bounds could not be found."""
+        """Number of infeasible runs without a bound."""
         return int((~self._known).sum())
 
     @property
     def means(self) -> tuple[float, float]:
-        """Mean of both bounds in m² over the runs whose bounds are known; NaN without any."""
+        """Mean of both bounds in m² over the runs with known bounds; NaN without any."""
         if not self._known.any():
             return np.nan, np.nan
         return float(self.blind[self._known].mean()), float(self.foreseeing[self._known].mean())
 
     @property
     def unknown_words(self) -> str:
-        """In how many runs no bound could be found, in a sentence; empty where all are known."""
+        """A sentence on the runs without a bound; empty if there are none."""
         if not self.unknown:
             return ""
         many = "scenario" if self.unknown == 1 else "scenarios"
@@ -327,7 +328,7 @@ class LeastErrors:
 
 
 def infeasible_words(count: int) -> str:
-    """That so many of some scenarios are infeasible, and what that means: a sentence without its full stop."""
+    """A sentence, without full stop, on the number of infeasible scenarios and what that means."""
     are, need = ("is", "it needs") if count == 1 else ("are", "they need")
     return f"{count} of the scenarios {are} infeasible: {need} more force than the motors can deliver"
 
@@ -337,7 +338,7 @@ def least_errors(experiments: Sequence[Experiment], progress: Progress = no_prog
 
     Args:
         experiments: the runs.
-        progress: called now and then with the share that is done.
+        progress: called from time to time with the completed fraction.
     """
     found = []
     for done, experiment in enumerate(experiments, 1):
@@ -350,7 +351,7 @@ def least_errors(experiments: Sequence[Experiment], progress: Progress = no_prog
 
 @GRAPHS.cached
 def _solver(instants: int, step: float) -> ca.Function:
-    """The optimal control problem: deviations from the reference in cm at so many instants, `step` s apart."""
+    """Solver of the optimal control problem: deviations from the reference in cm at instants `step` s apart."""
     law = force_law()
     deviation, limit = ca.SX.sym("deviation", 1, instants), ca.SX.sym("limit")
     outside, parameters = ca.SX.sym("outside", 7, instants), ca.SX.sym("parameters", law.numel_in(1))

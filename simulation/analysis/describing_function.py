@@ -1,8 +1,9 @@
-"""How loop gain and margins depend on the amplitude of the speed error: describing functions of the odd powers.
+"""Describing functions of the odd powers: loop gain and margins against the amplitude of the speed error.
 
-The sliding-mode law feeds back |e2|^(2−p/q), whose slope at zero is infinite but for the smoothing, and |e2|^(p/q),
-whose slope is zero there. A Jacobian sees these slopes alone. For a speed error ``A sin(w t)`` the gain that counts is
-the first harmonic's, the describing function, and a loop with it in the slope's place is linear for that amplitude.
+The sliding-mode law feeds back |e2|^(2−p/q), whose slope at zero would be infinite without smoothing, and |e2|^(p/q),
+whose slope there is zero. A Jacobian contains only these slopes. For a speed error ``A sin(w t)`` the effective gain
+is that of the first harmonic, the describing function; replacing the slope by it makes the loop linear for that
+amplitude.
 """
 
 from collections.abc import Sequence
@@ -22,10 +23,10 @@ from dualwinch.simulation.experiment import Experiment
 Floats = NDArray[np.float64]
 
 AMPLITUDES = tuple(float(amplitude) for amplitude in np.geomspace(1e-7, 1e-1, 25))
-"""Amplitudes in m/s that are looked at where nothing else is asked for."""
+"""Default amplitudes of the speed error in m/s."""
 
 PROBES = (1e-3, 1e-2, 1e-1)
-"""Smoothings in m/s at which the loop is linearised, to take the two slopes' shares in it apart."""
+"""Smoothings in m/s at which the loop is linearised, to separate the contributions of the two slopes."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class AmplitudePoint:
         amplitude: of e2 in m/s.
         terminal_gain: describing function of sig(e2, 2 − p/q), over the smoothing's units (m/s)^(1−p/q).
         surface_gain: that of sig(e2, p/q), in (m/s)^(p/q−1).
-        system: the loop, cut open.
+        system: the opened loop.
         margins: its margins.
     """
 
@@ -54,9 +55,9 @@ def describing_gain(amplitude: float | Floats, exponent: float | Floats, smoothi
     ``A^(a−1)`` for large ones.
 
     Args:
-        amplitude: A, in the unit of z; an array where the others are.
+        amplitude: A, in the unit of z; scalar or array, as the exponent.
         exponent: a.
-        smoothing: eps, in the unit of z; an array where it or the exponent is one.
+        smoothing: eps, in the unit of z; an array if it or the exponent is one.
     """
     from scipy.special import hyp2f1
 
@@ -71,14 +72,14 @@ def amplitude_sweep(
     cut: str = "u",
     amplitudes: Sequence[float] = AMPLITUDES,
 ) -> list[AmplitudePoint]:
-    """Gain and margins of the cut loop for amplitudes of the speed error.
+    """Gain and margins of the opened loop for amplitudes of the speed error.
 
-    Exact for the law inside its boundary layer and without cut-off forces; higher harmonics are neglected, as always
-    with describing functions. The observer's gain is that of small errors, ``l0``.
+    Exact for the law inside its boundary layer and without force saturation, except that describing functions neglect
+    higher harmonics. The observer's gain is that of small errors, ``l0``.
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m; default: amid the track.
+        x: position in m; default: mid-track.
         v: speed in m/s.
         cut: where the loop is opened (see `simulation.analysis.linear_loop.linear_broken_loop`).
         amplitudes: of e2 in m/s, > 0.
@@ -103,10 +104,10 @@ def amplitude_sweep(
 
 
 def _parts(experiment: Experiment, x: float | None, v: float, cut: str) -> tuple[LinearSystem, dict[str, Floats]]:
-    """A system to fill in, and name → (3, rows, columns): the matrix without both slopes, and what a slope of 1 adds.
+    """A system as template, and matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
 
-    The force is linear in both slopes and everything else is linear in the force, so that three linearisations tell
-    the three shares exactly. The smoothing sets both slopes: eps^(1−p/q) and eps^(p/q−1).
+    The force is linear in both slopes and the rest is linear in the force, so that three linearisations determine the
+    three parts exactly. The smoothing sets both slopes: eps^(1−p/q) and eps^(p/q−1).
     """
     law = sliding_mode(experiment)
     gains = law.nftsm

@@ -1,16 +1,16 @@
-"""What a plant leaves out that decides over gains: heavy winches, sag, and waves in ropes with mass (A14).
+"""Effects missing from a plant that would determine the gains: winch inertia, sag, and waves in heavy ropes (A14).
 
-Each is stated with its number, the limit beyond which it matters, and the keys that put it into the plant:
+Each is reported with its number, the limit beyond which it matters, and the keys that add it to the plant:
 
-1. *Winch inertia.* Below 20 R² a winch is lighter than a rim of 20 kg; a drum of steel, its rotor and the rope on it
-   have 150 to 250 kg m² where R is 0.8 m.
+1. *Winch inertia.* Below 20 R² a winch is lighter than a rim of 20 kg; a steel drum with its rotor and wound rope has
+   150 to 250 kg m² for R = 0.8 m.
 2. *Sag.* Above w s/T = 0.1 a rope of the weight w a metre between points s apart is no straight line, and below 0.5
    Ernst's factor, 1/(1 + (w s)² E A/(12 T³)), leaves less than half of its stiffness (Ernst, *Der Bauingenieur* 40,
    1965). T is the smallest tension that the controller commands.
-3. *Rope mass.* A rope's first longitudinal mode lies at c/4L. It is inside the position loop's bandwidth where the
-   loop's gain there, times the mode's resonance Q = m omega/c with its modal mass m = 4/pi² mu L, reaches 1.
+3. *Rope mass.* A rope's first longitudinal mode lies at c/4L. It is within the position loop's bandwidth if the loop
+   gain there, times the mode's resonance Q = m omega/c with modal mass m = 4/pi² mu L, reaches 1.
 
-Of a Kelvin–Voigt rope without mass or weight both follow from its diameter, as of a wire rope (EN 12385-4) in water.
+For a Kelvin–Voigt rope without mass or weight, both are those of a wire rope of its diameter (EN 12385-4) in water.
 """
 
 import math
@@ -34,16 +34,16 @@ from dualwinch.simulation.prepare import PreparedExperiment, prepare
 
 @dataclass(frozen=True)
 class Idealisation:
-    """An effect of a machine that a plant leaves out.
+    """An effect of real machines that is missing from a plant.
 
     Attributes:
-        name: of the effect.
-        parts: of the plant that leave it out, such as ``rope_1``.
+        name: name of the effect.
+        parts: parts of the plant without the effect, such as ``rope_1``.
         statement: in one line, with numbers.
         brief: the same in a few words.
-        value, limit: the number and its limit; NaN where the plant's data say nothing of it.
-        unit: of both.
-        keys: that put it into the plant.
+        value, limit: the number and its limit; NaN if the plant's data do not determine them.
+        unit: unit of both.
+        keys: keys that add the effect to the plant.
     """
 
     name: str
@@ -58,14 +58,14 @@ class Idealisation:
 
 @dataclass(frozen=True)
 class IdealisationLimits:
-    """Limits beyond which an effect is stated.
+    """Limits beyond which an effect is reported.
 
     Attributes:
         rim: least inertia of a winch over the square of its drum's radius in kg.
         slope: largest w s/T.
-        ernst: least Ernst's factor.
-        gain: largest gain of the position loop at a rope's first mode, its resonance included.
-        amplitude: of the vehicle's speed in m/s at which that gain is found.
+        ernst: smallest Ernst factor.
+        gain: largest gain of the position loop at a rope's first mode, including its resonance.
+        amplitude: amplitude of the vehicle's speed in m/s for that gain.
     """
 
     rim: float = 20.0
@@ -77,14 +77,14 @@ class IdealisationLimits:
 
 @dataclass(frozen=True)
 class IdealisationCheck:
-    """A number of a plant beside its limit, over floats or symbols.
+    """A number of a plant and its limit, as floats or symbols.
 
     Attributes:
-        name, part, unit, keys: as of an `Idealisation` of one part.
+        name, part, unit, keys: as in an `Idealisation` of one part.
         value, limit: the number and its limit.
-        words, brief: formats of statement and brief words.
-        facts: what the words name beside value and limit.
-        at_least: whether the number should be at least the limit; else at most.
+        words, brief: format strings of the long and the short statement.
+        facts: further values for these formats.
+        at_least: whether the limit is a lower one; else an upper one.
     """
 
     name: str
@@ -99,7 +99,7 @@ class IdealisationCheck:
     at_least: bool = True
 
     def found(self) -> Iterator[Idealisation]:
-        """The idealisation, where the number is beyond its limit."""
+        """Yield the idealisation if the number is beyond its limit."""
         value, limit = float(self.value), float(self.limit)
         if value < limit if self.at_least else value > limit:
             facts = {"value": value, "limit": limit, **self.facts}
@@ -110,12 +110,12 @@ class IdealisationCheck:
 def idealisation_checks(
     plant: Plant, tension: Scalar, limits: IdealisationLimits | None = None
 ) -> list[IdealisationCheck]:
-    """What a plant's own data say of what it leaves out.
+    """Checks for missing effects from the plant's data alone.
 
     Args:
         plant: the plant.
-        tension: smallest one in N that the controller commands.
-        limits: beyond which an effect is stated.
+        tension: smallest tension in N that the controller commands.
+        limits: limits beyond which an effect is reported.
     """
     limits, found = limits or IdealisationLimits(), list[IdealisationCheck]()
     for side in plant.sides:
@@ -163,7 +163,7 @@ PLACE = f"{AT} over {{span:.3g}} m"
 
 
 class _RopeLine(NamedTuple):
-    """A rope's mass in kg/m and weight in water in N/m, its own or a wire rope's; what it is, and what it lacks."""
+    """A rope's mass in kg/m and weight in water in N/m, its own or a wire rope's; descriptions of it and its lack."""
 
     mass: Scalar
     weight: Scalar
@@ -172,7 +172,7 @@ class _RopeLine(NamedTuple):
 
 
 def _rope_line(side: Side, plant: Plant) -> _RopeLine | None:
-    """None where nothing says what the rope would weigh."""
+    """The rope's line data; None if they are unknown."""
     rope = side.rope
     owned = {"mass": present(rope.mass_per_length), "weight": present(rope.submerged_weight)}
     without = f"without {' and '.join(name for name, there in owned.items() if not there)}"
@@ -186,14 +186,14 @@ def _rope_line(side: Side, plant: Plant) -> _RopeLine | None:
 
 
 def idealisations(experiment: Experiment, limits: IdealisationLimits | None = None) -> list[Idealisation]:
-    """Effects that a machine has and the plant of an experiment leaves out, both sides in one where they are alike.
+    """Effects of real machines that are missing from an experiment's plant; equal entries of both sides are merged.
 
     Args:
-        experiment: its plant, and the controller that decides which effects matter.
-        limits: beyond which they are stated.
+        experiment: the plant, and the controller that determines which effects matter.
+        limits: limits beyond which they are reported.
 
     Raises:
-        ConfigurationError: the experiment's values do not fit together.
+        ConfigurationError: the experiment's values are inconsistent.
     """
     instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant
@@ -226,7 +226,7 @@ def _subject(parts: Sequence[str]) -> str:
 
 
 def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -> Iterator[Idealisation]:
-    """A rope whose first wave the plant leaves out, where the loop would meet it; or whose mass nothing says."""
+    """Report a rope modelled without waves though its first mode is within the loop's bandwidth, or of unknown mass."""
     rope, parts, key, line = (
         side.rope,
         (f"rope_{side.number}",),
@@ -261,7 +261,7 @@ STEADY_PLANT = {
     "sensors.encoder_counts": 0.0,
     "sensors.drum_speed_resolution": 0.0,
 }
-"""Parameters without which the response to a small motion about rest is that in motion, and has no steps."""
+"""Values that remove stiction and quantisation, so that the response to small motions about rest is linear."""
 
 
 def position_loop_gain(
@@ -269,18 +269,18 @@ def position_loop_gain(
 ) -> float:
     """Gain of the loop opened at the force command u, at one frequency and amplitude: a describing function.
 
-    1. Vehicle and drums oscillate about the start as a sinusoidal force of the ropes moves them, while the controller
-       runs: the tensions that it measures carry that force.
-    2. The gain is the first harmonic of its command over that force, by least squares, after half of the periods.
-       Motions of either sign are run, and half of the difference is taken: transients that are even cancel.
+    1. Vehicle and drums oscillate about the start as if driven by a sinusoidal net rope force, while the controller
+       runs on measured tensions that include this force.
+    2. The gain is the first harmonic of the force command over the force, by least squares over the second half of the
+       periods. Half the difference of runs with opposite signs cancels even transients.
 
     Args:
         experiment: with ropes without waves.
-        omega: in rad/s.
-        amplitude: of the vehicle's speed in m/s; less where the force would exceed half of a rope's tension at rest.
-        periods: of the oscillation.
-        samples: of all periods, of which there may be fewer, down to one. The gain at a frequency that is slower still
-            is at least that at the slowest one: loop gains fall with frequency.
+        omega: angular frequency in rad/s.
+        amplitude: of the vehicle's speed in m/s; reduced where the force would exceed half of a rope's tension at rest.
+        periods: number of periods of the oscillation.
+        samples: maximum number of samples, which may reduce the periods to one. For still lower frequencies the gain
+            at the lowest feasible one is returned, a lower bound, as loop gains fall with frequency.
     """
     ready, step, plant = prepare(experiment), experiment.simulation.sample_time, experiment.plant
     if omega * step > math.pi:  # beyond the Nyquist frequency
@@ -288,7 +288,7 @@ def position_loop_gain(
     omega = max(omega, 2 * math.pi / (samples * step))
     loop, rest, mass = ready.loop, experiment.controller.limits.preload / 2, inertia(plant.vehicle)
     amplitude = min(amplitude, rest / 2 / (mass * omega))
-    force = 1j * omega * mass * amplitude  # as a phasor, like all that moves
+    force = 1j * omega * mass * amplitude  # a phasor, like the motions
     moving = {"x": amplitude / (1j * omega), "v": amplitude}
     for side, length in zip(plant.sides, rope_lengths(ready.start["motion.plant.x"], plant.track), strict=True):
         spring, damping = side.rope.tangent(rest, length)

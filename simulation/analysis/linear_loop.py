@@ -1,8 +1,8 @@
-"""Exact linearisation of the sampled closed loop, whole or cut open.
+"""Exact linearisation of the sampled loop, closed or opened.
 
-One sample of plant and controller is a map from state to state. Its Jacobian at an operating point tells how deviations
-from the steady motion go on. In steady motion the rope lengths are frozen at the point, so the system is valid for
-motions that are quick against length/v.
+One sample of plant and controller maps state to state. Its Jacobian at an operating point describes the evolution of
+deviations from steady motion. Rope lengths are frozen at the point, so that in motion the system is valid for
+dynamics that are fast compared with length/v.
 """
 
 from collections import Counter
@@ -50,16 +50,16 @@ INPUTS = {
     "noise.tension_1": ("tension_1_noise", "N"),
     "noise.tension_2": ("tension_2_noise", "N"),
 }
-"""Signal from outside → its name and unit as an input of the closed loop."""
+"""Exogenous signal → its name and unit as an input of the closed loop."""
 
 CUTS = {**{name: (name,) for name in LOOP_OPENINGS}, BOTH: ("tau_1", "tau_2")}
-"""Where the loop can be cut → the openings there."""
+"""Value of ``cut`` → the openings of the loop."""
 
 OUTSIDE = ("current", "force", "tension_min", "tension_max")
 """Further arguments of `operating_point`."""
 
 OUTPUTS = ("x", "v", "e", "F1", "F2", "u", "tau_1", "tau_2")
-"""Columns of a result that are outputs of the closed loop, beside the controller's own signals."""
+"""Columns of a result that are outputs of the closed loop, in addition to the controller's signals."""
 
 
 def linearise(
@@ -71,15 +71,15 @@ def linearise(
     dt: float | None = None,
     **outside: float,
 ) -> LinearSystem:
-    """The plant without controller, linearised at an operating point (`model.linear.linearisation.linearise`).
+    """Linearise the plant without controller at an operating point (`model.linear.linearisation.linearise`).
 
     Args:
-        experiment: gives the plant, and the preload and limits that are not given.
-        x: position in m; default: amid the track.
+        experiment: source of the plant, and of preload and limits unless given.
+        x: position in m; default: mid-track.
         v: speed in m/s.
         preload: sum of both tensions in N.
-        dt: sample time in s of a discrete system whose inputs are held; None: continuous time.
-        outside: ``current`` in m/s, ``force`` in N, ``tension_min`` and ``tension_max`` in N, as `operating_point`.
+        dt: sample time in s of a discrete system with zero-order hold; None: continuous time.
+        outside: ``current`` in m/s, ``force`` in N, ``tension_min`` and ``tension_max`` in N, as in `operating_point`.
 
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
@@ -91,14 +91,14 @@ def linearise(
 
 
 def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float = 0.0) -> LinearSystem:
-    """The closed loop over one sample, around steady motion.
+    """Linearise the closed loop over one sample, around steady motion.
 
-    States are those of plant and controller that move anything; see `INPUTS` and `OUTPUTS`. Its matrices are exact
-    Jacobians of the step that is simulated, with perfect sensors and calm sea; noises are inputs.
+    The states are those of plant and controller that affect anything; see `INPUTS` and `OUTPUTS`. The matrices are
+    exact Jacobians of the simulated step, with perfect sensors and without disturbances; noises are inputs.
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m; default: amid the track.
+        x: position in m; default: mid-track.
         v: speed in m/s.
 
     Raises:
@@ -122,19 +122,19 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
 def linear_broken_loop(
     experiment: Experiment, x: float | None = None, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
 ) -> LinearSystem:
-    """The loop cut at one signal, or at both torques: from what leaves the cut to minus what comes back to it.
+    """Linearise the loop opened at one signal, or at both torques: from the injected to minus the returned signal.
 
     The sign is that of negative feedback: closing the loop gives 1/(1 + L).
 
     Args:
         experiment: plant, gains, sample time and delay.
-        x: position in m; default: amid the track.
+        x: position in m; default: mid-track.
         v: speed in m/s.
         cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque; or ``torques``, both.
         nominal: the plant the controller was designed for; default: the experiment's.
 
     Raises:
-        ConfigurationError: another cut, or no steady motion there.
+        ConfigurationError: an unknown cut, or no steady motion there.
     """
     return without_idle_states(whole_broken_loop(experiment, x, v, cut, nominal))
 
@@ -142,7 +142,7 @@ def linear_broken_loop(
 def whole_broken_loop(
     experiment: Experiment, x: float | None, v: float, cut: str, nominal: Plant | None = None
 ) -> LinearSystem:
-    """`linear_broken_loop` with all states, also the ones that move nothing: the same for all values of the gains."""
+    """`linear_broken_loop` with all states, even those that affect nothing: the same states for all gains."""
     if cut not in CUTS:
         raise ConfigurationError(unknown("cut", cut, CUTS))
     point = loop_operating_point(experiment, x, v, nominal)
@@ -150,7 +150,7 @@ def whole_broken_loop(
     signals, openings = CUTS[cut], list(LOOP_OPENINGS)
     here = [openings.index(signal) for signal in signals]
     others = [index for index in range(len(openings)) if index not in here]
-    # close the others: what leaves them is what comes back
+    # close the other openings: their injected signal is the returned one
     closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
     through, direct = B[:, others] @ closing, D[here][:, others] @ closing
     matrices = (
@@ -182,7 +182,7 @@ def _named(
     outputs: Sequence[str],
     units: Mapping[str, str],
 ) -> LinearSystem:
-    """A system of some of the closed loop's states."""
+    """A named linear system of some of the closed loop's states."""
     every = state_names(point)
     chosen = [every[index] for index in states]
     return LinearSystem(
@@ -201,10 +201,9 @@ def _named(
 
 
 def without_idle_states(system: LinearSystem) -> LinearSystem:
-    """The system of the states that matter: something depends on them, and they move.
+    """The system without idle states, which no output depends on or which no input moves.
 
-    A state that keeps its value whatever happens, such as an integral without a gain, stays where the operating point
-    has it.
+    A state that nothing moves, such as an integral without a gain, keeps its value at the operating point.
     """
     kept = np.flatnonzero(states_that_matter(system.A[None], system.B[None], system.C[None])[0])
     states = tuple(system.states[index] for index in kept)
@@ -215,7 +214,7 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 
 
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
-    """Short name and unit of each of the closed loop's states."""
+    """Short name and unit of each state of the closed loop."""
     known = describe_parts(initial_loop_state(point.experiment))
     found = []
     for state, name in zip(point.loop.states, _short_names(point.loop.states), strict=True):
@@ -225,14 +224,14 @@ def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
 
 
 def learnt_states(experiment: Experiment) -> frozenset[str]:
-    """Names of those states of `linear_closed_loop` that say what the estimator has learnt of the machine."""
+    """Names of the states of `linear_closed_loop` that are machine parameters learnt by the estimator."""
     loop = closed_loop(structure_of(experiment))
     names = _short_names(loop.states)
     return frozenset(names[index] for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
 
 
 def _short_names(states: Sequence[str]) -> list[str]:
-    """Names by which states are known: those of the plant, and others without their part where that leaves no doubt."""
+    """Short names of states: without their prefix where that is unambiguous."""
     names = [_short(state) for state in states]
     count = Counter(names)
     return [

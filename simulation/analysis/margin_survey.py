@@ -1,4 +1,4 @@
-"""The least stability margins of machines, wherever they are on the track, cut wherever the loop can be cut."""
+"""Smallest stability margins of machines over positions on the track and over all loop openings."""
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -27,13 +27,13 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 SHARES = (0.05, 0.5, 0.95)
-"""Positions as shares of the track: ropes are stiff where they are short, and alike in the middle."""
+"""Positions as shares of the track: near its ends, where one rope is short and stiff, and in the middle."""
 
 INSTANTS = 1000
-"""Instants of a run at which its reference's speed is looked at."""
+"""Instants of a run at which the speed of its reference is evaluated."""
 
 TOGETHER = 48
-"""Places (gains, machine and point) that are worked out at once: what is in hand stays in a processor's cache."""
+"""Places (gains, machine and point) computed at once, few enough for the processor's cache."""
 
 ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
 """Keys of the sliding-mode law's odd powers of the speed error."""
@@ -41,22 +41,22 @@ ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoot
 VALUE = attrgetter("value")
 
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
-"""Why a machine has no margin at a point."""
+"""Reasons for a margin of 0."""
 
 
 @dataclass(frozen=True)
 class WorstMargin:
-    """The least margin of some machines, and where it is attained.
+    """The smallest margin of some machines, and where it occurs.
 
     Attributes:
-        value: as in `simulation.analysis.margins.Margins`; 0 where a loop is unstable or has no steady motion, infinite
-            where nothing makes any of the loops unstable.
+        value: as in `simulation.analysis.margins.Margins`; 0 if a loop is unstable or has no steady motion, infinite
+            if no such change makes any loop unstable.
         machine: index of the machine.
         x, v: position in m and speed in m/s of the operating point.
-        cut: where the loop is cut, one of `LOOP_OPENINGS`, or `margins.BOTH`; empty where the value is 0 or infinite.
+        cut: the opening, one of `LOOP_OPENINGS` or `margins.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
-        reason: why the value is 0 (`UNSTABLE`, `UNSTEADY`); else empty.
-        amplitude: of the speed error in m/s; 0: motions are infinitely small.
+        reason: for a value of 0, `UNSTABLE` or `UNSTEADY`; else empty.
+        amplitude: of the speed error in m/s; 0: infinitesimal motions.
     """
 
     value: float
@@ -70,9 +70,9 @@ class WorstMargin:
 
 
 def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
-    """Positions in m and speeds in m/s that are looked at: `SHARES` of the track, at rest and at speed either way.
+    """Positions in m and speeds in m/s of a survey: `SHARES` of the track, at rest and at speed in either direction.
 
-    The speed is the largest of the reference. Where it takes more force than the machine has, rest is all there is.
+    The speed is the largest of the reference; it is left out where it requires more force than the machine has.
     """
     t = np.linspace(0, experiment.duration, INSTANTS)
     fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
@@ -83,19 +83,19 @@ def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
 
 
 class MarginSurvey:
-    """The margins of some machines at all their points and cuts, for many sets of gains.
+    """The margins of some machines at all their points and openings, for many sets of gains.
 
-    A machine is an experiment, or a scenario whose controller believes in another plant than the one drawn. Sensors are
-    taken as perfect and disturbances as absent, as in `linear_loop`.
+    A machine is an experiment, or a scenario whose controller has another nominal plant than the drawn one. Sensors are
+    perfect and disturbances absent, as in `linear_loop`.
 
-    Margins are those of infinitely small motions, or the least at some amplitudes of the speed error: the sliding-mode
-    law feeds back odd powers of it, whose slope at zero says little of a loop with noisy sensors. There the law is as
-    steep as its describing function (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is made such that the
-    slope of ``|e2|^(2 - p/q)`` is that one, and that of ``|e2|^(p/q)`` is then within 4 % of its own.
+    Margins are those of infinitesimal motions, or the smallest at some amplitudes of the speed error: the sliding-mode
+    law feeds back odd powers of it, whose slopes at zero say little about a loop with noisy sensors. For an amplitude,
+    the slopes are replaced by describing functions (Khalil, Nonlinear Systems, 2002, Section 7.2): the smoothing is set
+    such that the slope of ``|e2|^(2 - p/q)`` equals its describing function; that of ``|e2|^(p/q)`` is then within 4 %.
 
     Attributes:
-        machines: what was given.
-        loops: (l, 3) indices of machine, point and amplitude of every loop that there is.
+        machines: the given machines.
+        loops: (l, 3) indices of machine, point and amplitude of every loop.
     """
 
     def __init__(
@@ -106,15 +106,15 @@ class MarginSurvey:
         cuts: Collection[str] = (*LOOP_OPENINGS, BOTH),
         amplitudes: Collection[float] = (0.0,),
     ) -> None:
-        """A survey.
+        """Set up a survey.
 
         Args:
             machines: of one structure.
-            names: keys of the numbers that vary, as in `rollout`.
-            threads: default: one a core.
-            cuts: where the loops are cut, one at a time; `margins.BOTH` torques change alike.
-            amplitudes: of the speed error in m/s; 0: motions are infinitely small. Laws without odd powers of it have
-                the same margins at all.
+            names: keys of the varied numbers, as in `rollout`.
+            threads: number of threads; default: one per core.
+            cuts: openings, one at a time; `margins.BOTH`: both torques change alike.
+            amplitudes: of the speed error in m/s; 0: infinitesimal motions. Ignored for laws without odd powers of
+                it, whose margins do not depend on the amplitude.
         """
         self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
@@ -143,19 +143,19 @@ class MarginSurvey:
     def worst(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[dict[str, WorstMargin]]:
-        """The least margins over all machines, for every set of numbers.
+        """The smallest margins over all machines, for every set of numbers.
 
         Args:
             values: (n, names).
-            kinds: which margins, of `margins.MARGIN_KINDS` and `resonance.RESONANCE`; the latter needs no compiler.
-            loops: indices of those of `loops` that are looked at; default: all.
+            kinds: of `margins.MARGIN_KINDS` and `resonance.RESONANCE`; the latter needs no compiler.
+            loops: indices into `self.loops`; default: all.
 
         Returns:
-            Kind → its least, for each of the n.
+            Kind → smallest margin, for each of the n sets.
 
         Raises:
             KeyboardInterrupt: interrupted.
-            DualwinchError: no compiler, or no usable cache folder.
+            DualwinchError: no compiler or no usable cache folder.
         """
         chosen = np.arange(len(self.loops)) if loops is None else loops
         found = [of_row[0] for of_row in self._least(values, kinds, chosen, np.zeros(len(chosen), np.intp))]
@@ -167,7 +167,7 @@ class MarginSurvey:
     def each(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
-        """`worst` machine by machine, those that have some of the loops: kind → its least, for each of the n."""
+        """`worst` for each machine that has some of the loops: kind → smallest margin, for each of the n sets."""
         chosen = np.arange(len(self.loops)) if loops is None else loops
         machines, group = np.unique(self.loops[chosen, 0], return_inverse=True)
         found = self._least(values, kinds, chosen, group)
@@ -180,9 +180,9 @@ class MarginSurvey:
     def of_loops(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
-        """The margins of single loops, for each of the n: arguments as of `worst`; `RESONANCE` is none of a loop.
+        """The margins of single loops, for each of the n sets; arguments as in `worst`, but without `RESONANCE`.
 
-        Those far above the least of all are as read off a grid of frequencies.
+        Margins far above the smallest are only read off a frequency grid.
         """
         chosen = np.arange(len(self.loops)) if loops is None else loops
         return self._least(values, kinds, chosen, np.arange(len(chosen)), roughly=True)
@@ -190,14 +190,14 @@ class MarginSurvey:
     def _least(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices, group: Indices, *, roughly: bool = False
     ) -> list[list[dict[str, WorstMargin]]]:
-        """Kind → the least of each group of some loops, for each of the n.
+        """Kind → smallest margin of each group of loops, for each of the n sets.
 
         Args:
             values: (n, names).
-            kinds: which margins; `RESONANCE` is left out.
+            kinds: kinds of margins; `RESONANCE` is left out.
             loops: indices of loops.
-            group: to which each of them belongs, from 0.
-            roughly: whether those far above the least of all groups are read off a grid.
+            group: index of the group of each loop, from 0.
+            roughly: whether margins far above the smallest of all groups are only read off a frequency grid.
         """
         given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
         found = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in given]
@@ -206,7 +206,7 @@ class MarginSurvey:
         asked: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for (machine, point, amplitude), number in zip(self.loops[loops].tolist(), group.tolist(), strict=True):
             asked.setdefault((machine, point), []).append((amplitude, number))
-        self._look_near(asked)
+        self._solve_initial_guesses(asked)
         places = [(row, *place) for row in range(len(given)) for place in asked]
         work = partial(self._of_places, given, asked=asked, kinds=of_loops, roughly=roughly)
         parts = _in_chunks(work, places, self._threads)
@@ -216,7 +216,7 @@ class MarginSurvey:
         return found
 
     def _resonances(self, values: ArrayLike) -> list[list[WorstMargin]]:
-        """The margins of the drums' resonances of all machines, at the worst amplitude, for each of the n."""
+        """Margins of the drum resonances of all machines, at the worst amplitude, for each of the n sets."""
         given, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
         machines = np.tile(np.arange(count), len(given))
         parameters = self._with(np.repeat(given, count, axis=0), machines)
@@ -231,13 +231,13 @@ class MarginSurvey:
         return [found[first : first + count] for first in range(0, len(found), count)]
 
     def _with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
-        """Parameters (n, parameters) of machines with values (n, names) of the numbers that vary."""
+        """Parameters (n, parameters) of machines with values (n, names) of the varied numbers."""
         parameters = self._parameters[machines]
         parameters[:, self._columns] = values
         return parameters
 
-    def _as_steep_as_at(self, amplitude: float, parameters: Floats) -> Floats:
-        """Parameters (n, parameters) of laws that are as steep at zero as they are at an amplitude."""
+    def _with_describing_slope(self, amplitude: float, parameters: Floats) -> Floats:
+        """Parameters (n, parameters) of laws whose slope at zero equals their describing function at an amplitude."""
         if not amplitude:
             return parameters
         p, q, smoothing = parameters[:, self._powers].T
@@ -246,19 +246,19 @@ class MarginSurvey:
         changed[:, self._powers[-1]] = slope ** (1 / (1 - p / q))
         return changed
 
-    def _look_near(self, places: Collection[tuple[int, int]]) -> None:
-        """Find the operating points with the machines' own gains, near which those with others are looked for.
+    def _solve_initial_guesses(self, places: Collection[tuple[int, int]]) -> None:
+        """Solve for the operating points with the machines' own gains: initial guesses for other gains.
 
         Args:
             places: machine and point.
         """
         waiting = [place for place in places if place not in self._near]
-        compiling = waiting[: 0 if self._near else 1]  # once, what threads call then
+        compiling = waiting[: 0 if self._near else 1]  # compile once, before the threads start
         for chosen in (compiling, waiting[len(compiling) :]):
             self._near |= zip(chosen, _in_chunks(self._own_states, chosen, self._threads), strict=True)
 
     def _own_states(self, places: Sequence[tuple[int, int]]) -> list[Floats]:
-        """The states of machines with their own gains at some points; NaN without a steady motion."""
+        """Steady states of machines with their own gains at some points; NaN without steady motion."""
         x, v = np.array([self._points[machine][point] for machine, point in places]).T
         parameters = self._parameters[[machine for machine, _ in places]]
         found = loop_operating_points(self._structure, parameters, x, v)
@@ -273,19 +273,19 @@ class MarginSurvey:
         *,
         roughly: bool,
     ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
-        """The least margins of groups of loops at some places.
+        """The smallest margins of groups of loops at some places.
 
-        The steady motion hardly depends on the amplitude: at others than the first it is looked for from that one.
+        The steady motion hardly depends on the amplitude: that of the first one is the initial guess for the others.
 
         Args:
             values: (n, names).
             places: row of values, machine and point.
             asked: machine and point → amplitude and group of every loop there.
-            kinds: which margins.
-            roughly: as of `_least`.
+            kinds: kinds of margins.
+            roughly: as in `_least`.
 
         Returns:
-            Row, group and its least margins.
+            Row, group and its smallest margins.
         """
         rows, machines, _ = np.array(places).T
         parameters = self._with(values[rows], machines)
@@ -299,7 +299,7 @@ class MarginSurvey:
         for index, size in enumerate(self._amplitudes):
             mine = np.flatnonzero(amplitude == index) if index else np.arange(len(places))
             at = place[mine] if index else mine
-            steep = self._as_steep_as_at(size, parameters[at])
+            steep = self._with_describing_slope(size, parameters[at])
             begun = None if first is None else first[at]
             found = loop_operating_points(self._structure, steep, x[at], v[at], near[at], begun=begun)
             if first is None:
@@ -336,7 +336,7 @@ class MarginSurvey:
 def _in_chunks(
     work: Callable[[Sequence[Item]], list[Returned]], items: Sequence[Item], threads: int | None
 ) -> list[Returned]:
-    """What some work makes of items, up to `TOGETHER` at a time, on threads; linear algebra has none of its own then.
+    """Apply `work` to items, up to `TOGETHER` at a time, on threads; BLAS then uses a single thread.
 
     Raises:
         KeyboardInterrupt: interrupted.

@@ -1,13 +1,12 @@
-"""Stability margins of loops that were cut open: gain, phase, delay and disk; of one loop, or the least of many.
+"""Stability margins of opened loops: gain, phase, delay and disk; of one loop, or the smallest of many.
 
-They are read off the complementary sensitivity T = L/(1 + L): every margin is a distance of T from one half or from the
-real axis. The loop gain is 1 where Re T = 1/2, it is real where T is, and the largest disk has the radius
-1 / max|T - 1/2|. T of a loop closed at all openings but for what is added at one is stable where the loop is, so that
-its poles say where to look: places are found on a grid of frequencies, and refined by inverse interpolation.
+They are derived from the complementary sensitivity T = L/(1 + L): |L| = 1 where Re T = 1/2, L is real where T is, and
+the largest disk has the radius 1 / max|T - 1/2|. T is stable if the closed loop is, and its poles show where to refine
+the frequency grid: margins are found on this grid, then refined by inverse interpolation.
 
-A computer that is late, or a supply that is weak, changes both torques alike. For such a change the eigenvalues of the
-two torques' T, a matrix, are what T is at a single opening (the characteristic loci of MacFarlane and Postlethwaite,
-Int. J. Control 25, 1977).
+A late computer or a weak supply changes both torques alike. For such changes the eigenvalues of the two torques' T, a
+matrix, take the place of T at a single opening (the characteristic loci of MacFarlane and Postlethwaite, Int. J.
+Control 25, 1977).
 """
 
 import math
@@ -30,54 +29,56 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 MARGIN_KINDS: tuple[str, ...] = ("gain", "phase", "delay", "disk")
-"""Margins, as fields of `Margins` are called."""
+"""Kinds of margins: names of fields of `Margins`."""
 
 BOTH = "torques"
-"""What a change of both torques alike is called, beside the openings."""
+"""Name of equal changes of both torques, in addition to the openings."""
 
 LOCI = ("u", "tau_1", "tau_2", BOTH, BOTH)
-"""Where each of the five loci of a loop of three openings is cut."""
+"""Opening of each of the five loci of a loop with three openings."""
 
 LOWEST, SLOW, BELOW = 1e-3, 1e-2, 0.25
-"""Lowest angular frequency of the even grid in rad/s. A closed loop with slower poles is looked at below it, too, down
-to that share of its slowest, at that share of the grid's points; and every loop is at 0."""
+"""Lowest angular frequency of the regular grid in rad/s. For a closed loop with slower poles the grid extends down to
+the share SLOW of the slowest pole, with the share BELOW of the grid's points. Every grid includes 0."""
 
 ALL_BUT_REAL = 1e-6
-"""Imaginary part of a locus of both torques, as a share of it, that is round-off where loci that are real meet."""
+"""Relative imaginary part of a locus of both torques up to which it is round-off of a real one."""
 
 BEYOND = 1e9
-"""Gain margin at the frequency 0 that is round-off: there the loop has no gain, or an integrator."""
+"""Gain margin at the frequency 0 from which on it is round-off: the loop has no gain there, or an integrator."""
 
 FORGOTTEN, SILENT = 0.05, 1e-14
-"""Magnitude of poles that are left out of sums over poles: those of delays are 0, and have too few eigenvectors. And
-the share of the largest echo of these at which the next ones are left out."""
+"""Magnitude up to which poles are left out of sums over poles (those of delays are 0, with too few eigenvectors), and
+relative magnitude at which the series of their impulse responses ends."""
 
 AT_A_POLE = 1e300
-"""What takes the place of the infinite at a pole, of which a residue of 0 makes 0."""
+"""Finite substitute for infinity at a pole, so that a residue of 0 gives 0."""
 
 NEAR_LEAST, NEARER_LEAST = 1.3, 1 + 1e-4
-"""How much larger than the least a margin read off the grid may be, to be refined; and one refined, to be exact."""
+"""Ratios to the smallest margin: up to the first, margins on the grid are refined; up to the second, made exact."""
 
 CLOSE = 1e-6
-"""Half width of the bracket about a frequency that is nearly known, as a share."""
+"""Relative half-width of the bracket around a nearly known frequency."""
 
 ITERATIONS, TOLERANCE, QUICK_TOLERANCE = 60, 1e-12, 1e-8
-"""Steps to a frequency at most, and the share of it that the last one moves: exactly, and by sums over poles."""
+"""Maximum iterations for a frequency, and its relative tolerance: from matrices, and from sums over poles."""
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How much a loop bears before it becomes unstable; infinite where nothing of the kind makes it unstable."""
+    """Changes that a loop tolerates before it becomes unstable; infinite where no such change makes it unstable."""
 
-    stable: Annotated[bool, Quantity("", "whether the closed loop is stable; margins of one that is not mean little")]
+    stable: Annotated[
+        bool, Quantity("", "whether the closed loop is stable; margins of an unstable loop are meaningless")
+    ]
     gain: Annotated[float, Quantity("1", "largest factor on the loop gain")]
     gain_frequency: Annotated[float, Quantity("rad/s", "frequency of the oscillation at that gain")]
-    least_gain: Annotated[float, Quantity("1", "smallest factor on the loop gain, 0 where it may vanish")]
+    least_gain: Annotated[float, Quantity("1", "smallest factor on the loop gain; 0: it may vanish")]
     least_gain_frequency: Annotated[float, Quantity("rad/s", "frequency of the oscillation at that gain")]
     phase: Annotated[float, Quantity("deg", "largest extra phase lag")]
-    phase_frequency: Annotated[float, Quantity("rad/s", "gain crossover that bears the least lag")]
+    phase_frequency: Annotated[float, Quantity("rad/s", "gain crossover with the smallest phase margin")]
     delay: Annotated[float, Quantity("s", "largest extra delay")]
-    delay_frequency: Annotated[float, Quantity("rad/s", "gain crossover that bears the least delay")]
+    delay_frequency: Annotated[float, Quantity("rad/s", "gain crossover with the smallest delay margin")]
     disk: Annotated[
         float, Quantity("1", "radius of the largest disk of simultaneous gain and phase changes; from 2 on any gain")
     ]
@@ -87,13 +88,13 @@ class Margins:
 
 
 class FrequencyGrid(NamedTuple):
-    """Frequencies at which margins are looked for.
+    """Frequency grid of the search for margins.
 
     Attributes:
-        points: evenly apart in logarithms, up to half the sample rate.
-        around: points around every lightly damped pole, whose peak the others may step over, in units of the rate at
-            which it decays.
-        exact: whether T is evaluated from its matrices there, not as a sum over its poles, which is quicker.
+        points: number of logarithmically spaced points, up to half the sample rate.
+        around: offsets of further points around every complex pole, whose peak the regular points may miss, in units of
+            its decay rate.
+        exact: whether T is evaluated from its matrices instead of as a sum over its poles, which is faster.
     """
 
     points: int
@@ -109,20 +110,20 @@ COARSE = FrequencyGrid(160, np.array([-5.0, -2.5, -1.2, -0.5, 0.0, 0.5, 1.2, 2.5
 
 
 def margins(loop: LinearSystem) -> Margins:
-    """Margins of a loop L with negative feedback, ``1/(1 + L)``; of one of two signals, for changes of both alike.
+    """Margins of a loop L with negative feedback, ``1/(1 + L)``; with two signals, for equal changes of both.
 
     The disk is the balanced one: ``L`` times any ``(1 + d/2)/(1 - d/2)`` with |d| smaller than its radius is stable.
 
-    Where ``1 + L`` vanishes at once, from a sample's input to its output, the closed loop does not exist, and all
-    margins are those of no change at all.
+    Where the direct feedthrough of ``1 + L`` is zero, the closed loop is not well posed, and all margins are those of
+    no change at all.
 
     Args:
-        loop: discrete, of one input and one output, or two of each, e.g. of
+        loop: discrete, with one input and one output, or two of each, e.g. from
             `simulation.analysis.linear_loop.linear_broken_loop`, or a ``StateSpace`` of python-control.
 
     Raises:
-        ConfigurationError: a continuous system, one of more inputs or outputs, no state-space system, or one whose
-            elements are not finite.
+        ConfigurationError: a continuous system, more inputs or outputs, no state-space system, or elements that are
+            not finite.
     """
     wanted = "a discrete state-space system of one input and one output, or two of each"
     if not hasattr(loop, "D"):
@@ -145,7 +146,7 @@ def margins(loop: LinearSystem) -> Margins:
     gain, phase, delay, disk, fall = found.values()
     poles = np.linalg.eigvals(loop.A - loop.B @ np.linalg.solve(through, loop.C))
     least_gain = 1 / fall.value
-    if fall.frequency == 0:  # T is round-off there where the loop is slow, L is not
+    if fall.frequency == 0:  # for a slow loop T is round-off there, L is not
         least_gain = max((-1 / value for value in _at_rest(loop) if value <= -1), default=0.0)
     return Margins(
         stable=bool(np.abs(poles).max(initial=0.0) < 1),
@@ -165,7 +166,7 @@ def margins(loop: LinearSystem) -> Margins:
 
 
 def _at_rest(loop: LinearSystem) -> list[float]:
-    """The loci of a loop at the frequency 0 that are real; infinite with an integrator."""
+    """The real loci of a loop at the frequency 0; infinite with an integrator."""
     try:
         gains = loop.C @ np.linalg.solve(np.eye(len(loop.A)) - loop.A, loop.B) + loop.D
     except np.linalg.LinAlgError:
@@ -176,16 +177,16 @@ def _at_rest(loop: LinearSystem) -> list[float]:
 ROWS = {1: (0,), 2: (0, 0, 1, 1), 3: (0, 1, 1, 2, 2)}
 COLUMNS = {1: (0,), 2: (0, 1, 0, 1), 3: (0, 1, 2, 1, 2)}
 DIAGONAL = {1: (0,), 2: (0, 0), 3: (0, 1, 4, 1, 1)}
-"""Number of openings → those of `ComplementarySensitivity.rows`, `columns` and `diagonal`."""
+"""Number of openings → `ComplementarySensitivity.rows`, `columns` and `diagonal`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ComplementarySensitivity:
-    """T of s loops of one sample time, of one opening, of both torques, or of the three openings of a closed loop.
+    """T of s loops with one sample time, at one opening, at both torques, or at three openings.
 
     Attributes:
-        A, B, C, D: closed loops, (s, n, n), (s, n, m), (s, m, n), (s, m, m): T = C (z - A)^-1 B + D. A state that does
-            not matter in one of them has zeros there.
+        A, B, C, D: closed loops, (s, n, n), (s, n, m), (s, m, n), (s, m, m): T = C (z - A)^-1 B + D. A state that is
+            idle in a loop has zeros there.
         dt: sample time in s.
     """
 
@@ -197,17 +198,17 @@ class ComplementarySensitivity:
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """Openings at which the elements of T that are needed come out, and at which they go in (`columns`)."""
+        """Row indices of the needed elements of T; see `columns`."""
         return ROWS[self.D.shape[1]]
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """See `rows`."""
+        """Column indices of the needed elements of T; see `rows`."""
         return COLUMNS[self.D.shape[1]]
 
     @property
     def diagonal(self) -> Indices:
-        """Which of the elements each locus is; of the last two of several any."""
+        """Index of the element that each locus equals; arbitrary for the last two loci, which are eigenvalues."""
         return np.array(DIAGONAL[self.D.shape[1]])
 
     @cached_property
@@ -226,10 +227,10 @@ class ComplementarySensitivity:
 
     @cached_property
     def _parts(self) -> tuple[Complex, Floats]:
-        """Residues and echoes, by right and left eigenvectors of the poles that last.
+        """Residues of the slow poles, by right and left eigenvectors, and impulse response of the fast ones ("echoes").
 
-        Residues (s, elements, poles) are those of the elements of T at the largest poles; 0 where a pole is forgotten
-        within few samples (`FORGOTTEN`). Echoes (j, s, elements) are what those come to, j samples after an impulse.
+        Residues (s, elements, poles) are those of the elements of T at the largest poles; 0 for poles that decay
+        within few samples (`FORGOTTEN`). Echoes (j, s, elements) are the contribution of those to the impulse response.
         """
         poles, right = self._modes
         _, left = _by_size(np.swapaxes(self.A, 1, 2))
@@ -252,7 +253,7 @@ class ComplementarySensitivity:
         return np.asarray(residues, complex), np.array(echoes)
 
     def loci(self, omega: Floats, *, exact: bool) -> Complex:
-        """The loci (s, loci, k) of all loops at ascending frequencies (s, k) in rad/s, exact or by sums over poles."""
+        """Loci (s, loci, k) of all loops at ascending frequencies (s, k) in rad/s, exact or by sums over poles."""
         elements = self._exact_elements(omega) if exact else self._summed_elements(omega)
         if elements.shape[1] == 1:
             return elements
@@ -270,7 +271,7 @@ class ComplementarySensitivity:
         z = np.exp(1j * self.dt * omega)
         residues, echoes = self._parts
         constant = self.D[:, self.rows, self.columns].astype(complex)
-        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole, of a loop that is not stable
+        with np.errstate(divide="ignore", invalid="ignore"):  # at a pole of an unstable loop
             inverse = 1 / (z[:, None] - self.poles[:, : residues.shape[2], None])
         elements = residues @ np.where(np.isfinite(inverse), inverse, AT_A_POLE) + constant[:, :, None]
         late = 1 / z[:, None]
@@ -286,13 +287,13 @@ class ComplementarySensitivity:
         return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1).astype(complex)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """Loci (a,) and their derivatives by the frequency, at a frequency each, by sums over poles.
+        """Loci (a,) and their derivatives with respect to frequency, at one frequency each, by sums over poles.
 
         Args:
             omega: angular frequencies in rad/s.
             loop: indices of the loops.
             locus: indices of the loci.
-            near: about where they are, which tells the last two apart.
+            near: approximate values, which distinguish the last two.
         """
         z = np.exp(1j * self.dt * omega)
         residues, echoes = self._parts
@@ -307,7 +308,7 @@ class ComplementarySensitivity:
         return self._locus(values, slopes, locus, near)
 
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """The same from the matrices, as exact as they are."""
+        """The same, from the matrices."""
         z = np.exp(1j * self.dt * omega)
         pencil = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
         right = _solved(pencil, self.B[loop].astype(complex))
@@ -317,7 +318,7 @@ class ComplementarySensitivity:
         return self._locus(elements, rates, locus, near)
 
     def _locus(self, values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """Loci and their slopes (a,) from the elements of T and theirs (a, elements)."""
+        """Loci and their slopes (a,) from the elements of T and their slopes (a, elements)."""
         row = np.arange(len(values))
         alone = values[row, self.diagonal[locus]], slopes[row, self.diagonal[locus]]
         if values.shape[1] == 1:
@@ -334,7 +335,7 @@ class ComplementarySensitivity:
 
 
 def _solved(pencil: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Solutions of many linear systems; those of a singular one, at a pole, are very large."""
+    """Solve many linear systems; the solution of a singular one, at a pole, is very large."""
     try:
         return np.linalg.solve(pencil, right)
     except np.linalg.LinAlgError:
@@ -342,19 +343,19 @@ def _solved(pencil: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
-    """Mean and half the distance of the eigenvalues of the torques' T, of its elements along the second axis."""
+    """Mean and half the difference of the eigenvalues of the torques' T, from its elements along the second axis."""
     first, upper, lower, second = np.moveaxis(elements, 1, 0)[-4:]
     return (first + second) / 2, np.sqrt(((first - second) / 2) ** 2 + upper * lower)
 
 
 def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> ComplementarySensitivity:
-    """T of loops that are open at all their openings.
+    """T from state-space matrices of loops that are opened at all their openings.
 
     Args:
-        A: of the states, (s, n, n).
-        B: by what leaves the openings, (s, n, m).
-        C: of what comes back to them, (s, m, n).
-        D: of the one by the other, (s, m, m).
+        A: state matrix, (s, n, n).
+        B: input matrix of the injected signals, (s, n, m).
+        C: output matrix of the returned signals, (s, m, n).
+        D: feedthrough, (s, m, m).
         dt: sample time in s.
     """
     through = np.linalg.inv(np.eye(D.shape[1]) - D)
@@ -373,7 +374,7 @@ def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> Comp
 
 
 def _by_size(A: Floats) -> tuple[Complex, Complex]:
-    """Eigenvalues and eigenvectors of matrices, the largest eigenvalues first."""
+    """Eigenvalues and eigenvectors of matrices, in order of falling magnitude."""
     values, vectors = np.linalg.eig(A)
     order = np.argsort(-np.abs(values), axis=1)
     found = np.take_along_axis(values, order, axis=1), np.take_along_axis(vectors, order[:, None], axis=2)
@@ -381,7 +382,7 @@ def _by_size(A: Floats) -> tuple[Complex, Complex]:
 
 
 def _balancing_sizes(A: Floats) -> Floats:
-    """Sizes of the states (s, n), powers of two, in which rows and columns of a matrix are alike."""
+    """Scales of the states (s, n), powers of two, that balance rows and columns of matrices."""
     size = np.ones(A.shape[:2])
     off = np.abs(A) * (1 - np.eye(A.shape[1]))
     for _ in range(6):
@@ -395,13 +396,13 @@ def _balancing_sizes(A: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """The least margin of a group of loops.
+    """The smallest margin of a group of loops.
 
     Attributes:
-        value: as in `Margins`; infinite where nothing makes any of the loops unstable.
-        loop: index of the loop it is attained in; -1 where in none.
-        cut: where that is cut, of `LOCI`.
-        frequency: at which, in rad/s.
+        value: as in `Margins`; infinite if no such change makes any loop unstable.
+        loop: index of the loop in which it occurs; -1: none.
+        cut: its opening, one of `LOCI`.
+        frequency: in rad/s.
     """
 
     value: float = math.inf
@@ -412,9 +413,9 @@ class LeastMargin:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Places where a margin may be least: loops, loci, frequencies and their brackets, and the margins there; (a,).
+    """Candidates for the smallest margin: loops, loci, frequencies with their brackets, and margins there; (a,) each.
 
-    `before` and `after` are the loci at the ends of the bracket, or about where they are between.
+    `before` and `after` are the loci at the ends of the bracket, or approximations of them.
     """
 
     loop: Indices
@@ -427,7 +428,7 @@ class _Places:
     value: Floats
 
     def near(self, omega: Floats, chosen: Indices) -> Complex:
-        """About where the loci of some places are at frequencies within their brackets."""
+        """Approximate loci of some places at frequencies within their brackets, by linear interpolation."""
         lower, width = self.lower[chosen], self.upper[chosen] - self.lower[chosen]
         share = (omega - lower) / np.where(width > 0, width, 1.0)
         return self.before[chosen] * (1 - share) + self.after[chosen] * share
@@ -446,19 +447,19 @@ def least_margins(
     grid: FrequencyGrid = COARSE,
     among: Indices | None = None,
 ) -> list[dict[str, LeastMargin]]:
-    """The least of some margins of every group of loops; those of one that is unstable mean nothing.
+    """The smallest margins of every group of loops; meaningless for a group with an unstable loop.
 
     Args:
-        loops: s of them.
-        group: (s,) to which each belongs, from 0.
-        kinds: some of `MARGIN_KINDS`, or ``fall``, the factor by which the gain may fall.
+        loops: the s loops.
+        group: (s,) index of the group of each loop, from 0.
+        kinds: of `MARGIN_KINDS`, or ``fall``, the factor by which the gain may fall.
         groups: number of groups.
-        cuts: where the loops are cut, some of `LOCI`.
-        grid: where margins are looked for first.
-        among: (s,) larger groups: margins far above the least of these are as read off the grid. Default: `group`.
+        cuts: openings, of `LOCI`.
+        grid: frequency grid.
+        among: (s,) larger groups: margins far above the smallest of these are only read off the grid. Default: `group`.
 
     Returns:
-        Kind → the least, for every group.
+        Kind → smallest margin, for every group.
     """
     if not len(loops.D):
         return [dict.fromkeys(kinds, LeastMargin()) for _ in range(groups)]
@@ -482,7 +483,7 @@ def least_margins(
 
 
 def _note_least(found: Sequence[dict[str, LeastMargin]], kind: str, places: _Places, group: Indices) -> None:
-    """Note the least of the places of each group that there is."""
+    """Note the smallest margin of each group with any places."""
     order = np.lexsort((places.value, group[places.loop]))
     numbers, first = np.unique(group[places.loop][order], return_index=True)
     for number, index in zip(numbers.tolist(), order[first].tolist(), strict=True):
@@ -513,7 +514,7 @@ def _frequencies(loops: ComplementarySensitivity, grid: FrequencyGrid) -> Floats
 
 
 def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
-    """Every place on the grid where a margin of a kind may be, and about how large it is there."""
+    """All candidate places of a kind of margin on the grid, with approximate margins."""
     if kind == "disk":
         away, last = np.abs(response - 0.5), omega.shape[1] - 1
         rises = np.diff(away, axis=2) > 0
@@ -528,8 +529,8 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
     loop, locus, at = np.nonzero(values[:, :, :-1] * values[:, :, 1:] < 0)
     falling = values[loop, locus, at]
     share = falling / (falling - values[loop, locus, at + 1])
-    # where a point is on the grid: at 0 and at half the sample rate a single opening's response is real, and the loci
-    # of both torques are real or a complex pair
+    # crossings that coincide with grid points: at 0 and at half the sample rate the response of a single opening is
+    # real, and the loci of both torques are real or a complex pair
     on_grid = values == 0
     if of_gain:
         on_grid = np.zeros_like(on_grid)
@@ -553,7 +554,7 @@ def _read_off(kind: str, omega: Floats, response: Complex) -> _Places:
 
 
 def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
-    """A margin from T where it is attained; infinite where that is none."""
+    """The margin for a value of T at its frequency; infinite where there is none."""
     with np.errstate(divide="ignore", invalid="ignore"):
         match kind:
             case "disk":
@@ -567,7 +568,7 @@ def _margin(kind: str, response: Complex, omega: Floats) -> Floats:
 
 
 def _near_least(places: _Places, group: Indices, factor: float) -> _Places:
-    """The places whose margin is not much larger than the least of their group."""
+    """The places whose margin is at most `factor` times the smallest of their group."""
     least = np.full(int(group.max(initial=-1)) + 1, np.inf)
     np.minimum.at(least, group[places.loop], places.value)
     return places[places.value <= factor * least[group[places.loop]]]
@@ -577,7 +578,7 @@ Evaluate = Callable[[Floats, Indices, Indices, Complex], tuple[Complex, Complex]
 
 
 def _refined(kind: str, evaluate: Evaluate, places: _Places, tolerance: float) -> _Places:
-    """The places with their frequencies found, and the margins there."""
+    """The places with refined frequencies and margins."""
 
     def wanted(omega: Floats, chosen: Indices) -> Floats:
         near = places.near(omega, chosen)
@@ -593,10 +594,10 @@ def _refined(kind: str, evaluate: Evaluate, places: _Places, tolerance: float) -
 
 
 def _root(function: Callable[[Floats, Indices], Floats], places: _Places, tolerance: float) -> Floats:
-    """Where a function of the frequency is zero, by the method of Chandrupatla, from about there.
+    """Zeros of a function of frequency near given places, by Chandrupatla's method (Adv. Eng. Software 28, 1997).
 
-    Inverse quadratic interpolation where that is safe, else bisection (Adv. Eng. Software 28, 1997). A function that
-    does not change its sign has the largest integral at an end of its bracket; that end is returned.
+    Inverse quadratic interpolation where that is safe, else bisection. If the function does not change sign, its
+    integral is largest at an end of the bracket, and that end is returned.
     """
     every = np.arange(len(places.frequency))
     low, high = (np.clip(places.frequency * side, places.lower, places.upper) for side in (1 - CLOSE, 1 + CLOSE))
@@ -606,7 +607,7 @@ def _root(function: Callable[[Floats, Indices], Floats], places: _Places, tolera
     at_low[wide], at_high[wide] = function(low[wide], wide), function(high[wide], wide)
     root = np.where(at_low > 0, high, low)
     active = np.flatnonzero(at_low * at_high < 0)
-    a, b, at_a, at_b = (ends[active] for ends in (high, low, at_high, at_low))  # b is the newest, a on the other side
+    a, b, at_a, at_b = (ends[active] for ends in (high, low, at_high, at_low))  # b is the newest, a the opposite end
     share = at_b / (at_b - at_a)
     for _ in range(ITERATIONS):
         if not len(active):

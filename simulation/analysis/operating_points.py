@@ -1,10 +1,10 @@
 """Operating points of the sampled closed loop: steady motion, in which the state repeats from sample to sample.
 
-Everything repeats but what the motion itself carries on: positions by ``v Ts``, drums by what keeps the tensions; at
-v = 0 that is rest. Sensors are taken as perfect and disturbances as absent. Many points are solved for side by side by
-Newton's method; a single one is a batch of one. Beside the states the unknowns are what leaves the loop's openings, so
-that the derivatives at a point are those of the loop opened at all of `LOOP_OPENINGS` at once: closing all but one
-gives the loop cut at that one, closing all the closed loop.
+All states repeat except those that the motion advances: positions by ``v Ts``, drum angles such that the tensions
+stay; at v = 0 that is rest. Sensors are perfect and disturbances absent. Newton's method solves for many points in
+parallel; a single point is a batch of one. The unknowns are the states and the signals injected at the loop's openings,
+so that the derivatives at a point are those of the loop opened at all of `LOOP_OPENINGS`: closing all but one gives
+the loop opened there, closing all gives the closed loop.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,59 +35,59 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 RESIDUAL, STEP = 1e-10, 1e-6
-"""Largest change of a state over a sample beyond the steady motion's own and beyond its rounding, and largest step that
-Newton's method would still take, both over the state's size.
+"""Tolerances of convergence relative to a state's size: residual, a state's change over a sample beyond steady motion
+and rounding; and the next Newton step.
 
-The change alone says nothing of a state that moves slowly, such as an integral: it may be metres from where it rests.
-Rounding is that of the values that a change is made of, a unit in the last place of each (the componentwise backward
-error of Oettli and Prager, Numer. Math. 6, 1964): a stiff rope makes some 1e-7 N of that of its drum's angle.
+The residual alone says little about a slow state, such as an integral, which may be far from its steady value.
+Rounding is one unit in the last place of each value in the residual (the componentwise backward error of Oettli and
+Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
 """
 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
-"""Newton steps at most: at first; without limits, to begin again from there; and then, by least squares."""
+"""Maximum Newton steps: of the first search; of that without limits, for a new start; of that by least squares."""
 
 AMID = 0.2
-"""A position is near an end of the track where it is off the middle by more than this share of half the track."""
+"""Share of half the track: positions further from the middle are solved for by continuation if necessary."""
 
 ROUNDS = 6
-"""How many times at most what has been learnt of a machine, and all else, are solved for in turns."""
+"""Maximum number of alternations between learnt states and all others."""
 
 STANDSTILL = 1e-12
-"""Change of a state over a sample, over its size, that is none: in samples of 1 ms it would take thirty years."""
+"""Relative change of a state over a sample that counts as none: at 1 ms, the state would take thirty years."""
 
 NEIGHBOUR = 1e-9
-"""Distance of the neighbours of a point at which derivatives are compared with its own, over each state's size."""
+"""Relative distance of the neighbours of a point at which its derivatives are checked for round-off."""
 
 BOUNDLESS = 1e9
-"""A limit that nothing reaches."""
+"""A limit that is never reached."""
 
 LIMITS = "controller.coordination."
-"""What the keys of the limits of a tension begin with."""
+"""Prefix of the keys of tension limits."""
 
 UNLIMITED = {f"{LIMITS}tension_min": -BOUNDLESS, f"{LIMITS}tension_max": BOUNDLESS}
-"""Values of parameters with which no tension is limited."""
+"""Values of parameters that remove tension limits."""
 
 UNGATED = {"controller.trust.gate": BOUNDLESS, "controller.trust.jump": BOUNDLESS}
-"""Values with which an estimator that gates its measurements accepts all of them."""
+"""Values that make an estimator with gated measurements accept all of them."""
 
 PRESSED = 1.0
-"""Integral in N s that presses a torque against its limit, where a tension command is at its limit."""
+"""Initial value in N s of a winch integral where the tension command is at its limit: it holds the torque there."""
 
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
-"""Changes of inner forces are counted in kN, those of position beyond ``v Ts`` in mm."""
+"""Units of residuals: kN for changes of inner forces, mm for changes of position beyond ``v Ts``."""
 
 PLANT = "motion.plant."
-"""What the states of the plant begin with."""
+"""Prefix of the plant's states."""
 
 QUICK_BUILD = ("-O1",)
-"""The function is long and straight: more takes a compiler thrice as long and brings nothing."""
+"""Compiler flags: the function is long straight-line code, for which more optimisation only costs compile time."""
 
 
 def position_in(experiment: Experiment, x: float | None) -> float:
-    """A position in m, by default amid the track of an experiment.
+    """A position in m; default: the middle of an experiment's track.
 
     Raises:
-        ConfigurationError: it is no experiment.
+        ConfigurationError: `experiment` is no experiment.
     """
     instance("experiment", experiment, Experiment, hint=", which has limits and preload beside the plant")
     return experiment.plant.track.length / 2 if x is None else x
@@ -106,11 +106,11 @@ def operating_point(
 ) -> OperatingPoint:
     """State, torques and tensions with which the vehicle passes x at the constant speed v.
 
-    See `model.linear.operating_point.operating_point` for how the tensions are shared.
+    See `model.linear.operating_point.operating_point` for the distribution of the tensions.
 
     Args:
-        experiment: gives the plant, and the preload and limits that are not given.
-        x: position in m; default: amid the track.
+        experiment: source of the plant, and of preload and limits unless given.
+        x: position in m; default: mid-track.
         v: speed in m/s, -10 to 10; negative: towards winch 2.
         preload: sum of both tensions in N, between twice tension_min and twice tension_max.
         current: ambient current in m/s, constant.
@@ -119,7 +119,7 @@ def operating_point(
         tension_max: upper limit of a tension in N.
 
     Raises:
-        ConfigurationError: a point off the track, a rope at its shortest length, a speed, preload or limit out of
+        ConfigurationError: a point off the track, a rope at its shortest length, or a speed, preload or limit out of
             range.
     """
     x, limits = position_in(experiment, x), experiment.controller.limits
@@ -137,15 +137,15 @@ def operating_point(
 
 @dataclass(frozen=True)
 class LoopOperatingPoint:
-    """An operating point of the closed loop, around which it is linear.
+    """An operating point of the closed loop, for linearisation.
 
     Attributes:
-        loop: the closed loop with ropes that never go slack: the same wherever they are taut.
-        experiment: what it is of, with perfect sensors and no disturbance.
+        loop: the closed loop with ropes that never go slack, identical to the original one while they are taut.
+        experiment: the experiment, with perfect sensors and no disturbance.
         state, exogenous, parameters: values of the closed loop's vectors.
         row: column → value of the result's row there.
-        residual: largest change of a state over a sample beyond the motion's own, over the state's size.
-        opened: A, B, C, D of the loop opened at all of `LOOP_OPENINGS`, as `LoopOperatingPoints` has them.
+        residual: largest relative change of a state over a sample beyond the steady motion.
+        opened: A, B, C, D of the loop opened at all of `LOOP_OPENINGS`, as in `LoopOperatingPoints.opened`.
         kept: indices of its states among those of the closed loop.
     """
 
@@ -167,13 +167,13 @@ def loop_operating_point(
 
     Args:
         experiment: plant, gains and sample time.
-        x: position in m, on the track; None: amid it.
+        x: position in m, on the track; None: mid-track.
         v: speed in m/s.
-        nominal: the plant the controller was designed for, as a `Scenario` has it; default: the simulated one.
+        nominal: the plant the controller was designed for, as in a `Scenario`; default: the simulated one.
 
     Raises:
         ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains
-            with which nothing is steady.
+            without steady motion.
     """
     x, v = one_number("x", position_in(experiment, x)), one_number("v", v)
     instance("nominal", nominal, Plant, optional=True)
@@ -192,11 +192,11 @@ def loop_operating_point(
     found = loop_operating_points(structure, parameters[None], np.array([x]), np.array([v]), compiled=False)
     kind = calm.controller.law.kind
     if not found.repeats[0]:
-        raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains comes to no steady motion")
-    if not _goes_on(_open_sample(structure, compiled=False), found):
+        raise ConfigurationError(f"v = {v:g}: '{kind}' with these gains reaches no steady motion")
+    if not _force_stays(_open_sample(structure, compiled=False), found):
         raise ConfigurationError(
-            f"v = {v:g}: '{kind}' with these gains comes to no steady motion: its force command changes within "
-            f"{LASTING} samples; must a state of law or estimator that moves with the vehicle be marked Mark.POSITION?"
+            f"v = {v:g}: '{kind}' with these gains reaches no steady motion: its force command changes within "
+            f"{LASTING} samples; does a state of law or estimator that moves with the vehicle lack Mark.POSITION?"
         )
     if not found.steady[0]:
         command, _, *pulls = found.facts[0].tolist()
@@ -206,7 +206,7 @@ def loop_operating_point(
         )
     state, outside = found.state[0], found.outside[0]
     row = dict(zip(loop.columns, np.array(loop.step(state, outside, parameters)[1]).ravel().tolist(), strict=True))
-    row |= {"x": x, "v": v}  # as asked for, without round-off
+    row |= {"x": x, "v": v}  # as given, without round-off
     residual = float(found.residual[0])
     return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)
 
@@ -217,11 +217,11 @@ def with_taut_ropes(structure: Experiment) -> Experiment:
 
 
 def in_calm(experiment: Experiment) -> Experiment:
-    """The experiment in calm water, with perfect sensors, and without what no motion is steady with.
+    """The experiment without disturbances, sensor errors and anything else that prevents steady motion.
 
-    Torques are in no steps; of the plant see `still_plant`.
+    Torque commands are not quantised; for the plant see `still_plant`.
     """
-    # a noise of 1 makes the noise inputs of the linear system readings in the sensor's unit
+    # unit noise gives the noise inputs of the linear system the units of the sensors
     sensors = replace(
         experiment.sensors,
         position_noise=1.0,
@@ -244,11 +244,11 @@ def in_calm(experiment: Experiment) -> Experiment:
 
 
 def still_plant(plant: Plant) -> Plant:
-    """The plant without what no motion of a loop is steady with.
+    """The plant without effects that prevent steady motion.
 
-    What goes round with drums, gears and motors (eccentricity, transmission error, ripple), waves of the rail and
-    creeping ropes are disturbances of a loop, no part of it. Friction has no memory: of any tension it might remember
-    any.
+    Effects periodic in drum, gear and motor angles (eccentricity, transmission error, ripple), rail waviness and rope
+    creep are disturbances of a loop, not part of it. Friction has no memory, as its stored force at rest would be
+    arbitrary.
     """
     still = {"eccentricity": 0.0, "torque_ripple": 0.0, "transmission_error": 0.0}
     return replace(
@@ -266,16 +266,16 @@ def still_plant(plant: Plant) -> Plant:
 
 @dataclass(eq=False)
 class LoopOperatingPoints:
-    """Points that Newton's method is at, s of them, and what it found there.
+    """Iterates of Newton's method at s points, or its solutions.
 
     Attributes:
-        parameters, state, outside: (s, parameters), (s, states), (s, exogenous) of the closed loop.
-        leaving: (s, 3) what leaves the openings.
-        carried: (s,) how far in m the vehicle moves in a sample.
-        kept: (n,) indices of the states that are no bookkeeping.
-        repeats: (s,) whether every state repeats there.
-        facts: (s, 4) force command, what its limit leaves of it, and both tensions, in N.
-        residual: (s,) largest change of a state that is left, over its size.
+        parameters, state, outside: (s, parameters), (s, states), (s, exogenous) vectors of the closed loop.
+        leaving: (s, 3) signals injected at the openings.
+        carried: (s,) the vehicle's motion in m per sample.
+        kept: (n,) indices of the states without bookkeeping ones.
+        repeats: (s,) whether every state repeats there, i.e. convergence.
+        facts: (s, 4) force command before and after its limit, and both tensions, in N.
+        residual: (s,) largest remaining relative change of a state.
         slopes: (s, n + 3 + f, n + 4) derivatives (`_OpenSample.evaluate`).
     """
 
@@ -292,7 +292,7 @@ class LoopOperatingPoints:
 
     @property
     def steady(self) -> Flags:
-        """(s,) whether ropes are taut, too, and the force command is within its limits."""
+        """(s,) whether all states repeat, ropes are taut and the force command is within its limits."""
         command, left, *pulls = self.facts.T
         return self.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
 
@@ -300,7 +300,7 @@ class LoopOperatingPoints:
     def opened(self) -> tuple[Floats, Floats, Floats, Floats]:
         """A, B, C, D of the loops opened at all of `LOOP_OPENINGS`: ``x+ = A x + B c``, ``returned = C x + D c``.
 
-        They are (s, n, n), (s, n, 3), (s, 3, n) and (s, 3, 3).
+        Shapes (s, n, n), (s, n, 3), (s, 3, n) and (s, 3, 3).
         """
         n = len(self.kept)
         by_state, by_leaving = self.slopes[:, : n + 3, :n], self.slopes[:, : n + 3, n + 1 :]
@@ -317,7 +317,7 @@ class LoopOperatingPoints:
         return {name: values for name, values in vars(self).items() if name != "kept"}
 
     def having(self, loop: ClosedLoop, values: Mapping[str, float]) -> "LoopOperatingPoints":
-        """The points with other values of those parameters that there are."""
+        """The points with other values of some parameters; names unknown to the loop are ignored."""
         parameters = self.parameters.copy()
         for name in values.keys() & set(loop.parameters):
             parameters[:, loop.parameters.index(name)] = values[name]
@@ -336,25 +336,24 @@ def loop_operating_points(
 ) -> LoopOperatingPoints:
     """Solve for steady motion at many points.
 
-    1. Newton's method from a perfect controller's state: no errors, tensions as commanded.
-    2. Where that does not converge: numerical continuation in the position, from amid the track, where both ropes are
+    1. Newton's method from the state of a perfect controller: no errors, tensions as commanded.
+    2. Where that does not converge: numerical continuation in the position, from mid-track, where both ropes are
        long and soft (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
-    3. Where that does not either, and amid the track: damped steps by least squares, in turns with what an estimator
-       learns of the machine, from where law and estimator come to without limits; then from that perfect controller's
-       state.
-    4. Derivatives that are round-off become zero (`without_round_off`).
+    3. Where that fails too, and at mid-track: damped least-squares steps, alternating with learnt states of the
+       estimator; first from the solution of law and estimator without limits, then from the perfect controller's state.
+    4. Derivatives that are round-off are set to zero (`without_round_off`).
 
     Args:
         structure: of the closed loop, with ropes that never go slack.
-        parameters: (s, parameters), as the closed loop takes them, of perfect sensors and a calm sea.
+        parameters: (s, parameters) of the closed loop, with perfect sensors and without disturbances.
         x: (s,) positions in m.
         v: (s,) speeds in m/s.
-        near: (s, states) of the points with other gains, NaN where none is known: where law and estimator begin.
-        compiled: whether the sample is evaluated as compiled code; for a few points a compiler is not worth its time.
-        begun: the same points with slightly other parameters: where the search begins, as far as they repeat.
+        near: (s, states) at these points with other gains, the initial guess for law and estimator; NaN: unknown.
+        compiled: whether the sample is compiled; for a few points interpretation is quicker.
+        begun: the same points with slightly different parameters: initial guesses where these repeat.
 
     Raises:
-        DualwinchError: no compiler, or no usable cache folder.
+        DualwinchError: no compiler or no usable cache folder.
     """
     sample = _open_sample(structure, compiled)
     if begun is None:
@@ -369,11 +368,11 @@ def loop_operating_points(
     if len(away):
         known, amid = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
         middle = _first_guesses(structure, sample, parameters[away], amid, v[away], known)
-        middle = _by_all_means(sample, middle, _newton(sample, middle, ITERATIONS))
+        middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
         away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
-        there = _newton(sample, _carried_over(sample, middle, start[away]), ITERATIONS)
+        there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
         found[away[there.steady]] = there[np.flatnonzero(there.steady)]
-    found = _by_all_means(sample, start, found)
+    found = _completed_by_least_squares(sample, start, found)
     beside = (
         sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
     )
@@ -382,12 +381,12 @@ def loop_operating_points(
 
 
 def _lengths(sample: "_OpenSample", parameters: Floats) -> Floats:
-    """Lengths of the tracks in m, (s,), for parameters (s, parameters)."""
+    """Track lengths in m, (s,), for parameters (s, parameters)."""
     return parameters[:, sample.loop.parameters.index("plant.track.length")]
 
 
-def _carried_over(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
-    """Starts at other positions whose controllers are as they were found, but for the way between."""
+def _shifted(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
+    """Initial guesses at other positions: the controller states found, with positions shifted by the distance."""
     x = sample.loop.states.index(f"{PLANT}x")
     way = start.state[:, [x]] - found.state[:, [x]]
     state = np.where(sample.controller, found.state + way * sample.loop.marked(Mark.POSITION), start.state)
@@ -396,8 +395,10 @@ def _carried_over(sample: "_OpenSample", found: LoopOperatingPoints, start: Loop
     return replace(start, state=state, outside=outside, leaving=found.leaving.copy())
 
 
-def _by_all_means(sample: "_OpenSample", start: LoopOperatingPoints, found: LoopOperatingPoints) -> LoopOperatingPoints:
-    """What was found, and where nothing was, what damped steps find from both kinds of starts."""
+def _completed_by_least_squares(
+    sample: "_OpenSample", start: LoopOperatingPoints, found: LoopOperatingPoints
+) -> LoopOperatingPoints:
+    """The solutions, completed by damped least-squares steps from both kinds of initial guess where none was found."""
     for limited in (False, True):
         again = np.flatnonzero(~found.repeats)
         if not len(again):
@@ -407,8 +408,8 @@ def _by_all_means(sample: "_OpenSample", start: LoopOperatingPoints, found: Loop
     return found
 
 
-def _goes_on(sample: "_OpenSample", found: LoopOperatingPoints) -> bool:
-    """Whether the force command stays when the run goes on: a position that is not marked as one stays behind."""
+def _force_stays(sample: "_OpenSample", found: LoopOperatingPoints) -> bool:
+    """Whether the force command stays constant in a simulation: it does not if a position lacks its mark."""
     state, outside = found.state[0], found.outside[0].copy()
     u, force = sample.loop.columns.index("u"), found.facts[0, 0]
     for _ in range(LASTING):
@@ -420,23 +421,23 @@ def _goes_on(sample: "_OpenSample", found: LoopOperatingPoints) -> bool:
 
 
 LASTING, LASTING_SHARE, LASTING_FORCE = 20, 0.05, 20.0
-"""Samples over which a steady motion's force command stays, to a share of it and a force in N."""
+"""Samples over which the force command of steady motion must stay constant; tolerances: relative, and in N."""
 
 
 def neighbours(state: Floats) -> tuple[Floats, Floats]:
-    """States on both sides of some (..., states), `NEIGHBOUR` away."""
+    """States at the relative distance `NEIGHBOUR` on both sides of given ones (..., states)."""
     way = NEIGHBOUR * np.cos(np.arange(state.shape[-1])) * np.maximum(np.abs(state), 1.0)
     return state + way, state - way
 
 
 def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
-    """Derivatives with zeros for elements that are zero at a point but for round-off, in any units.
+    """Derivatives in which elements that are zero up to round-off are set to zero, independent of units.
 
-    At an operating point errors and innovations are zero, and so is the derivative by what they are multiplied by, such
-    as the information of an estimator that learns. In double precision it is 1e-26 here and 0 there. It is taken as
-    zero where it changes its sign from one neighbour of the point to the other, or by half of itself to both.
+    At an operating point errors and innovations are zero, and so are derivatives with respect to their factors, such as
+    the information matrix of an adaptive estimator. In double precision they may be 1e-26 or 0. An element is taken as
+    zero if its sign differs between the two neighbours of the point, or if it differs from both by at least half.
     """
-    with np.errstate(invalid="ignore"):  # where a search diverged
+    with np.errstate(invalid="ignore"):  # diverged points
         change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
     return np.where((np.sign(above) * np.sign(below) < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
 
@@ -446,21 +447,21 @@ class _OpenSample:
 
     Attributes:
         loop: the closed loop.
-        kept: (n,) indices of its states that are no bookkeeping.
+        kept: (n,) indices of its states without bookkeeping ones.
         plant: indices of the plant's states.
-        x: index of the vehicle's position among those.
-        strained: (f,) indices of the positions that go on so that a force stays: drums, ropes' nodes and rotors
-            (`model.plant.inner_forces`).
-        moving: (n,) which of them go on with the vehicle, beside those.
-        learnt: (n,) which of them are what has been learnt of a machine.
-        remembers: (n,) which of them remember the last sample.
-        adapting: (states,) which states are those of law and estimator.
-        controller: (states,) which states are those of the whole controller.
-        reference: index of the reference position among what comes from outside.
-        evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)``, of many points. Values are the
-            kept states a sample later, what comes back to the openings, and the inner forces' changes over the sample,
-            (n + 3 + f,); facts are those of `LoopOperatingPoints`; slopes are derivatives of the values by kept states,
-            reference position and what leaves the openings, (n + 3 + f, n + 4).
+        x: index of the vehicle's position among the kept states.
+        strained: (f,) indices among the kept states of positions that advance such that a force stays constant:
+            drums, rope nodes and rotors (`model.plant.inner_forces`).
+        moving: (n,) which other kept states advance with the vehicle.
+        learnt: (n,) which kept states are learnt parameters of the machine.
+        remembers: (n,) which kept states depend on the last sample.
+        adapting: (states,) which states belong to law and estimator.
+        controller: (states,) which states belong to the controller.
+        reference: index of the reference position among the exogenous signals.
+        evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)`` for many points. Values are the
+            kept states a sample later, the signals returned to the openings, and the changes of the inner forces over
+            the sample, (n + 3 + f,); facts as in `LoopOperatingPoints`; slopes are derivatives of the values with
+            respect to kept states, reference position and injected signals, (n + 3 + f, n + 4).
     """
 
     evaluate: Callable[..., tuple[Floats, ...]]
@@ -498,7 +499,7 @@ def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
 
 @built_once
 def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
-    """The sample and its derivatives; to find common subexpressions takes longer than to interpret them a few times."""
+    """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
     loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, cut.sample.size1_in(name)) for name in cut.sample.name_in()]
     state, exogenous, parameters, leaving = arguments
@@ -529,7 +530,7 @@ def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
 def _first_guesses(
     structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
 ) -> LoopOperatingPoints:
-    """States, signals and what leaves the openings for a perfect controller: no errors, tensions as commanded."""
+    """Initial guess, the perfect controller: no errors, tensions as commanded."""
     loop, count, n = sample.loop, len(x), len(sample.kept)
     given = dict(zip(loop.parameters, parameters.T, strict=True))
     preload, lower = given[f"{LIMITS}preload"], given[f"{LIMITS}tension_min"]
@@ -546,12 +547,11 @@ def _first_guesses(
     *_, tau_1, tau_2, F1, F2 = point
     force = F1 - F2
     leaving = np.array([force, tau_1, tau_2]).T
-    # what remembers the last sample, or whether there was one, knows it after two
-    for _ in range(2):
+    for _ in range(2):  # states that remember the last sample, or whether there was one, are consistent after two
         following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
         state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
-    # the torque limit is that of the command too: a winch whose command is at its limit rests on the very edge of it,
-    # and any ripple leaves its integral on the far side, where it holds its torque, as in a run
+    # torque and tension command have the same limit: with the command at its limit, the torque is exactly at its own,
+    # and any ripple leaves the integral beyond it, where it holds the torque, as in a run
     for winch, command in (("winch_1", preload + force), ("winch_2", preload - force)):
         at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
         for index, name in enumerate(loop.states):
@@ -572,10 +572,10 @@ def _first_guesses(
 
 
 def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
-    """A start whose law and estimator are where they come to without limits of the tensions.
+    """Initial guess with law and estimator at their solution without tension limits.
 
-    A law whose integrals are far off starts at its limits, where it has no slope. An estimator that gates its
-    measurements accepts all of them there; with such a one, the start is where all comes to with limits then.
+    A law whose integrals are far off would start at its limits, where its slope is zero. An estimator with gated
+    measurements accepts all of them; the initial guess is then the solution with limits but without gates.
     """
     loose = _in_turns(sample, start.having(sample.loop, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
     begun = replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
@@ -588,16 +588,16 @@ def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOper
 def _in_turns(
     sample: _OpenSample, start: LoopOperatingPoints, iterations: int, *, least_squares: bool = False
 ) -> LoopOperatingPoints:
-    """Newton's method in turns: for what has been learnt of the machine, and for all else.
+    """Newton's method, alternating between learnt states and all others.
 
-    An estimate is far from linear in the information that it rests on, and that grows for thousands of samples. Where
-    nothing else repeats, taking turns goes nowhere.
+    An estimate is strongly nonlinear in its information matrix, which grows over thousands of samples. Alternation ends
+    for points whose other states do not converge.
     """
     learnt = sample.learnt
     if not learnt.any():
         return _newton(sample, start, iterations, damped=True, least_squares=least_squares)
     found = start[np.arange(len(start.state))]
-    # first with what is believed before the run, where that has an end: before all moves there is nothing to learn
+    # first with the initial parameter estimates, if that converges: without motion there is nothing to learn
     first = _newton(sample, start, iterations, damped=True, least_squares=least_squares, held=learnt)
     sound = np.flatnonzero(first.repeats)
     found[sound] = first[sound]
@@ -629,10 +629,10 @@ def _newton(
     least_squares: bool = False,
     held: Flags | None = None,
 ) -> LoopOperatingPoints:
-    """Newton's method at all points; one that has come to its end is left alone.
+    """Newton's method at all points; points that have converged or diverged are no longer iterated.
 
-    Damped it takes as much of a step as makes the next one smaller (`_damping`). By least squares it takes the shortest
-    step where there are many, as at rest with a law that leaves something free. Held states stay as they are.
+    `damped` shortens steps such that the next one is smaller (`_damping`). `least_squares` takes the shortest possible
+    step where it is not unique, as at rest with a law that leaves a state undetermined. `held` states are constant.
     """
     points = start[np.arange(len(start.state))]
     n, count = len(sample.kept), len(points.state)
@@ -647,11 +647,11 @@ def _newton(
         if held is not None:
             counted[:, :n] &= ~held
             unknown[:, :n] &= ~held
-        with np.errstate(over="ignore"):  # where a search diverges
-            unknown &= _tied(matrix * (sizes[:, None] / sizes[..., None]), unknown)
+        with np.errstate(over="ignore"):  # diverging points
+            unknown &= _coupled(matrix * (sizes[:, None] / sizes[..., None]), unknown)
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
         at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
-        with np.errstate(invalid="ignore"):  # where a search diverges both are infinite: `excess` is, then
+        with np.errstate(invalid="ignore"):  # both are infinite for diverging points, and so is `excess`
             beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
         excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
         points[active] = at
@@ -674,7 +674,7 @@ def _newton(
 
 
 def _moved(sample: _OpenSample, points: LoopOperatingPoints, step: Floats) -> LoopOperatingPoints:
-    """Points a step of the unknowns away: in the place of the vehicle's position the reference moves."""
+    """Points after a step of the unknowns, in which the reference replaces the vehicle's position."""
     n, state, outside = len(sample.kept), points.state.copy(), points.outside.copy()
     outside[:, sample.reference] += step[:, sample.x]
     state[:, sample.kept] += np.where(np.arange(n) == sample.x, 0.0, step[:, :n])
@@ -684,11 +684,11 @@ def _moved(sample: _OpenSample, points: LoopOperatingPoints, step: Floats) -> Lo
 def _damping(
     sample: _OpenSample, at: LoopOperatingPoints, step: Floats, sizes: Floats, solved: Callable[[Floats], Floats]
 ) -> Floats:
-    """Shares (a, 1) of Newton's steps after which the step that the same derivatives would take next is smaller.
+    """Damping factors (a, 1) of Newton steps, such that the next simplified Newton step is smaller.
 
-    That is the natural monotonicity test, which asks no units of the equations (Deuflhard, *Newton Methods for
-    Nonlinear Problems*, 3.3): a smooth sign function has hardly a slope beyond its boundary layer, and full steps go to
-    and fro across it for ever.
+    This is the natural monotonicity test, which does not depend on the equations' units (Deuflhard, *Newton Methods
+    for Nonlinear Problems*, 3.3): a smooth sign function has almost no slope outside its boundary layer, so that full
+    steps would oscillate across it.
     """
     share, whole = np.ones((len(step), 1)), (np.abs(step) / sizes).max(axis=1, keepdims=True)
     for _ in range(DAMPINGS):
@@ -708,19 +708,18 @@ def _damping(
 
 
 DAMPINGS = 8
-"""How many times at most a step of Newton's method is shortened."""
+"""Maximum number of reductions of a Newton step."""
 
 
 def _equations(
     sample: _OpenSample, found: Floats, values: Floats, at: LoopOperatingPoints
 ) -> tuple[Floats, Floats, Flags, Flags]:
-    """What Newton's method solves for: the kept states, n of them, and what leaves the openings.
+    """Equations for the n kept states and the signals injected at the openings.
 
-    In the place of the vehicle's position, which is given, the unknown is the reference's.
+    The vehicle's position is given; the reference position is unknown in its place.
 
     Returns:
-        What is left of the equations (a, n + 3), their matrices (a, n + 3, n + 3), which values something depends on,
-        and which are unknown.
+        Residuals (a, n + 3), Jacobians (a, n + 3, n + 3), which values any equation depends on, and which are unknown.
     """
     n, strained, moving = len(sample.kept), sample.strained, np.append(sample.moving, [False] * 3)
     units = np.where(moving, POSITION_UNIT, 1.0)
@@ -732,8 +731,8 @@ def _equations(
     every *= units[:, None]
     every[:, strained] = at.slopes[:, n + 3 :] * ROPE_UNIT
     matrix = np.delete(every, n, axis=2)
-    # a state that nothing depends on may grow for ever; one that nothing moves, such as an integral without a gain, is
-    # where it began
+    # a state that nothing depends on may grow without limit; one that nothing moves, such as an integral without a
+    # gain, keeps its initial value
     counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
     counted[:, n:] = True
     unknown = counted & moved
@@ -741,25 +740,25 @@ def _equations(
     return rest, matrix, counted, unknown
 
 
-def _tied(matrix: Floats, unknown: Flags) -> Flags:
-    """Which unknowns (a, n) some unknown moves at all; the others stay as they are, such as a wheel's scale at rest.
+def _coupled(matrix: Floats, unknown: Flags) -> Flags:
+    """Unknowns (a, n) that depend on any unknown; the others keep their value, such as a speed wheel's scale at rest.
 
     Args:
-        matrix: (a, n, n) change of each state over its size by that of each unknown over its own.
-        unknown: (a, n) what is not held.
+        matrix: (a, n, n) relative change of each state per relative change of each unknown.
+        unknown: (a, n) unknowns that are not held.
     """
     for _ in range(matrix.shape[1]):
         inside = (np.abs(matrix) > STANDSTILL) & unknown[:, None, :]
-        tied = unknown & inside.any(axis=2)
-        if (tied == unknown).all():
+        coupled = unknown & inside.any(axis=2)
+        if (coupled == unknown).all():
             break
-        unknown = tied
+        unknown = coupled
     return unknown
 
 
-@np.errstate(over="ignore")  # where a search diverges
+@np.errstate(over="ignore")  # diverging points
 def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
-    """Newton steps in units in which rows and columns are of one size: zero for what is no unknown, NaN for no step."""
+    """Newton steps, solved with scaled rows and columns: zero for known values, NaN for singular matrices."""
     step, some = np.zeros(rest.shape), np.flatnonzero(unknown.any(axis=0))
     if not len(some):
         return step
@@ -780,7 +779,7 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
         return step
     try:
         solved = np.linalg.solve(matrix, right[..., None])[..., 0]
-    except np.linalg.LinAlgError:  # a law at its limits answers to nothing
+    except np.linalg.LinAlgError:  # a law at its limits has no slope
         singular = np.linalg.slogdet(matrix)[0] == 0
         matrix[singular] = np.eye(matrix.shape[1])
         solved = np.linalg.solve(matrix, right[..., None])[..., 0]

@@ -1,15 +1,15 @@
-"""The least preload that a run needs, as a bound, and a run with constant and scheduled preloads beside it.
+"""Lower bound of the preload of a run by optimal control, and its comparison with constant and scheduled preloads.
 
-Only the difference of both tensions moves the vehicle; their sum, the preload, is free, and loads the motors. How
-little of it there could be is an optimal control problem: tensions and torques within their limits, of least load,
-least peak or least energy, chosen with full knowledge of plant and sea and of all that is to come. A controller needs
-more, for what it does not know.
+Only the difference of both tensions moves the vehicle; their sum, the preload, is free, and loads the motors. Its lower
+bound is the solution of an optimal control problem: tensions and torques within their limits, with minimal load, peak
+or energy, chosen with full knowledge of the plant and of future disturbances. A controller, which knows less, needs
+more.
 
-Where the vehicle has to stay exactly on its reference the problem is convex, a quadratic or linear program. An error
-that is allowed makes it a nonlinear one, since drag and vortices are.
+Where the vehicle must stay exactly on its reference the problem is convex, a quadratic or linear program. An allowed
+error makes it nonlinear, because of drag and vortex forces.
 
-Ropes stretch as their tension says at once: their damping is left out, which is 1 kN s/m, where a stretch changes by
-millimetres a second. Drums have the radius of the data sheet, and the friction of the vehicle's speed.
+Ropes stretch quasi-statically: their damping of 1 kN s/m is neglected, as the stretch changes by only millimetres per
+second. Drums have their nominal radius, and the friction at the vehicle's speed.
 """
 
 from collections.abc import Sequence
@@ -53,28 +53,29 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 Least: TypeAlias = Literal["load", "peak", "energy"]
-"""What is to be least: `Metrics.continuous_load`, `Metrics.peak_tension` or `Metrics.energy`."""
+"""Objective: `Metrics.continuous_load`, `Metrics.peak_tension` or `Metrics.energy`."""
 
 KILONEWTONS, MILLIMETRES = 1e-3, 1e3
 """Scales of tensions and deviations in the solver."""
 
 STANDING = 1e-3
-"""Speed in m/s below which a vehicle that may move otherwise takes some energy: the solver needs a slope at rest."""
+"""Speed in m/s below which the energy of a motion with allowed errors is smoothed, as its slope jumps at rest."""
 
 AMONG_EQUALS = 1e-4
-"""Weight of the load beside what is to be least: at rest no preload takes energy, and below the peak any is allowed."""
+"""Weight of the load in other objectives, whose solution is not unique: at rest preload takes no energy, and below the
+peak any preload is allowed."""
 
 
 @dataclass(frozen=True, repr=False)
 class LeastPreload:
-    """Tensions and torques over time, each (instants,), and what they come to.
+    """Optimal tensions and torques over time, each (instants,), and their figures of merit.
 
     Attributes:
         t: time in s.
         F1, F2: tensions in N.
         tau_1, tau_2: motor torques in N m.
         e: distance from the reference in m.
-        continuous_load: root mean square of the motor torques, of both winches, in N m.
+        continuous_load: root mean square of both motors' torques in N m.
         peak_tension: largest tension of both ropes in N.
         energy: work of both motors in J, braking counted like driving.
     """
@@ -95,7 +96,7 @@ class LeastPreload:
         return self.F1 + self.F2
 
     def __repr__(self) -> str:
-        """What they come to."""
+        """Figures of merit in one line."""
         return (
             f"LeastPreload of {self.t[-1]:g} s: continuous load {self.continuous_load:.4g} N m, "
             f"largest tension {self.peak_tension:.0f} N, energy {self.energy:.4g} J"
@@ -111,22 +112,23 @@ def least_preload(
     elastic: bool = True,
     every: int = 40,
 ) -> LeastPreload:
-    """Tensions that give a run its motion and load the motors least, whatever controls it.
+    """Minimise the motor load of a run's motion over all tensions, under any controller.
 
-    The vehicle's equation (paper Section 2.3) holds with F_1 − F_2, the drums' (Section 2.4) give the torques. Tensions
-    lie within tension_min and tension_max, torques within those times lever, as the winches' controllers limit them.
+    F_1 − F_2 satisfies the vehicle's equation (paper Section 2.3), and the torques follow from the drums' equations
+    (Section 2.4). Tensions lie within tension_min and tension_max, torques within these limits times the lever arm, as
+    the winch controllers limit them. Solved with IPOPT.
 
     Args:
-        experiment: motion, disturbance, plant and limits. Its controller plays no part.
-        least: ``load``, ``peak`` or ``energy``; the load decides among equals.
-        error: largest distance from the reference in m that is allowed.
-        torque_rate: largest rate of each motor torque in N m/s (default: any).
-        elastic: whether drums take up what the ropes stretch by, as their tensions change.
-        every: samples in a step, at whose ends the equations hold.
+        experiment: motion, disturbance, plant and limits. Its controller is not used.
+        least: objective, ``load``, ``peak`` or ``energy``; ties are broken by the load.
+        error: largest allowed distance from the reference in m.
+        torque_rate: largest rate of each motor torque in N m/s; default: any.
+        elastic: whether drums compensate for the ropes' stretch, which changes with tension.
+        every: samples per step; the equations hold at the ends of steps.
 
     Raises:
         ConfigurationError: a value is out of its range.
-        DualwinchError: no tensions within the limits give the motion, or the solver found none.
+        DualwinchError: no tensions within the limits produce the motion, or the solver found none.
     """
     _check(experiment, least, error, torque_rate, every)
     step = every * experiment.simulation.sample_time
@@ -156,7 +158,7 @@ def least_preload(
     if not solver.stats()["success"]:
         raise DualwinchError(
             f"least_preload: no tensions within {limits.tension_min:g} to {limits.tension_max:g} N"
-            f"{'' if torque_rate is None else f', of torques that change by {torque_rate:g} N m/s at most,'} give the "
+            f"{'' if torque_rate is None else f', with torque rates of at most {torque_rate:g} N m/s,'} give the "
             f"motion to within {error:g} m (IPOPT: {solver.stats()['return_status']}); allow a larger error"
         )
     F1, F2, tau_1, tau_2, e, load, energy = (np.asarray(part, float).ravel() for part in found_from(found["x"], p))
@@ -177,7 +179,7 @@ def _check(experiment: Experiment, least: str, error: float, torque_rate: float 
 
 
 def _with_tangent_ropes(experiment: Experiment) -> Plant:
-    """The plant with ropes that are linear about half the preload, amid the track."""
+    """The plant with ropes linearised at half the preload, mid-track."""
     plant, tension = experiment.plant, experiment.controller.limits.preload / 2
     length = plant.track.length / 2 + plant.track.rope_offset
     rope_1, rope_2 = (tangent_rope(rope, tension, length) for rope in (plant.rope_1, plant.rope_2))
@@ -186,10 +188,10 @@ def _with_tangent_ropes(experiment: Experiment) -> Plant:
 
 @GRAPHS.cached
 def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool) -> tuple[ca.Function, ca.Function]:
-    """Solver of the optimal control problem, and what follows from its solution.
+    """Solver of the optimal control problem, and the function that evaluates its solution.
 
-    It is in both tensions in kN, the distance from the reference in mm where that is free, and the peak in kN. The
-    equations hold between the first and the last instant, with speeds and accelerations by central differences.
+    Unknowns are both tensions in kN, the distance from the reference in mm if an error is allowed, and the peak in kN.
+    The equations hold at all inner instants, with speeds and accelerations by central differences.
     """
     outside_now, parameters, disturbance, plant = outside_symbols()
     outside = ca.SX.sym("outside", 7, instants)
@@ -236,26 +238,26 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
 
 
 MEASURE: dict[Least, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
-"""What is to be least → its figure of merit."""
+"""Objective → figure of merit."""
 
 CONSTANTS = 96
-"""Constant preloads that are tried, evenly between what the limits allow."""
+"""Number of constant preloads in the search, evenly spaced within the limits."""
 
 AS_GOOD = 1.01
-"""Mean square error, over that of the schedule, up to which a constant preload counts as good as that."""
+"""Largest ratio of mean square errors at which a constant preload counts as equal to the schedule."""
 
 
 @dataclass(frozen=True)
 class Preloads:
-    """The four of them.
+    """Comparison of constant, best constant and scheduled preloads with the lower bound.
 
     Attributes:
-        measure: figure of merit that is to be least.
-        constant: the run with the constant preload that the experiment has.
-        best: that with the constant preload of least measure whose error is that of the schedule and whose smallest
-            tension no smaller; ``None`` where no constant preload comes to that.
+        measure: the figure of merit to minimise.
+        constant: the run with the experiment's own preload, held constant.
+        best: the run with the constant preload of smallest measure whose error equals that of the schedule and whose
+            smallest tension is not smaller; ``None`` if there is none.
         scheduled: the run of the experiment.
-        least: what no controller goes below that keeps the vehicle as near to its reference as was asked for.
+        least: lower bound for any controller that keeps the vehicle within the given distance of its reference.
     """
 
     measure: str
@@ -266,20 +268,20 @@ class Preloads:
 
     @property
     def runs(self) -> dict[str, Result]:
-        """The runs there are, by name."""
+        """The available runs, by name."""
         named = {"constant": self.constant, "best constant": self.best, "scheduled": self.scheduled}
         return {name: run for name, run in named.items() if run is not None}
 
     @property
     def saved(self) -> float:
-        """Share of what the least preload saves against the best constant one that the schedule saves; NaN without."""
+        """Saving of the schedule over the best constant preload, as a share of the lower bound's; NaN if unknown."""
         if self.best is None:
             return np.nan
         best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
         return float((best - scheduled) / (best - getattr(self.least, self.measure)))
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Draw sum of both tensions, the smaller of them, and error over time (`simulation.plots.preloads`).
+        """Plot the sum of both tensions, the smaller of them, and the error over time (`simulation.plots.preloads`).
 
         Args:
             ax: axes for the three; default: a figure of its own.
@@ -295,19 +297,19 @@ def preloads(
     torque_rate: float | None = None,
     progress: Progress = no_progress,
 ) -> Preloads:
-    """Run an experiment whose preload is scheduled, and what it is to be compared with.
+    """Compare an experiment with scheduled preload with constant preloads and with the lower bound.
 
     Args:
-        experiment: its coordination is the schedule. With constant preloads all else is the same, gains of the winches
-            among it.
-        least: ``load``, ``peak`` or ``energy``: what decides.
-        error: of the optimum, the largest distance from the reference in m.
-        torque_rate: of the optimum, the largest rate of each motor torque in N m/s (default: any).
-        progress: called now and then with the share that is done.
+        experiment: with a schedule as coordination. Runs with constant preload differ in nothing else, winch gains
+            included.
+        least: objective, ``load``, ``peak`` or ``energy``.
+        error: largest distance of the optimum from the reference in m.
+        torque_rate: largest rate of each motor torque of the optimum in N m/s; default: any.
+        progress: called from time to time with the completed fraction.
 
     Raises:
         ConfigurationError: the preload is not scheduled, or a value is out of its range.
-        DualwinchError: no tensions within the limits give the motion, or there is no compiler.
+        DualwinchError: no tensions within the limits produce the motion, or there is no compiler.
     """
     schedule = experiment.controller.coordination
     if not isinstance(schedule, ScheduledPreload):
@@ -334,7 +336,7 @@ def _with(experiment: Experiment, coordination: Coordination) -> Experiment:
 
 
 def _best_constant(experiment: Experiment, scheduled: Result, measure: str, progress: Progress) -> float | None:
-    """The constant preload in N of least measure that is as good as the schedule; ``None``: there is none."""
+    """The constant preload in N of smallest measure that is as good as the schedule; ``None``: there is none."""
     limits = experiment.controller.limits
     tried = np.linspace(2 * limits.tension_min, 2 * limits.command_max, CONSTANTS + 2)[1:-1]
     batch = rollout(["controller.coordination.preload"], tried[:, None], [experiment], progress=progress)

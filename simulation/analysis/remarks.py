@@ -1,4 +1,4 @@
-"""What an outcome does not say of a run: slack ropes, forces at their limit, chatter, a loop that is unstable."""
+"""Remarks on problems of a run that its outcome does not show: slack ropes, saturation, chatter, instability."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -21,17 +21,17 @@ from dualwinch.simulation.results.result import Result
 
 @dataclass(frozen=True)
 class RemarkLimits:
-    """From where on a figure of merit is worth a remark.
+    """Thresholds of figures of merit and values for a remark.
 
     Attributes:
-        chatter: mean jump of a tension from sample to sample, as a share of half the preload; noise-free laws of the
-            paper's cases are below a thousandth.
+        chatter: mean change of a tension from sample to sample over half the preload; without noise it is below a
+            thousandth for the laws of the paper's cases.
         saturated: share of the samples with the force command beyond its limit.
         torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
-            rope is carried along at its least tension.
-        overload: largest tension over the limit of its command; the paper's Case 1 comes to 1.33.
-        unusual: ratio of a value of the machine to its default, or of that to it.
-        resized: the same, of a rope or winch that wants other tension limits than the paper's.
+            rope is kept at its smallest tension.
+        overload: largest tension over the limit of its command; 1.33 in the paper's Case 1.
+        unusual: ratio of a value of the machine to its default, or the inverse.
+        resized: the same, for sizes of ropes and winches that require other tension limits than the paper's.
     """
 
     chatter: float = 0.01
@@ -58,17 +58,17 @@ DEPENDENT: dict[str, tuple[str, ...]] = {
         for gain in ("kp", "ki")
     },
 }
-"""Key whose default was made for the defaults of others, which it does not follow."""
+"""Key → other keys whose defaults its own default was chosen for, though it does not follow their values."""
 
 
 def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str]:
-    """Say which defaults did not follow values that an experiment has in place of the defaults they were made for.
+    """Remarks on defaults that are still used although values they were chosen for have changed.
 
-    What is alike of both winches or ropes is said once, as ``winch_*``.
+    Equal remarks on both winches or ropes are merged, as ``winch_*``.
 
     Args:
-        experiment: any.
-        own: keys that its file gives: those are meant, even where they have the default's value.
+        experiment: the experiment.
+        own: keys in its file: these are intended, even if they equal the default.
     """
     values, usual = leaves(experiment), leaves(Experiment())
     said: dict[str, dict[str, None]] = {}
@@ -84,13 +84,13 @@ def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str
         else:
             alike[others] = list(keys)
     return [
-        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; if meant, give it"
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; if intended, give it"
         for others, keys in alike.items()
     ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
 
 
 def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
-    """Say that a drag area may be meant as the product with the drag coefficient, which is still the paper's."""
+    """Remark that a given drag area may include the drag coefficient, which is still the paper's."""
     area, coefficient = "plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"
     given = area in own or values[area] != usual[area]
     if given and coefficient not in own and values[coefficient] == usual[coefficient]:
@@ -101,17 +101,17 @@ def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collect
 
 
 TENSIONS = ("preload", "tension_min", "tension_max")
-"""Keys of ``controller.coordination`` that are of the paper's ropes and motors."""
+"""Keys of ``controller.coordination`` whose defaults suit the paper's ropes and motors."""
 
 SIZES = (
     *(f"plant.{rope}.{size}" for rope in ROPE_KEYS for size in ("area", "diameter")),
     *(f"plant.{winch}.{size}" for winch in WINCHES for size in ("drum_radius", "gear_ratio")),
 )
-"""Sizes that say for which tensions ropes and winches are made."""
+"""Sizes that determine the suitable tensions of ropes and winches."""
 
 
 def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
-    """Say that tensions are still those of the paper's ropes and motors, which these are not."""
+    """Remark on tensions that are still the paper's although ropes or motors have changed."""
     factor = RemarkLimits().resized
     resized = [
         key
@@ -126,17 +126,17 @@ def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Col
         sizes = ", ".join(dict.fromkeys(starred(key) if swapped(key) in resized else key for key in resized))
         yield (
             f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
-            "if meant, give them"
+            "if intended, give them"
         )
 
 
 def swapped(words: str) -> str:
-    """Keys of the other winch or rope."""
+    """Keys with the numbers of the other winch or rope."""
     return NUMBER.sub(lambda found: f"{found[1]}_{3 - int(found[2])}", words)
 
 
 def starred(words: str) -> str:
-    """Keys of both winches or ropes, as ``winch_*``."""
+    """Keys with ``*`` for the number of winch or rope, as ``winch_*``."""
     return NUMBER.sub(r"\1_*", words)
 
 
@@ -144,11 +144,10 @@ NUMBER = re.compile(r"\b(winch|rope|creep)_([12])\b")
 
 
 def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
-    """Say which values of a machine are so far from the defaults that another unit is likely, such as mm or GPa."""
+    """Remarks on values of a machine so far from the defaults that a wrong unit is likely, such as mm or GPa."""
     limits, usual, described = limits or RemarkLimits(), leaves(Experiment()), describe_parts(experiment)
     return [
-        f"{key} = {value:g} {unit} is {value / usual[key]:.2g} times the default, {usual[key]:g} {unit}: "
-        "see to its unit"
+        f"{key} = {value:g} {unit} is {value / usual[key]:.2g} times the default, {usual[key]:g} {unit}: check its unit"
         for key, value in leaves(experiment).items()
         if key.startswith(("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_"))
         and isinstance(value, float)
@@ -160,16 +159,16 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
 
 
 def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = True) -> Iterator[str]:
-    """Say in words what is wrong with a run's loop (`loop_remarks`), and with the run.
+    """Remarks on problems of a run's loop (`loop_remarks`), and of the run.
 
-    An unstable loop comes first, as the cause of all else; what would help a stable one is left out then. The loop is
-    looked at where the plant is not the default one, or the run chatters or was not completed: then it has no figures
-    of merit that could say anything.
+    An unstable loop comes first, as the cause of everything else; advice for stable loops is then left out. The loop is
+    checked if the plant is not the default one, or if the run chatters or was not completed, so that figures of merit
+    say nothing.
 
     Args:
         result: the run.
-        limits: from where on.
-        loop: False for torques from another controller than the experiment's: nothing is said of the loop.
+        limits: thresholds.
+        loop: False if torques came from another controller than the experiment's: no remarks on the loop.
     """
     metrics, limits, experiment = result.metrics, limits or RemarkLimits(), result.experiment
     half = experiment.controller.limits.preload / 2
@@ -178,7 +177,7 @@ def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = 
     unstable = list(loop_remarks(experiment)) if loop and looked_at else []
     yield from unstable
     if metrics.slack_share > 0:
-        advice = "" if unstable else ": more preload, or slower"
+        advice = "" if unstable else ": increase the preload or reduce the speed"
         yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples{advice}"
     limit = experiment.controller.limits.tension_max
     if metrics.peak_tension > limits.overload * limit:
@@ -196,40 +195,40 @@ def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = 
 
 
 def loop_remarks(experiment: Experiment) -> Iterator[str]:
-    """Say where a closed loop at rest amid the track is unstable, by its poles or by the rule for its drums' resonance.
+    """Remark on a closed loop that is unstable at rest at mid-track, by its poles or by the rule for drum resonance.
 
-    By `linear_closed_loop` and `resonance_gains`, as `dualwinch linearise --loop closed` does.
+    Uses `linear_closed_loop` and `resonance_gains`, as `dualwinch linearise --loop closed` does.
     """
     middle = experiment.plant.track.length / 2
     where = f"(dualwinch linearise --loop closed --x {middle:g})"
     try:
         radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
     except (DualwinchError, ArithmeticError):
-        radius = 0.0  # there is no rest to linearise at
+        radius = 0.0  # no steady state to linearise at
     if radius > 1:
         rate = np.log(radius) / experiment.simulation.sample_time
         yield f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s {where}"
     try:
         worst = max(resonance_gains(experiment), key=lambda each: each.gain)
     except ConfigurationError:
-        return  # a law that the rule is not about
+        return  # the rule does not apply to this law
     if worst.verdict == "fails":
         yield (
-            f"drum {worst.winch} may swing on its rope at {worst.frequency:.3g} Hz: the loop gain at that resonance is "
-            f"{worst.gain:.3g}, must be at most 1 {where}"
+            f"drum {worst.winch} may oscillate on its rope at {worst.frequency:.3g} Hz: the loop gain at this "
+            f"resonance is {worst.gain:.3g}, must be at most 1 {where}"
         )
 
 
 def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], advice: str = "") -> Iterator[str]:
-    """Say at which amplitudes, in m/s, of the speed error a loop amid the track is unstable, by describing functions.
+    """Remark on amplitudes of the speed error in m/s that make a loop at mid-track unstable, by describing functions.
 
-    Nothing is said of a law without odd powers of the speed error, whose loop is the same at all amplitudes, and of a
-    loop that is unstable at small amplitudes already (`loop_remarks`).
+    There is no remark on laws without odd powers of the speed error, whose loop is the same at all amplitudes, nor on
+    loops that are already unstable at small amplitudes (`loop_remarks`).
 
     Args:
         experiment: the loop.
-        amplitudes: which ones.
-        advice: what to do about it, in words.
+        amplitudes: amplitudes to check.
+        advice: advice to append to the remark.
     """
     middle = experiment.plant.track.length / 2
     try:
@@ -246,11 +245,11 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], adv
 
 
 def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
-    """Say where a loop at rest amid the track tolerates less further delay than asked for.
+    """Remark on a loop at rest at mid-track whose delay margin is smaller than `least`.
 
     Args:
         experiment: the loop.
-        least: delay margin in s, from which on nothing is said; nor is it of an unstable loop (`loop_remarks`).
+        least: required delay margin in s. There is no remark on an unstable loop (`loop_remarks`).
     """
     middle = experiment.plant.track.length / 2
     try:
@@ -267,9 +266,9 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
 
 
 LINEARISE = "dualwinch linearise"
-"""The command that remarks on a loop name."""
+"""The command named in remarks on a loop."""
 
 
 def in_full(words: str, typed: str) -> str:
-    """A remark on a loop whose command is about the experiment that these options choose."""
+    """A remark on a loop in which the command has the options that select the experiment."""
     return words.replace(LINEARISE, f"{LINEARISE} {typed}".rstrip())

@@ -1,19 +1,19 @@
-"""The drums' resonance on their ropes: a rule for gains with which it stays damped (docs/site.md).
+"""Drum resonance on the ropes: a rule for gains that keep it damped (docs/site.md).
 
-Every drum swings on its rope. Whatever the rope's stiffness k, the peak of its tension over what the motor asks for is
-``k/(omega c)`` at ``omega = sqrt(k/m)``, and there the law's force, which goes with the speed error e2 and through the
-vehicle's mass, comes back with the phase of an excitation. The loop gain at the resonance is then::
+Every drum oscillates on its rope. For any rope stiffness k, the tension at ``omega = sqrt(k/m)`` exceeds its command by
+the factor ``k/(omega c)``, and there the law's force, which is proportional to the speed error e2 and acts through the
+vehicle's mass, returns with the phase of an excitation. The loop gain at the resonance is then::
 
     (L + slope + ki G/R) m / (c (1 + kp G/R) + damping G/R²)
 
 with the observer's gain L, the slope of the law for an amplitude of the speed error (its describing function), the
-moving mass ``m = J/R² + wound rope + 4/pi² mu length`` and the rope's damping c in N s/m. It decides at 1. The gains
-kp and ki of the tension loop and the drum's damping stand in it as in the equation of the drum: as forces in proportion
-to its speed.
+moving mass ``m = J/R² + wound rope + 4/pi² mu length`` and the rope's damping c in N s/m. Its bound is 1. The gains
+kp and ki of the tension loop and the drum's damping enter as in the equation of the drum: as forces proportional to its
+speed.
 
-Both drums work together amid the track, where they swing alike. Elsewhere one of them has half of the force, and the
-law may be twice as steep. What the rule leaves out (delays, motors, gearboxes, the sag, an estimator) moves the bound:
-from 0.8 to 1.25 it does not decide (`UNDECIDED`), eigenvalues do.
+At mid-track both drums oscillate alike and act together. Elsewhere only one oscillates, with half of the force, and the
+law may be twice as steep. Effects outside the rule (delays, motors, gearboxes, sag, an estimator) shift the bound:
+between 0.8 and 1.25 the rule is inconclusive (`UNDECIDED`), and eigenvalues decide.
 """
 
 import math
@@ -46,16 +46,16 @@ from dualwinch.simulation.loop.structure import parameters_of, structure_of, sym
 Floats = NDArray[np.float64]
 
 AMPLITUDES = (1e-4, 1e-3, 1e-2)
-"""Amplitudes of the speed error in m/s that the rule is about where nothing else is asked for."""
+"""Default amplitudes of the speed error in m/s."""
 
 RESONANCE = "resonance"
-"""What its margin is called: the factor on the loop gain at the resonance that makes it 1."""
+"""Name of its margin: the factor on the loop gain at the resonance that makes it 1."""
 
 THRESHOLD, OF_ONE_DRUM = 1.0, 2.0
-"""Largest loop gains: where both drums swing alike, and where one does."""
+"""Largest loop gains: with both drums oscillating alike, and with only one."""
 
 UNDECIDED = (0.8, 1.25)
-"""Loop gains between which the rule does not decide: the bounds found by eigenvalues lie there (docs/site.md)."""
+"""Range of loop gains in which the rule is inconclusive: it contains the bounds found by eigenvalues (docs/site.md)."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +84,18 @@ def resonance_gains(
     nominal: Plant | None = None,
     amplitudes: Sequence[float] = AMPLITUDES,
 ) -> list[ResonanceGain]:
-    """The loop gains at the resonances of both drums on their ropes, by the rule of `simulation.analysis.resonance`.
+    """Loop gains at the resonances of both drums on their ropes, by the rule of `simulation.analysis.resonance`.
 
     Args:
         experiment: plant and gains.
-        x: position in m; default: amid the track, where both drums work together.
+        x: position in m; default: mid-track, where both drums act together.
         nominal: the plant the controller was designed for; default: the experiment's.
         amplitudes: of the speed error in m/s.
 
     Raises:
         ConfigurationError: a law without odd powers of the speed error.
     """
-    sliding_mode(experiment, "the rule is about a law with odd powers of the speed error; must be")
+    sliding_mode(experiment, "the rule applies to laws with odd powers of the speed error; must be")
     values = parameters_of(experiment, nominal)
     at = experiment.plant.track.length / 2 if x is None else x
     terms = resonance_terms(structure_of(experiment), np.array([list(values.values())]), np.array([at]), amplitudes)
@@ -109,11 +109,11 @@ def resonance_gains(
 def resonance_terms(
     structure: Experiment, parameters: Floats, x: Floats, amplitudes: Sequence[float] = AMPLITUDES
 ) -> Floats:
-    """The rule for many machines and gains: (s, amplitudes, 2, 5), of both winches the numbers of a `ResonanceGain`.
+    """The rule for many machines and gains: (s, amplitudes, 2, 5), for both winches the numbers of a `ResonanceGain`.
 
     Args:
         structure: of the closed loop.
-        parameters: (s, parameters), as the closed loop takes them.
+        parameters: (s, parameters) of the closed loop.
         x: (s,) positions in m.
         amplitudes: of the speed error in m/s.
     """
@@ -129,7 +129,7 @@ def resonance_terms(
 
 @built_once
 def _terms(structure: Experiment) -> ca.Function:
-    """``(parameters, (x, amplitude, slopes of both powers)) -> terms`` of winch 1 and winch 2."""
+    """``(parameters, (x, amplitude, slopes of both powers)) -> terms`` for winches 1 and 2."""
     names = tuple(parameters_of(structure))
     vector, inputs = ca.SX.sym("parameters", len(names)), ca.SX.sym("inputs", 4)
     values = dict(zip(names, ca.vertsplit(vector), strict=True))
@@ -156,9 +156,9 @@ def _terms(structure: Experiment) -> ca.Function:
 
 
 def _observer_gain(law: FandoNftsm, amplitude: Scalar, omega: Scalar) -> Scalar:
-    """Largest gain in 1/s of the law's observer while the speed error swings; 0 without an observer.
+    """Largest gain in 1/s of the law's observer while the speed error oscillates; 0 without an observer.
 
-    The error that its fuzzy rules look at is then the vehicle's acceleration, low-passed.
+    The input of its fuzzy rules is then the low-passed acceleration of the vehicle.
     """
     if not isinstance(law, FandoNftsm):
         return 0.0

@@ -1,9 +1,9 @@
 """The paper's stability theorem (Section 3.1.5): conditions on the gains, and the Lyapunov function along a run.
 
-The theorem regards the vehicle as driven by the force command itself, ``dv/dt = (u - F_f - F_w)/M + d``, with
+The theorem assumes that the force command acts on the vehicle directly, ``dv/dt = (u - F_f - F_w)/M + d``, with
 ``|d| <= D/M`` and ``|dd/dt| <= Delta``. Its terms have different units and are added as numbers in SI units.
 
-`certify` evaluates every condition with the bounds found in a run, and `nearby_gains` raises the gains that fall short.
+`certify` evaluates every condition with bounds from a run, and `nearby_gains` raises the gains that violate one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,8 @@ def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm 
     """The sliding-mode law of an experiment.
 
     Args:
-        experiment: whose law is wanted.
-        reason: what the error says before the kinds that are allowed.
+        experiment: the experiment.
+        reason: words of the error before the allowed kinds.
 
     Raises:
         ConfigurationError: it has another law.
@@ -57,7 +57,7 @@ def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm 
 Floats = NDArray[np.float64]
 
 IDEAL, REAL = "ideal ropes", "real ropes"
-"""What counts as disturbance: what the sea and a wrong model do; or also the force the ropes do not deliver."""
+"""Definition of the disturbance: sea and model error only, or also the force that the ropes do not deliver."""
 
 GAPS = (
     "The derivative of V has p/(q beta) |e2 + gamma Z_a|^(p/q-1) before the reaching law too; the paper drops it (E7).",
@@ -66,12 +66,12 @@ GAPS = (
     "While the force is cut off, dZ_a/dt holds Z_a (u - u_sat), which no condition bounds by k_a Z_a^2.",
     "Ropes, winches and sampling are left out: the force on the vehicle is taken to be the command.",
 )
-"""What the proof takes for granted whatever the gains: conditions that hold do not make V decrease."""
+"""Gaps of the proof for any gains: satisfied conditions do not imply that V decreases."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the conditions need to know of a run.
+    """Bounds from a run that the conditions need.
 
     Attributes:
         disturbance: largest |d| = D/M in m/s².
@@ -91,12 +91,12 @@ class Condition:
     """One condition of the theorem, ``left >= right`` (for the decay rate ``left > right``).
 
     Attributes:
-        name: what it is about.
+        name: name of the condition.
         statement: as the paper prints it.
         left, right: both sides, in SI units.
         unit: of the left side.
-        basis: `IDEAL` or `REAL` where a bound on the disturbance enters, else empty.
-        holds: the verdict.
+        basis: `IDEAL` or `REAL` if a bound on the disturbance enters, else empty.
+        holds: whether it is satisfied.
     """
 
     name: str
@@ -140,7 +140,7 @@ def lyapunov_terms(s: Scalar, Z_a: Scalar, d_tilde: Scalar, L1: Scalar, l0: Scal
 
 
 def claimed_decay(s: Scalar, Z_a: Scalar, d_tilde: Scalar, eta: Scalar, k_a: Scalar, mass: Scalar) -> Scalar:
-    """The bound −η s² − k_a Z_a² − M d̃²/2 that the paper derives for dV/dt, its term μ ΔL² left out (Section 3.1.5).
+    """The paper's bound −η s² − k_a Z_a² − M d̃²/2 of dV/dt, without its term μ ΔL² (Section 3.1.5).
 
     Arguments as in `lyapunov_terms`; `eta` and `k_a` are gains.
     """
@@ -166,7 +166,7 @@ def auxiliary_weight_needed(tension_max: Scalar, k_a: Scalar) -> Scalar:
 
 
 def nominal_mass(experiment: Experiment) -> float:
-    """M in kg: what the controller believes the ropes accelerate."""
+    """M in kg: the controller's nominal mass moved by the ropes."""
     return inertia(nominal_plant(experiment.controller.nominal, experiment.plant).vehicle)
 
 
@@ -176,8 +176,8 @@ def disturbance(columns: Mapping[str, Floats], mass: float, basis: str) -> Float
     Args:
         columns: of a result.
         mass: M in kg.
-        basis: `IDEAL`: what the nominal model does not explain, given the true tensions. `REAL`: also the force that
-            the ropes give beyond the command, (F_1 − F_2 − u_sat)/M, which the theorem does not know of.
+        basis: `IDEAL`: acceleration that the nominal model does not explain, given the true tensions. `REAL`: plus
+            the rope force beyond the command, (F_1 − F_2 − u_sat)/M, which the theorem neglects.
     """
     missing = (columns["F1"] - columns["F2"] - columns["u_sat"]) / mass if basis == REAL else 0.0
     return columns["d_true"] + missing
@@ -200,7 +200,7 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
     """Every condition of the theorem with both its sides.
 
     Args:
-        experiment: gives the gains.
+        experiment: source of the gains.
         known: basis → bounds of a run.
     """
     law = sliding_mode(experiment)
@@ -230,7 +230,7 @@ def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Cond
 
 @dataclass(frozen=True)
 class Certificate:
-    """What the theorem says of one experiment, and what its Lyapunov function does.
+    """The theorem applied to one experiment, with the Lyapunov function along its run.
 
     Attributes:
         result: the run, every sample kept.
@@ -239,7 +239,7 @@ class Certificate:
         terms: the terms of V at every sample (samples,).
         rate: mean dV/dt within every sample, (V at its end − V at its beginning)/Ts (samples − 1,).
         decreasing: share of the samples over which V decreases.
-        within_claim: share of the samples over which dV/dt is as negative as the paper's last line says.
+        within_claim: share of the samples over which dV/dt is within the paper's final bound (`claimed_decay`).
     """
 
     result: Result
@@ -252,16 +252,16 @@ class Certificate:
 
     @property
     def certified(self) -> bool:
-        """Whether the run is complete and all conditions hold as the paper has them: with ideal ropes."""
+        """Whether the run is complete and all conditions hold as in the paper: with ideal ropes."""
         return self.result.outcome == "completed" and all(c.holds for c in self.conditions if c.basis != REAL)
 
     @property
     def certified_with_ropes(self) -> bool:
-        """Whether they also hold with what the ropes do not deliver counted as disturbance."""
+        """Whether they also hold with the force that the ropes do not deliver as part of the disturbance."""
         return self.certified and all(c.holds for c in self.conditions)
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Draw the Lyapunov function and its rate over the run (`simulation.plots.lyapunov`).
+        """Plot the Lyapunov function and its rate over the run (`simulation.plots.lyapunov`).
 
         Args:
             ax: axes for these; default: a figure of its own.
@@ -270,24 +270,24 @@ class Certificate:
 
 
 def certify(experiment: Experiment, *, progress: Progress = no_progress) -> Certificate:
-    """Run an experiment and hold the paper's stability theorem against it (Section 3.1.5).
+    """Run an experiment and check it against the paper's stability theorem (Section 3.1.5).
 
     Args:
         experiment: gains and scenario; the position law must be ``fando-nftsm`` or ``nftsm``.
-        progress: called now and then with the share of the run that is done.
+        progress: called from time to time with the completed fraction of the run.
 
     Raises:
         ConfigurationError: another position law, or an observer without a constant gain (V divides by it).
     """
-    law = sliding_mode(experiment, "the theorem is about")
+    law = sliding_mode(experiment, "the theorem applies to")
     if isinstance(law, FandoNftsm) and law.observer.l0 <= 0:
         raise ConfigurationError("controller.observer.l0 = 0: must be > 0, V divides by the observer's gain")
     result = simulate(experiment, progress=progress)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging run is a result too
-        return _judged(result)
+        return _evaluated(result)
 
 
-def _judged(result: Result) -> Certificate:
+def _evaluated(result: Result) -> Certificate:
     experiment, law = result.experiment, sliding_mode(result.experiment)
     columns, mass = result.columns, nominal_mass(experiment)
     s, Z_a = columns["s"], columns["Z_a"]
@@ -312,22 +312,22 @@ def _judged(result: Result) -> Certificate:
 
 
 GAIN_ROUNDS = 6
-"""Times the gains are raised from one start."""
+"""Maximum number of times the gains are raised from one start."""
 
 HEADROOM = 1.02
-"""How far beyond its bound a gain is set that has to rise: the next run's bound will not be quite the same."""
+"""Factor by which a raised gain exceeds its bound, since the bound of the next run differs slightly."""
 
 
 @dataclass(frozen=True)
 class NearbyGains:
-    """What the search came to.
+    """Result of the search.
 
     Attributes:
         certificate: of the last gain set tried.
-        changes: key → (given, tried), of every gain that differs.
-        found: whether that gain set satisfies every condition in its own run.
-        history: what every gain set tried lacked, in words.
-        reason: why there are such gains, or why none was found, in words.
+        changes: key → (given, tried), for every gain that differs.
+        found: whether the last gain set satisfies every condition in its own run.
+        history: violated conditions of every gain set tried, in words.
+        reason: why the gains satisfy the conditions, or why none do, in words.
     """
 
     certificate: Certificate
@@ -338,15 +338,15 @@ class NearbyGains:
 
 
 def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> NearbyGains:
-    """Raise the gains that fall short, run again, and repeat: a change of gains also changes the bounds.
+    """Raise gains that violate a condition, run again, and repeat, as a change of gains also changes the bounds.
 
-    Raised are ``k``, ``l0``, ``gamma`` and ``gamma_force``, each to where the last run's bounds put it. Where that
-    fails with the given ``k_a``, it is tried once more with the largest that forgets Z_a without overshoot from one
-    sample to the next, 1/Ts, which lets gamma be smallest. Nothing else is changed.
+    ``k``, ``l0``, ``gamma`` and ``gamma_force`` are raised, each as the bounds of the last run require. If that fails
+    with the given ``k_a``, it is repeated once with the largest ``k_a`` with which Z_a decays without overshoot from
+    one sample to the next, 1/Ts, which allows the smallest gamma. Nothing else is changed.
 
     Args:
         given: the certificate to start from.
-        progress: called after every run with the share of the longest search that is done.
+        progress: called after every run with the completed fraction of the longest possible search.
     """
     instance("given", given, Certificate, hint=" (certify makes one)")
     experiment = given.result.experiment
@@ -374,7 +374,7 @@ def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> Nea
 
 
 def _raised(certificate: Certificate, k_a: float) -> Experiment:
-    """The experiment with this k_a, and every gain that falls short set to what the certificate's run asks for."""
+    """The experiment with this k_a, and gains that violate a condition raised as the certificate's run requires."""
     experiment, bounds = certificate.result.experiment, certificate.bounds[IDEAL]
     weight = auxiliary_weight_needed(experiment.controller.limits.tension_max, k_a)
     wanted = {"auxiliary.k_a": k_a, "auxiliary.gamma": weight, "auxiliary.gamma_force": weight}
@@ -389,7 +389,7 @@ def _raised(certificate: Certificate, k_a: float) -> Experiment:
 
 
 def _shortfall(certificate: Certificate) -> str:
-    """What a gain set lacks, in one line."""
+    """The violated conditions of a gain set, in one line."""
     result = certificate.result
     if result.outcome != "completed":
         return f"the run {result.outcome.replace('_', ' ')} at {result.end_time:.4g} s"
@@ -416,8 +416,8 @@ def _reason(given: Certificate, tried: Certificate) -> str:
     sample_time = experiment.simulation.sample_time
     least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
     return (
-        f"the force is cut off, at first by {excess:.4g} N. Z_a forgets within a sample at most (k_a <= 1/Ts), so "
+        f"the force is cut off, at first by {excess:.4g} N. Z_a decays within one sample at best (k_a <= 1/Ts), so "
         f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
         f"{least * sample_time * excess:.4g} m/s into "
-        "e2 + gamma Z_a: the force is cut off the more, and the loop runs away"
+        "e2 + gamma Z_a: the force is then cut off even more, and the loop runs away"
     )

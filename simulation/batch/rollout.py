@@ -1,4 +1,4 @@
-"""Many rollouts in one call: every set of parameters in every scenario, on all cores and in all vector lanes."""
+"""Many rollouts in one call: every set of parameters in every scenario, in vector lanes and on all cores."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,15 +35,15 @@ Floats = NDArray[np.float64]
 
 
 class ParameterScenarioGrid:
-    """Every set of parameters (n) with every scenario (m).
+    """All pairs of n sets of parameters and m scenarios.
 
     Attributes:
-        names: keys of the parameters that vary.
+        names: keys of the varied parameters.
         values: (n, names).
-        shared: an experiment of their length, sample time, engine and metrics.
-        structure, loop: the closed loop of them all.
-        zeros: parameters and signals that are zero in all scenarios and do not vary; the loop leaves them out.
-        indices: (set, scenario) of all pairs, a scenario's together; (pairs, 2).
+        shared: an experiment with their common length, sample time, engine and metrics.
+        structure, loop: their common closed loop.
+        zeros: parameters and signals that are zero in all scenarios and not varied; the loop leaves them out.
+        indices: (pairs, 2) set and scenario of all pairs, grouped by scenario.
     """
 
     def __init__(
@@ -53,18 +53,17 @@ class ParameterScenarioGrid:
         scenarios: Scenarios,
         zeros: frozenset[str] | None = None,
     ) -> None:
-        """Check that everything goes together.
+        """Set up the grid and check that its values are consistent.
 
         Args:
-            names: keys of the parameters that vary.
+            names: keys of the varied parameters.
             parameters: (n, names).
-            scenarios: m of them.
-            zeros: those of a larger grid that this is a part of, so that both run the same compiled code; default:
-                those of this one.
+            scenarios: the m scenarios.
+            zeros: zeros of a larger grid that contains this one, so that both run the same compiled code; default:
+                those of this grid.
 
         Raises:
-            ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go
-                together.
+            ConfigurationError: an unknown name, a wrong shape, a value out of range, or incompatible scenarios.
         """
         self.names, self.values = tuple(names), np.asarray(parameters, float)
         self._scenarios = scenarios
@@ -82,7 +81,7 @@ class ParameterScenarioGrid:
         self.indices = np.array([(i, j) for j in range(len(scenarios)) for i in range(len(self.values))])
         self._vectors = np.empty((len(scenarios), len(self.loop.parameters)))
         self.beginnings = np.empty(len(scenarios))  # in m
-        self._at = np.empty((len(scenarios), 2), np.int64)  # group, and number in it
+        self._at = np.empty((len(scenarios), 2), np.int64)  # group, and index in it
         for number, group in enumerate(groups):
             self.loop.vector(group.numbers)
             self._vectors[group.members], self.beginnings[group.members] = (
@@ -98,7 +97,7 @@ class ParameterScenarioGrid:
 
     @property
     def metrics(self) -> tuple[Metric, ...]:
-        """The scenarios' own metrics; numbers of theirs that are not the same in all pairs broadcast to (n, m)."""
+        """The users' metrics; their parameters, where not the same in all pairs, broadcast to (n, m)."""
         numbers: dict[str, float | Floats] = {}
         for index, name in enumerate(self.loop.parameters):
             if not name.startswith("metrics."):
@@ -110,7 +109,7 @@ class ParameterScenarioGrid:
         return tuple(with_leaves(metric, numbers, "metrics.") for metric in self.shared.metrics)
 
     def portions(self, size: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-        """Parts of about so many pairs: numbers of sets, and of scenarios, all pairs of which are one part."""
+        """Split into parts of about `size` pairs: indices of sets and of scenarios, whose pairs are one part."""
         sets, scenarios = self.shape
         together = max(1, size // sets)
         for scene in range(0, scenarios, together):
@@ -120,22 +119,22 @@ class ParameterScenarioGrid:
     def part(
         self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
     ) -> tuple[tuple[str, ...], Floats, Scenarios, frozenset[str]]:
-        """What a grid of some of the sets and scenarios is made of."""
+        """The arguments of a grid of some of the sets and scenarios."""
         return self.names, self.values[sets], [self._scenarios[j] for j in scenarios.tolist()], self.zeros
 
     def vectors(self, indices: NDArray[np.int64]) -> Floats:
-        """All parameters of some pairs as the loop takes them, (pairs, parameters)."""
+        """Parameter vectors of some pairs, (pairs, parameters)."""
         sets, scenarios = indices.T
         vectors = self._vectors[scenarios]
         vectors[:, self.columns] = self.values[sets]
         return vectors
 
     def starts(self, vectors: Floats, scenarios: ArrayLike) -> Floats:
-        """States before the first sample (pairs, states) of parameters (pairs, parameters) in scenarios (pairs,)."""
+        """Initial states (pairs, states) for parameter vectors (pairs, parameters) in scenarios (pairs,)."""
         return starts(self.structure, vectors, self.beginnings[np.asarray(scenarios)])
 
     def sources(self, scenarios: Iterable[int]) -> list[Signals]:
-        """What runs of some scenarios receive from outside, drawn while they run; the same for the same scenario."""
+        """Exogenous signals of some scenarios, drawn while these run; one object per scenario."""
         chosen = np.array(list(scenarios))
         made: dict[int, Signals] = {}
         for number in set(self._at[chosen, 0].tolist()):
@@ -147,25 +146,25 @@ class ParameterScenarioGrid:
         return [made[j] for j in chosen.tolist()]
 
     def experiment(self, j: int) -> Experiment:
-        """What is simulated in a scenario."""
+        """The experiment of a scenario."""
         return experiment_of(self._scenarios[j])
 
     def signals(self, j: int) -> Floats:
-        """What runs of a scenario receive, drawn ahead, (samples, exogenous)."""
+        """Exogenous signals of a scenario, drawn ahead, (samples, exogenous)."""
         return exogenous_signals(self.experiment(j))
 
 
 @dataclass(frozen=True, eq=False)
 class BatchResult(RunOutcomes):
-    """What a batch gave, for every set of parameters (n) in every scenario (m).
+    """Results of a batch, for every set of parameters (n) in every scenario (m).
 
     Attributes:
-        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track``, ``went_slack`` where that was asked for or,
-            after an interrupt, ``not_run``.
+        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track``, with `most_slack` also ``went_slack``, and
+            after an interrupt ``not_run``.
         end_times: (n, m) in s.
-        metrics: name → (n, m), as in `Metrics`, the scenarios' own among them; NaN where a pair was not completed.
-        columns: name → (n, m, kept) where rows were asked for, NaN after an early end; else empty.
-        interrupted: whether an interrupt ended the batch, even if every pair was under way by then and is finished.
+        metrics: name → (n, m), as in `Metrics` and of the users' own; NaN where a pair was not completed.
+        columns: name → (n, m, kept) if rows are kept, NaN after an early end; else empty.
+        interrupted: whether an interrupt ended the batch, even if every pair was already running and is finished.
     """
 
     columns: dict[str, Floats]
@@ -188,28 +187,28 @@ def rollout(
 ) -> BatchResult:
     """Run every set of parameters in every scenario.
 
-    A pair's result depends on nothing but the pair: not on its neighbours, its lane, the number of pairs or threads.
-    It equals `simulate`'s up to the elementary functions, which err by up to 1e-9 of their value here. Scenarios of
-    another engine than ``compiled`` (``simulation.engine``) run one by one, as by `simulate`.
+    The result of a pair depends only on the pair, not on its lane or the number of pairs or threads. It equals that of
+    `simulate` up to the elementary functions, whose relative error here is up to 1e-9. Scenarios of another engine than
+    ``compiled`` (``simulation.engine``) run one by one, as in `simulate`.
 
     Args:
-        names: keys of the parameters that vary, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``. A
-            ``plant.*`` leaves the plant the controller believes in as the scenario has it (``nominal.*``).
+        names: keys of the varied parameters, e.g. ``["controller.nftsm.beta", "controller.observer.l0"]``. Varying
+            ``plant.*`` does not change the controller's nominal plant (``nominal.*``).
         parameters: (n, len(names)), a value for each name.
-        scenarios: m experiments, or draws of an ensemble (whose controller believes in the undrawn plant), of one
-            structure and length; they give every other value.
-        stride: every how many samples a row is kept; 0 keeps none.
-        most_slack: a run is given up once a rope was slack for more than this share of all its samples; default: never.
-            Careful steps through slack take several times as long, and hold up the runs in the lanes beside.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        scenarios: m experiments, or draws of an ensemble (whose controller has the undrawn plant as nominal plant), of
+            one structure and length; source of all other values.
+        stride: keep every `stride`-th sample as a row; 0 keeps none.
+        most_slack: end a run once a rope has been slack for more than this share of all its samples; default: never.
+            Sub-steps through slack take several times as long, and delay the runs in the neighbouring lanes.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called from time to time with the completed fraction.
 
     Returns:
-        The result; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
+        The result; after an interrupt (Ctrl-C), unfinished pairs have the outcome ``not_run``.
 
     Raises:
-        ConfigurationError: an unknown name, a wrong shape, a value out of range, or scenarios that do not go together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: an unknown name, a wrong shape, a value out of range, or incompatible scenarios.
+        DualwinchError: no compiler or no usable cache folder.
     """
     if most_slack is not None and not 0 <= most_slack <= 1:
         raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
@@ -223,19 +222,19 @@ def run_grid(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> BatchResult:
-    """Run experiments, side by side in vector lanes where they are of one structure, length and sample time.
+    """Run an array of experiments, in vector lanes where they have the same structure, length and sample time.
 
     Args:
-        experiments: an `Experiment` each, or a `Scenario`, in any shape.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        experiments: array of `Experiment` or `Scenario`, of any shape.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called from time to time with the completed fraction.
 
     Returns:
-        The runs, in that shape; an interrupt (Ctrl-C) leaves what is finished, and ``not_run`` for the rest.
+        Results of the same shape; after an interrupt (Ctrl-C), unfinished runs have the outcome ``not_run``.
 
     Raises:
-        ConfigurationError: the values of an experiment do not fit together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: the values of an experiment are inconsistent.
+        DualwinchError: no compiler or no usable cache folder.
     """
     given = experiments.ravel().tolist()
     found = _batch([], np.empty((1, 0)), given, 0, None, workers, progress, alike=False)
@@ -253,7 +252,7 @@ def _batch(
     *,
     alike: bool,
 ) -> BatchResult:
-    """`rollout`, structure by structure; `alike`: whether structures may differ in their sub-steps only."""
+    """`rollout`, structure by structure; `alike`: structures may differ only in their sub-steps."""
     parts = [
         (ParameterScenarioGrid(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress, alike=alike)
@@ -268,7 +267,7 @@ def _batch(
 
 
 def _not_begun(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> BatchResult:
-    """The result of all sets of a grid in so many scenarios, to be filled in."""
+    """An empty result for all sets of a grid in a number of scenarios."""
     shape, kept = (pairs.shape[0], scenarios), kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
     columns = {name: np.full((*shape, kept), np.nan) for name in pairs.loop.columns} if stride else {}
@@ -283,7 +282,7 @@ def _spread(
     most_slack: float | None,
     progress: Progress,
 ) -> bool:
-    """Run the pairs of grids on an executor's workers into their places of a result; whether without an interrupt."""
+    """Run the pairs of grids on an executor's workers and fill in their results; False if interrupted."""
     at = list[tuple[NDArray[np.int64], ...]]()
 
     def tasks() -> Iterator[tuple[Any, ...]]:
@@ -311,7 +310,7 @@ def rollout_portion(
     stride: int,
     most_slack: float | None,
 ) -> BatchResult:
-    """A part of a parameter–scenario grid, on one thread of a worker; arguments as of `rollout` and of the grid."""
+    """Run a part of a grid on one thread of a worker; arguments as in `rollout` and `ParameterScenarioGrid`."""
     pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
     found = _not_begun(pairs, len(scenarios), stride)
     _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, no_progress)
@@ -327,7 +326,7 @@ def _rollout(
     threads: int | None,
     progress: Progress,
 ) -> bool:
-    """Run the pairs of a structure into their places of a result; whether there was no interrupt."""
+    """Run the pairs of a structure and fill in their results; False if interrupted."""
     loop, samples, simulation = pairs.loop, pairs.shared.samples, pairs.shared.simulation
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
@@ -363,7 +362,7 @@ def _rollout(
 
 
 LOOK_EVERY = 64
-"""Samples from one look at the slack to the next, about, as in compiled batches."""
+"""Approximate number of samples between two checks of the slack, as in compiled batches."""
 
 
 def _alone(
@@ -377,7 +376,7 @@ def _alone(
     watched: int,
     most: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """One run by another engine, in the form of a compiled block of one lane (`codegen.drivers.batch.Batch`)."""
+    """One run by another engine, with the interface of a compiled block of one lane (`codegen.drivers.batch.Batch`)."""
     step = max(stride, 1)
     length = samples if np.isinf(most) else step * -(-LOOK_EVERY // step)
     outcome, done, kept = Outcome.COMPLETED, 0, []
@@ -393,11 +392,11 @@ def _alone(
 
 
 BLOCKS = 2
-"""Blocks of lanes a thread runs in a portion: with one, a thread that is done early would wait for the others."""
+"""Blocks of lanes per thread and portion: with only one, threads that finish early would wait for the others."""
 
 
 def in_portions(scenarios: Iterable[Scenario], size: int) -> Iterator[list[Scenario]]:
-    """Scenarios in lists of `size`, the last one shorter; each is drawn while the one before is run."""
+    """Scenarios in lists of `size`, the last one shorter; each list is drawn while the one before runs."""
     stream = iter(scenarios)
     with ThreadPoolExecutor(1) as pool:
         following = pool.submit(lambda: list(islice(stream, size)))
@@ -407,22 +406,22 @@ def in_portions(scenarios: Iterable[Scenario], size: int) -> Iterator[list[Scena
 
 
 def portion_size(experiment: Experiment, threads: int | None) -> tuple[int, int]:
-    """How many scenarios like `experiment` are run at a time, and on how many threads.
+    """Number of scenarios like `experiment` to run at a time, and number of threads.
 
     Args:
-        experiment: one of them.
-        threads: at most; default: one a core. Fewer where reference and given signals would take more than half of
-            the memory.
+        experiment: a typical experiment.
+        threads: maximum number of threads; default: one per core. Reduced where reference and given signals would take
+            more than half of the memory.
 
     Raises:
-        ConfigurationError: not even one thread's would fit.
+        ConfigurationError: even the signals of a single thread do not fit.
     """
     wanted = threads or cores()
     if hasattr(os, "sysconf"):
         room = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
         given = sum(signal.given for signal, _ in given_signals(experiment.disturbance).values())
         signals = len(exogenous_names(experiment.controller))
-        sample = 8 * (signals + LANES * given)  # what is random is drawn while it is used
+        sample = 8 * (signals + LANES * given)  # random signals are drawn during the run
         if experiment.samples * sample > room:
             raise ConfigurationError(
                 f"simulation.duration = {experiment.duration:g}: must be <= "

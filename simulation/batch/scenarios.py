@@ -1,8 +1,8 @@
-"""Scenarios of a batch, grouped: by what they share, to be checked as columns, and by structure, to be run.
+"""Group the scenarios of a batch: by common experiment, to check them as columns, and by structure, to run them.
 
-Scenarios that share an experiment and differ in plain numbers alone are a `ScenarioGroup`: their numbers are columns,
-which are checked as a whole; only members that may be out of range are shown to `prepare`, whose message names what is
-wrong. What one compiled loop can run is of one structure (`by_structure`).
+Scenarios that share an experiment and differ only in plain numbers form a `ScenarioGroup`: these numbers are columns,
+which are checked as a whole. Only members that may be invalid are passed to `prepare`, whose message names the error.
+Scenarios of one structure run in one compiled loop (`by_structure`).
 """
 
 import math
@@ -40,13 +40,13 @@ Flags = NDArray[np.bool_]
 Scenarios = Sequence[Experiment | Scenario]
 
 IN_COMMON = frozenset({Mark.TIMING, Mark.SHAPES_CODE})
-"""Marks of numbers that are the same in a whole group."""
+"""Marks of numbers that are equal within a group."""
 
 OF_SIGNALS = frozenset({Mark.SCALES_DRAWS, Mark.DRAWN_AHEAD})
-"""Marks of numbers from which random signals follow: in common too, where it shapes code whether they are zero."""
+"""Marks of numbers that affect random signals: equal within a group if code depends on whether they are zero."""
 
 GROUPS_IN_COMMON = ("controller.", "reference.", "metrics.", "plant.track.length", "plant.track.rope_offset")
-"""What the keys of others begin with: of what a controller believes, and of where a run goes, more follows."""
+"""Prefixes of further keys with equal values within a group: the nominal plant or the motion depends on them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +54,10 @@ class ScenarioGroup:
     """Scenarios that share an experiment and differ in plain numbers.
 
     Attributes:
-        members: their places in the batch, (n,).
-        experiment: what they share; where they differ it has the numbers of none of them.
-        nominal: the plant that their controllers were designed for; None: that of the experiment.
-        drawn: keys of all that was drawn.
+        members: their indices in the batch, (n,).
+        experiment: their common experiment; numbers in which they differ are placeholders.
+        nominal: the plant their controllers were designed for; None: that of the experiment.
+        drawn: keys of all drawn values.
         columns: key → the members' own numbers, (n,).
     """
 
@@ -69,12 +69,12 @@ class ScenarioGroup:
 
     @cached_property
     def numbers(self) -> dict[str, float]:
-        """What `parameters_of` gives of the experiment."""
+        """`parameters_of` the experiment."""
         return parameters_of(self.experiment, self.nominal)
 
     @cached_property
     def vectors(self) -> NDArray[np.float64]:
-        """The same of every member, in that order, (n, parameters)."""
+        """Parameter vectors of all members, (n, parameters)."""
         vectors = np.tile(np.array(list(self.numbers.values())), (len(self.members), 1))
         for number, key in enumerate(self.numbers):
             if key in self.columns:
@@ -83,13 +83,12 @@ class ScenarioGroup:
 
 
 def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
-    """Scenarios as groups; mostly there is one.
+    """Group scenarios; most batches are one group.
 
-    Words, and numbers from which more follows than what they are in the compiled code and in random signals, are the
-    same in a group.
+    Within a group, words are equal, and so are numbers that affect more than compiled code and random signals.
 
     Raises:
-        ConfigurationError: such a value is out of its range; the message names the scenario.
+        ConfigurationError: a value of these is out of its range; the message names the scenario.
     """
     found: list[ScenarioGroup] = []
     for places in _grouped(range(len(scenarios)), map(_likeness, scenarios)):
@@ -102,7 +101,7 @@ def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
 
 
 def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
-    """The groups of draws of one experiment, by their places, in which the same values are words."""
+    """Groups of draws of one experiment, given by their indices in the batch; the same keys have words as values."""
     place, first = next(iter(drawn.items()))
     shaped = _having(first, place, [key for key, value in first.draws.items() if not _is_number(value)])
     plain = plain_numbers(shaped)
@@ -133,7 +132,7 @@ def _likeness(given: Experiment | Scenario) -> Hashable:
 
 
 def _having(scenario: Scenario, place: int, keys: Iterable[str]) -> Experiment:
-    """The experiment of a scenario with some of its draws alone."""
+    """The experiment of a scenario with only some of its draws."""
     try:
         return with_leaves(scenario.base, {key: scenario.draws[key] for key in keys})
     except ConfigurationError as error:
@@ -145,12 +144,12 @@ def _is_number(value: Any) -> bool:
 
 
 def experiment_of(given: Experiment | Scenario) -> Experiment:
-    """What is simulated."""
+    """The experiment of a scenario, or the experiment itself."""
     return given.experiment if isinstance(given, Scenario) else given
 
 
 def name_of(given: Experiment | Scenario, place: int) -> str:
-    """What an error calls a scenario of a batch."""
+    """Name of a scenario of a batch in error messages."""
     return f"scenario {given.index}" if isinstance(given, Scenario) else f"scenarios[{place}]"
 
 
@@ -169,12 +168,12 @@ def plain_numbers(experiment: Experiment) -> frozenset[str]:
 
 
 def doubtful(group: ScenarioGroup) -> Flags:
-    """(members,) whether each is to be looked at by itself."""
+    """(members,) whether each needs a check of its own."""
     if not group.columns:
         return np.ones(len(group.members), bool)
     try:
         prepare(group.experiment)
-    except ConfigurationError:  # its members may be sound all the same
+    except ConfigurationError:  # its members may be valid nevertheless
         return np.ones(len(group.members), bool)
     known, doubts = describe_parts(group.experiment), np.zeros(len(group.members), bool)
     for key, column in group.columns.items():
@@ -186,7 +185,7 @@ def doubtful(group: ScenarioGroup) -> Flags:
 
 
 def _doubts(group: ScenarioGroup) -> Iterator[Any]:
-    """What one column alone does not determine: rules, sub-steps, states to start from."""
+    """Checks that involve several columns: rules, sub-steps, initial states; (members,) each, true where violated."""
     parts = symbolic_parts(group.experiment, group.columns)
     for name in ("plant", "sensors", "actuator", "disturbance"):
         for _, owner, rule in rules(getattr(parts, name), f"{name}."):
@@ -200,7 +199,7 @@ def _doubts(group: ScenarioGroup) -> Iterator[Any]:
 
 
 def breaks(rule: Rule, group: Any) -> Any:
-    """Where values of a group whose fields may be arrays break a rule; everywhere, where it is one of scalars alone."""
+    """Where fields of a group, which may be arrays, break a rule; True if the rule cannot be evaluated on arrays."""
     try:
         return ~np.asarray(rule.holds(group), bool)
     except ValueError:  # the truth of an array
@@ -208,7 +207,7 @@ def breaks(rule: Rule, group: Any) -> Any:
 
 
 def out_of_range(leaf: Leaf, column: NDArray[Any]) -> Flags:
-    """(values,) whether each is no finite number within the bounds of a leaf."""
+    """(values,) whether each is not finite or outside the bounds of a leaf."""
     wrong = ~np.isfinite(column)
     for constraint in leaf.constraints:
         wrong |= ~COMPARISONS[type(constraint)][1](column, bound_of(constraint))
@@ -218,10 +217,10 @@ def out_of_range(leaf: Leaf, column: NDArray[Any]) -> Flags:
 
 
 def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> list[ScenarioGroup]:
-    """The scenarios of a batch, checked, as groups.
+    """Check a batch and group its scenarios.
 
     Raises:
-        ConfigurationError: it cannot be run as asked; see `simulation.batch.rollout.rollout`.
+        ConfigurationError: see `simulation.batch.rollout.rollout`.
     """
     if not scenarios:
         raise ConfigurationError("scenarios: must be at least one experiment")
@@ -247,13 +246,13 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
 
 
 def check_shape(names: Sequence[str], values: Floats) -> None:
-    """Raise `ConfigurationError` where values are not sets with a value for each name."""
+    """Raise `ConfigurationError` unless values have the shape (n, names)."""
     if values.ndim != 2 or values.shape[1] != len(names):
         raise ConfigurationError(f"parameters: shape {values.shape} must be (n, {len(names)}), a column for each name")
 
 
 def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str] = ()) -> None:
-    """Members in doubt are shown to `prepare`, which has the words for what is wrong with them."""
+    """Pass doubtful members to `prepare`, whose error names the invalid value."""
     for place in group.members[doubtful(group)]:
         try:
             prepare(experiment_of(scenarios[place]))
@@ -262,14 +261,14 @@ def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[st
     for name in scaling:
         values = group.columns[name] if name in group.columns else leaves(group.experiment)[name]
         silent = np.broadcast_to(values == 0, len(group.members))
-        if silent.any():  # what is drawn is drawn for the scenario, and without any there is nothing to scale
+        if silent.any():  # signals are drawn for the scenario; without any there is nothing to scale
             place = group.members[silent.argmax()]
             where = name_of(scenarios[place], place)
             raise ConfigurationError(f"{where}: {name} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
 
 def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) -> None:
-    """Each value's own range, whole columns at a time."""
+    """Check the range of each value, column by column."""
     for name, column in columns.items():
         leaf = described[name]
         wrong, allowed = out_of_range(leaf, column), leaf.allowed or "finite"
@@ -286,7 +285,7 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
 def _check_together(
     columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Experiment
 ) -> None:
-    """Rules between values: rows that break one are shown to `prepare`, which has the words for it."""
+    """Check rules between values: pass rows that may break one to `prepare`, whose error names it."""
     if not columns:
         return
     rows = len(next(iter(columns.values())))
@@ -321,7 +320,7 @@ def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable
 
 
 def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
-    """A row's own ropes may ask for more sub-steps than the scenarios'."""
+    """Check that a row's ropes need no more sub-steps than the structure has."""
     needed = solver_of(experiment).substeps
     given = structure.simulation.substeps
     if needed > given:
@@ -331,20 +330,20 @@ def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
 def by_structure(
     scenarios: Scenarios, progress: Progress, *, alike: bool = True
 ) -> Iterator[tuple[NDArray[np.int64], Scenarios, Progress]]:
-    """Scenarios that one compiled loop runs: those of one structure, length, sample time and engine.
+    """Split scenarios by compiled loop: equal structure, length, sample time and engine.
 
-    The sub-steps are part of the structure: they follow from the laws of the ropes.
+    Sub-steps are part of the structure, as they may follow from the rope laws.
 
     Args:
-        scenarios: of a batch.
-        progress: called with the share of the batch that is done.
-        alike: whether structures may differ in their sub-steps only.
+        scenarios: the scenarios of a batch.
+        progress: called with the completed fraction of the batch.
+        alike: whether structures may differ only in their sub-steps.
 
     Yields:
-        Their places in the batch, the scenarios, and what is called with the share of them that is done.
+        Indices in the batch, the scenarios, and a receiver of progress for them.
 
     Raises:
-        ConfigurationError: scenarios differ in more than their sub-steps, and may not.
+        ConfigurationError: scenarios differ in more than their sub-steps, though `alike`.
     """
     places: dict[tuple[Experiment, int, float, EngineName], list[int]] = {}
     for group in scenario_groups(scenarios):

@@ -1,4 +1,4 @@
-"""How runs change with their numbers: exact derivatives of the error, of other columns and of the figures of merit."""
+"""Sensitivities of runs: exact derivatives of error, other columns and figures of merit with respect to parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -33,7 +33,7 @@ from dualwinch.simulation.scenario import Scenario
 
 
 def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
-    """Raise `ConfigurationError` where a run has no derivative by a number; of names that are unknown say nothing."""
+    """Raise `ConfigurationError` for names without derivatives; unknown names are ignored."""
     taken = described_parameters(structure_of(experiment))
     known, values = described(experiment), leaves(experiment)
     for name in names:
@@ -47,7 +47,7 @@ def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
 
 
 def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
-    """Key → value of every number that runs of an experiment have a derivative by."""
+    """Key → value of every number of an experiment with derivatives."""
     ahead = {key: value for key, value in leaves(experiment).items() if shaped_by(key)}
     found = {}
     for key, value in (parameters_of(experiment) | ahead).items():
@@ -62,7 +62,7 @@ def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
 
 
 def described(experiment: Experiment) -> dict[str, Leaf]:
-    """Every key of an experiment, and of what the controller believes of its plant, with what it is."""
+    """Metadata of every key of an experiment and of the controller's nominal plant."""
     return {**describe_parts(experiment), **described_parameters(structure_of(experiment))}
 
 
@@ -71,7 +71,7 @@ BY_MARK = {
     Mark.TIMING: "it sets the instants of the samples",
     Mark.SHAPES_CODE: "it is written into the compiled code",
 }
-"""What stands against a derivative by what is marked so."""
+"""Why a number with a mark has no derivative."""
 
 BY_TYPE = {int: "it is a whole number", bool: "it is a switch", str: "it is a choice or a text", tuple: "it is a list"}
 """The same, by the type of a value."""
@@ -86,7 +86,7 @@ BY_PREFIX = {
 
 
 def _reason(leaf: Leaf) -> str:
-    """What stands against a derivative by a number; empty: nothing that its description says."""
+    """Why a number has no derivative, by its metadata; empty: it may have one."""
     by_mark = (reason for mark, reason in BY_MARK.items() if mark in leaf.marks)
     by_kind = (reason for kind, reason in BY_TYPE.items() if leaf.kind is kind)
     by_group = (reason for beginning, reason in BY_PREFIX.items() if leaf.key.startswith(beginning))
@@ -97,21 +97,21 @@ Floats = NDArray[np.float64]
 
 
 class TangentSeeds:
-    """Numbers that vary, of sets (n) in scenarios (m): parameters of the loop, and what shapes signals ahead of it.
+    """The varied numbers of n sets in m scenarios: parameters of the loop, and numbers that shape its signals.
 
     Attributes:
-        names: keys of the numbers, p of them.
-        pairs: what the loop takes of every pair.
+        names: keys of the p numbers.
+        pairs: the grid of sets and scenarios, with those numbers that are parameters of the loop.
         signals: names of the signals that some of the numbers shape.
     """
 
     def __init__(
         self, names: Sequence[str], parameters: ArrayLike, scenarios: Scenarios, zeros: frozenset[str] | None = None
     ) -> None:
-        """Check that everything goes together; arguments as of `ParameterScenarioGrid`.
+        """Check the arguments, which are those of `ParameterScenarioGrid`.
 
         Raises:
-            ConfigurationError: as by `ParameterScenarioGrid`, or there is no derivative by a number.
+            ConfigurationError: as in `ParameterScenarioGrid`, or a number without derivatives.
         """
         self.names, self._values = tuple(names), np.asarray(parameters, float)
         if not names:
@@ -141,23 +141,23 @@ class TangentSeeds:
             raise ConfigurationError(f"parameters[{i}]: {error}") from error
 
     def _receiving(self, i: int, j: int) -> Experiment:
-        """The experiment whose signals a pair receives."""
+        """The experiment that determines the signals of a pair."""
         values = dict(zip(self.names, self._values[i].tolist(), strict=True))
         return with_leaves(self.pairs.experiment(j), {name: values[name] for name in self._shaped})
 
     def part(
         self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
     ) -> tuple[tuple[str, ...], Floats, Scenarios, frozenset[str]]:
-        """What the numbers of some of the sets and scenarios are made of."""
+        """The arguments for some of the sets and scenarios."""
         _, _, some, zeros = self.pairs.part(sets, scenarios)
         return self.names, self._values[sets], some, zeros
 
     def outside(self, i: int, j: int) -> Floats:
-        """What a pair receives from outside, (samples, exogenous)."""
+        """Exogenous signals of a pair, (samples, exogenous)."""
         return exogenous_signals(self._receiving(i, j)) if self._shaped else self.pairs.signals(j)
 
     def directions(self, chosen: range, width: int) -> Floats:
-        """Directions in what the loop takes, (its numbers, width): those of some of the names, the others 0."""
+        """Directions in the loop's varied parameters, (parameters, width): unit vectors of the chosen names, else 0."""
         directions = np.zeros((len(self.pairs.names), width))
         for column, number in enumerate(chosen):
             if self.names[number] in self.pairs.names:
@@ -165,7 +165,7 @@ class TangentSeeds:
         return directions
 
     def moved(self, i: int, j: int, chosen: range, width: int) -> Floats:
-        """Slopes of the signals by some of the names, (samples, signals, width)."""
+        """Derivatives of the signals with respect to the chosen names, (samples, signals, width)."""
         moved = np.zeros((self.pairs.shared.samples, len(self.signals), width))
         for column, number in enumerate(chosen):
             for signal in self._shaped.get(self.names[number], ()):
@@ -175,25 +175,25 @@ class TangentSeeds:
 
 
 COMPLEX_STEP = 1e-100
-"""Step of the complex-step derivative: exact, as nothing is subtracted."""
+"""Step of the complex-step derivative, which is exact, as nothing is subtracted."""
 
 FRAME = "simulation.jitter", "sensors.position_bias"
-"""Numbers with which it changes where the vehicle should be."""
+"""Numbers that affect the reference position."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities(RunOutcomes):
-    """Runs and their derivatives by p numbers, for n sets of values in m scenarios; arrays of outcomes are (n, m).
+    """Runs and their derivatives with respect to p numbers, for n sets in m scenarios; outcomes are (n, m).
 
     Attributes:
         names: keys of the numbers.
-        gradients: figure of merit → (n, m, p); NaN where the figure of merit is.
+        gradients: figure of merit → (n, m, p); NaN where the figure of merit is NaN.
         errors: (n, m, kept) tracking error e in m; NaN after an early end.
         slopes: (n, m, kept, p) derivatives of e.
-        columns: column that was asked for → (n, m, kept), in its own unit; NaN after an early end.
-        column_slopes: column → (n, m, kept, p) its derivatives.
-        quantities: column → what it is.
-        interrupted: whether an interrupt ended the call; what is left out is ``not_run`` and NaN.
+        columns: requested column → (n, m, kept), in its unit; NaN after an early end.
+        column_slopes: column → (n, m, kept, p) derivatives.
+        quantities: column → quantity.
+        interrupted: whether an interrupt ended the call; unfinished runs are ``not_run`` and NaN.
     """
 
     names: tuple[str, ...]
@@ -223,31 +223,31 @@ def sensitivities(
 ) -> Sensitivities:
     """Run every set of values in every scenario, with exact forward sensitivities.
 
-    The derivatives are those of the compiled steps themselves (no differences are taken): exact where the run is
-    smooth in the numbers. Where a limit, a slack rope or a dry friction switches they are one-sided. Random signals
-    are the same draws: where a number scales them, it scales these. Sensors that read in steps are differentiated as
-    if they did not: the derivative of a step is zero almost everywhere, and says nothing.
+    The compiled step itself is differentiated, without finite differences: derivatives are exact where the run is
+    smooth in the numbers, and one-sided where a limit, a slack rope or dry friction switches. Random signals keep their
+    draws; numbers that scale them scale these. Quantised sensors are differentiated as if they were not quantised, as
+    the derivative of a step function, zero almost everywhere, is useless.
 
         found = dw.sensitivities(["plant.vehicle.mass"], [[1e4]], [dw.case(4)], columns=["F1", "tau_1"])
         found.column_slopes["F1"][0, 0]  # (samples, 1) in N/kg
 
     Args:
-        names: keys of the numbers: gains and any other continuous one of plant, sensors, actuator and disturbance. As
-            for `simulation.batch.rollout.rollout`, a ``plant.*`` leaves the plant the controller believes in as it
-            is; what comes of changing both is the sum of the derivatives by ``plant.*`` and ``nominal.*``.
+        names: keys of gains and of any other continuous number of plant, sensors, actuator and disturbance. As in
+            `simulation.batch.rollout.rollout`, ``plant.*`` does not change the controller's nominal plant; for a
+            change of both, add the derivatives with respect to ``plant.*`` and ``nominal.*``.
         parameters: (n, p), a value for each name.
-        scenarios: m experiments or draws of one structure and length.
-        columns: names of columns of a result whose derivatives are kept, such as ``F1``; of what the sensors say
-            (``x_read``), where the experiment keeps it (``simulation.readings``).
-        stride: every how many samples error, columns and slopes are kept; 0 keeps none. A set in a scenario takes
-            8 (p + 1) bytes a sample and column.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        scenarios: m experiments or draws, of one structure and length.
+        columns: columns of a result whose derivatives are kept, such as ``F1``; also sensor readings (``x_read``) if
+            the experiment keeps them (``simulation.readings``).
+        stride: keep error, columns and slopes of every `stride`-th sample; 0 keeps none. A pair takes 8 (p + 1) bytes
+            per sample and column.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called from time to time with the completed fraction.
 
     Raises:
-        ConfigurationError: as `simulation.batch.rollout.rollout`; a number without derivative (a count, a choice, an
-            instant, a rounding), or an unknown column.
-        DualwinchError: as `simulation.batch.rollout.rollout`.
+        ConfigurationError: as in `simulation.batch.rollout.rollout`; a number without derivative (a count, a choice,
+            an instant, a quantisation), or an unknown column.
+        DualwinchError: as in `simulation.batch.rollout.rollout`.
     """
     asked = tuple(dict.fromkeys(columns))
     parts = [
@@ -280,7 +280,7 @@ def _spread(
     stride: int,
     progress: Progress,
 ) -> bool:
-    """Differentiate runs on an executor's workers into their places of a result; whether there was no interrupt."""
+    """Differentiate runs on an executor's workers and fill in their results; False if interrupted."""
     sets, count = seeds.pairs.shape
     size = portion_of(count, least=1)
     chosen = [np.arange(first, min(first + size, count)) for first in range(0, count, size)]
@@ -304,7 +304,7 @@ def sensitivities_portion(
     columns: tuple[str, ...],
     stride: int,
 ) -> Sensitivities:
-    """Every set of values in some scenarios, on one thread of a worker; arguments as of `sensitivities`."""
+    """Every set of values in some scenarios, on one thread of a worker; arguments as in `sensitivities`."""
     seeds = TangentSeeds(names, parameters, scenarios, zeros)
     found = _not_begun(seeds, len(scenarios), columns, stride)
     for i, j in seeds.pairs.indices.tolist():
@@ -313,21 +313,21 @@ def sensitivities_portion(
 
 
 def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
-    """Compile what `sensitivities` will run in scenarios like one, so that its first call takes no longer than others.
+    """Compile the code of `sensitivities` for scenarios like this one, so that its first call takes no longer.
 
     Args:
         names: keys of the numbers.
-        values: one for each.
-        scenario: one of those to come.
+        values: one value for each.
+        scenario: a typical scenario.
 
     Raises:
-        ConfigurationError, DualwinchError: as `sensitivities`.
+        ConfigurationError, DualwinchError: as in `sensitivities`.
     """
     _compiled(TangentSeeds(names, [values], [scenario]), ())
 
 
 def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
-    """The compiled run of some numbers, with the tangents of some columns."""
+    """The compiled run with tangents of some columns."""
     pairs = seeds.pairs
     smooth = closed_loop(pairs.structure, pairs.zeros | steps(pairs.structure))
     return compile_sensitivity(
@@ -342,7 +342,7 @@ def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
 
 
 def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], stride: int) -> Sensitivities:
-    """The result of all sets in so many scenarios, to be filled in.
+    """An empty result for all sets in a number of scenarios.
 
     Raises:
         ConfigurationError: an unknown column.
@@ -367,10 +367,10 @@ def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], st
 
 
 def steps(structure: Experiment) -> frozenset[str]:
-    """Parameters of sensors that read in steps.
+    """Parameters of quantised sensors.
 
-    Their derivative is zero almost everywhere, which says nothing: derivatives are those of sensors without steps,
-    along the run with them.
+    The derivative of a step function, zero almost everywhere, is useless: derivatives are those of sensors without
+    quantisation, along the run with it.
     """
     known = described_parameters(structure)
     return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
@@ -384,7 +384,7 @@ def _differentiate_pair(
     result: Sensitivities,
     at: tuple[int, int],
 ) -> None:
-    """Run a pair, and put it and its derivatives by all names into a place of a result."""
+    """Run a pair and fill in its result and its derivatives with respect to all names."""
     outside, p = seeds.outside(*pair), len(seeds.names)
     for first in range(0, p, run.varied.directions):
         chosen = range(first, min(first + run.varied.directions, p))
@@ -401,7 +401,7 @@ def _differentiate(
     result: Sensitivities,
     at: tuple[int, int],
 ) -> None:
-    """Run a pair, and put it and its derivatives by some of the names into a place of a result."""
+    """Run a pair and fill in its result and its derivatives with respect to the chosen names."""
     pairs, loop, width, count = seeds.pairs, seeds.pairs.loop, run.varied.directions, len(chosen)
     directions = seeds.directions(chosen, width)
     vectors = pairs.vectors(np.array([pair]))
@@ -416,11 +416,11 @@ def _differentiate(
 
     numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
     samples = slice(0, rows * max(stride, 1), max(stride, 1))
-    result.errors[at][:rows] = kept.first - _wanted(outside, loop.exogenous, numbers)[samples]
+    result.errors[at][:rows] = kept.first - _reference_position(outside, loop.exogenous, numbers)[samples]
     result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
     for number in chosen:
         if (name := seeds.names[number]) in FRAME:
-            moved = _wanted(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * COMPLEX_STEP})
+            moved = _reference_position(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * COMPLEX_STEP})
             result.slopes[at][:rows, number] -= np.imag(moved)[samples] / COMPLEX_STEP
     for number, name in enumerate(result.columns):
         result.columns[name][at][:rows] = kept.rows[:, number]
@@ -434,8 +434,8 @@ def _differentiate(
         result.gradients[name][at][among] = gradients[name][:count]
 
 
-def _wanted(outside: Floats, names: Sequence[str], numbers: Mapping[str, complex]) -> NDArray[Any]:
-    """Where the vehicle should be at every sample, (samples,): in the track's frame, and at the sample's true time."""
+def _reference_position(outside: Floats, names: Sequence[str], numbers: Mapping[str, complex]) -> NDArray[Any]:
+    """Reference position at every sample, (samples,): in the frame of the track, at the sample's true time."""
     columns = dict(zip(names, outside.T, strict=True))
     jitter, bias = (numbers[name] for name in FRAME)
     late = jitter * np.append(0.0, columns[LATENESS][:-1])
@@ -448,11 +448,11 @@ def _gradients(
 ) -> dict[str, Floats]:
     """Derivatives of the metrics along tangents of the final state (states, directions), by a complex step.
 
-    Own metrics need not take complex numbers: theirs are by differences of what they make of the final state.
+    Users' metrics need not accept complex numbers: they are differentiated by finite differences in the final state.
     """
     moved = np.empty(tangents.shape, complex)
     moved.real, moved.imag = final[:, np.newaxis], COMPLEX_STEP * tangents
-    with np.errstate(invalid="ignore"):  # a run that diverged
+    with np.errstate(invalid="ignore"):  # diverged runs
         metrics = metrics_of(dict(zip(names, moved, strict=True)), completed=completed)
     built_in = {
         name: np.where(np.isnan(np.real(value)), np.nan, np.imag(value) / COMPLEX_STEP)

@@ -1,8 +1,8 @@
-"""A task for a worker of an executor: a function with its arguments, and what has to be the same there.
+"""A task for a worker of an executor: a function with its arguments, and checks that its environment is the same.
 
-A worker may be another process on another machine. It is to compute the same bits, so it must run the same product on
-the same CasADi and NumPy; and parts of your own must be the same there: those of a file (``--plugin FILE``) travel as
-source text, those of installed modules are compared by their digest. What differs is refused in one line.
+A worker may be a process on another machine. To compute the same bits, it must run the same dualwinch, CasADi and
+NumPy, and users' parts must be the same: those of a file (``--plugin FILE``) are sent as source text, those of
+installed modules are compared by digest. Any difference is a one-line error.
 """
 
 import hashlib
@@ -38,14 +38,14 @@ from dualwinch.model.quantities.part import (
 
 
 class WorkerError(DualwinchError):
-    """A worker cannot compute a task: it is of another version, cannot compile, or was lost again and again."""
+    """A worker cannot compute a task: it has another version, cannot compile, or was lost repeatedly."""
 
 
 class WorkerCompileError(WorkerError):
     """A worker cannot compile.
 
     Attributes:
-        worker: its address, if it is one of Dask's.
+        worker: its address, if it is a Dask worker.
     """
 
     worker = ""
@@ -56,8 +56,8 @@ class ModuleSource:
     """The source of a module that a worker may not have.
 
     Attributes:
-        name: of the module.
-        file: that it is from.
+        name: name of the module.
+        file: its file.
         text: its source.
     """
 
@@ -68,13 +68,13 @@ class ModuleSource:
 
 @dataclass(frozen=True)
 class WorkerTask:
-    """A function with its arguments, as it travels to a worker.
+    """A function with its arguments, as sent to a worker.
 
     Attributes:
-        versions: library → version, the same where it is run.
-        sources: modules that define parts of one's own, from files.
-        digests: (module, class, digest) of parts of one's own that are imported by the module's name.
-        exact: whether compiled code is to be `Compiler.exact`.
+        versions: library → version, which must be the same on the worker.
+        sources: modules of files that define users' parts.
+        digests: (module, class, digest) of users' parts in installed modules.
+        exact: whether to compile with `Compiler.exact`.
         payload: function and arguments, pickled.
     """
 
@@ -89,7 +89,7 @@ class WorkerTask:
         """The task of a call.
 
         Raises:
-            WorkerError: an argument cannot be pickled, such as a part that is defined in a function.
+            WorkerError: an argument cannot be pickled, such as a part defined inside a function.
         """
         stream = io.BytesIO()
         pickler = _Pickler(stream)
@@ -114,7 +114,7 @@ class WorkerTask:
         )
 
     def key(self, work: Callable[..., Any], *arguments: Any) -> str:
-        """A digest of the call that the task was made of and of what computes it, the same in every process."""
+        """A digest of the call and of the versions and parts that compute it, the same in every process."""
         stream = io.BytesIO()
         pickler = _CanonicalPickler(stream, protocol=pickle.HIGHEST_PROTOCOL)
         pickler.fast = True
@@ -124,22 +124,22 @@ class WorkerTask:
 
 
 class _CanonicalPickler(pickle.Pickler):
-    """Pickles sets in order; as it is used (`fast`), also without references to equal things before."""
+    """Pickles sets in sorted order and, with `fast`, without references to earlier objects."""
 
     def persistent_id(self, thing: Any) -> Any:
-        """The elements of a set."""
+        """The sorted elements of a set, in its place."""
         return sorted(thing, key=repr) if isinstance(thing, set | frozenset) else None
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles, and notes the parts of one's own that it meets."""
+    """Pickles, and collects the users' parts that it encounters."""
 
     def __init__(self, stream: io.BytesIO) -> None:
         super().__init__(stream, protocol=pickle.HIGHEST_PROTOCOL)
         self.parts = set[type[Part]]()
 
     def reducer_override(self, thing: Any) -> Any:
-        """Nothing of its own."""
+        """Note a user's part; pickle as usual."""
         if isinstance(thing, type) and issubclass(thing, Part) and not built_in(thing):
             self.parts.add(thing)
         return NotImplemented
@@ -147,7 +147,7 @@ class _Pickler(pickle.Pickler):
 
 @cache
 def versions() -> dict[str, str]:
-    """What decides the bits of a result beside its arguments; the product's with a digest of all its sources."""
+    """Versions that determine the bits of a result, dualwinch's own with a digest of its sources."""
     files = {
         f"{folder.name}/{file.relative_to(folder.resolve())}": file
         for folder in Path(str(sys.modules[PACKAGE].__file__)).parent.iterdir()
@@ -166,7 +166,7 @@ def run_task(task: WorkerTask) -> Any:
     """Compute a task, on a worker.
 
     Raises:
-        WorkerError: the worker is of another version, has another part, or is out of memory.
+        WorkerError: the worker has another version or another part, or is out of memory.
         WorkerCompileError: it cannot compile.
         DualwinchError: as raised by the function.
     """
@@ -196,7 +196,7 @@ def run_task(task: WorkerTask) -> Any:
 
 
 def _address() -> str:
-    """The address of this process as a worker of Dask's; empty if it is none."""
+    """The address of this process as a Dask worker; empty if it is none."""
     try:
         return str(sys.modules["distributed"].get_worker().address)
     except (KeyError, ValueError):
@@ -204,15 +204,15 @@ def _address() -> str:
 
 
 def _provide(where: str, sources: Sequence[ModuleSource]) -> None:
-    """Import modules from their sources where they are not there, and register the parts they define.
+    """Import missing modules from their sources, and register the parts they define.
 
     Raises:
-        WorkerError: another version of a module is there.
+        WorkerError: another version of a module is already imported.
     """
     if not sources:
         return
     finder = _Finder({source.name: source for source in sources})
-    sys.meta_path.append(finder)  # last, so that nothing carried hides what is installed
+    sys.meta_path.append(finder)  # last, so that installed modules take precedence
     try:
         for source in sources:
             module = importlib.import_module(source.name)
@@ -226,7 +226,7 @@ def _provide(where: str, sources: Sequence[ModuleSource]) -> None:
 
 
 def _register(part: type[Part]) -> None:
-    """Register a part; whether it fits was found out where the task is from."""
+    """Register a part; the client has already checked it."""
     if part.registry is not None and isinstance(getattr(part, "kind", None), str):
         with part.registry.adding(part):
             pass
@@ -245,19 +245,19 @@ def _compare(where: str, digests: Sequence[tuple[str, str, str]]) -> None:
 
 
 class _Finder(MetaPathFinder):
-    """Finds modules whose sources have come with a task."""
+    """Finds modules whose sources came with a task."""
 
     def __init__(self, sources: dict[str, ModuleSource]) -> None:
         self._sources = sources
 
     def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG002
-        """The specification of such a module."""
+        """The specification of a module that came with a task."""
         source = self._sources.get(fullname)
         return ModuleSpec(fullname, _Loader(source), origin=source.file) if source else None
 
 
 class _Loader(InspectLoader):
-    """Makes a module of its source, and keeps that."""
+    """Loads a module from its source, and keeps the source."""
 
     def __init__(self, source: ModuleSource) -> None:
         self._source = source
@@ -267,6 +267,6 @@ class _Loader(InspectLoader):
         return self._source.text
 
     def exec_module(self, module: ModuleType) -> None:
-        """Run it, under the name of the file it is from."""
+        """Execute the module under the name of its original file."""
         module.__file__ = self._source.file
         exec(compile(self._source.text, self._source.file, "exec"), vars(module))  # noqa: S102

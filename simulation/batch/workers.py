@@ -1,14 +1,14 @@
-"""Where many runs are computed: on threads of this machine, or by the workers of an executor, such as a Dask cluster's.
+"""Compute many runs on threads of this machine, or on the workers of an executor, such as a Dask cluster.
 
-Everything that takes ``workers=`` takes a number of threads (compiled code runs without Python's lock) or a
-`concurrent.futures.Executor`, such as a ``ProcessPoolExecutor`` or Dask's ``client.get_executor()``. What is many runs
-is then split into portions that do not depend on the number of workers, and the portions' results are put together by
-their numbers, so that the result is the same bits for all workers and orders. A `KeepingExecutor` keeps the portions
-that are finished, so that work that has ended early goes on when it is called again.
+Every ``workers=`` argument accepts a number of threads (compiled code runs without Python's lock) or a
+`concurrent.futures.Executor`, such as a ``ProcessPoolExecutor`` or Dask's ``client.get_executor()``. The runs are then
+split into portions that do not depend on the number of workers, and results are assembled by portion number, so that
+they are the same bits for any number of workers and any order. A `KeepingExecutor` stores finished portions, so that
+interrupted work can be resumed by calling it again.
 
-`cluster_client` connects to a Dask cluster, by its scheduler's address or by a function of your own. Scheduling,
-retries and the transport of data are Dask's (https://distributed.dask.org); its defaults stand, and its configuration
-files and ``DASK_`` environment variables change them.
+`cluster_client` connects to a Dask cluster, by the address of its scheduler or by a function of your own. Scheduling,
+retries and data transport are Dask's (https://distributed.dask.org), with its defaults unless its configuration files
+or ``DASK_`` environment variables change them.
 """
 
 import logging
@@ -51,24 +51,24 @@ Item = TypeVar("Item")
 Returned = TypeVar("Returned")
 
 Workers: TypeAlias = int | Executor | None
-"""Threads of this machine (None: one a core), or an executor."""
+"""Number of threads on this machine (None: one per core), or an executor."""
 
 
 def threads_of(workers: Workers) -> int | None:
-    """Threads of what is computed on this machine in any case: as many as asked for, else one a core."""
+    """Number of threads for work that always runs on this machine; None, one per core, if `workers` is an executor."""
     return workers if isinstance(workers, int) else None
 
 
 def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, progress: Progress = no_progress) -> bool:
-    """Run jobs on threads; an interrupt lets those under way finish and drops the rest.
+    """Run jobs on threads; after an interrupt, running jobs finish and the rest is dropped.
 
     Args:
-        jobs: what is run.
-        threads: default: one a core.
-        progress: called now and then with the share that is done.
+        jobs: the jobs.
+        threads: number of threads; default: one per core.
+        progress: called from time to time with the completed fraction.
 
     Returns:
-        Whether there was no interrupt.
+        False if interrupted.
     """
     pool = ThreadPoolExecutor(threads or cores())
     waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
@@ -86,15 +86,15 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
 
 
 def map_all(work: Callable[[Item], Returned], items: Sequence[Item], threads: int | None = None) -> list[Returned]:
-    """What some work makes of each of some items, on threads, in their order.
+    """Apply a function to items on threads; results are in the order of the items.
 
     Args:
-        work: what is run.
-        items: what it is run on.
-        threads: default: one a core.
+        work: the function.
+        items: its arguments.
+        threads: number of threads; default: one per core.
 
     Raises:
-        KeyboardInterrupt: interrupted; work under way is finished.
+        KeyboardInterrupt: interrupted, after running calls have finished.
     """
     found: dict[int, Returned] = {}
 
@@ -112,34 +112,34 @@ def cores() -> int:
 
 
 def portion_of(runs: int, *, portions: int = 64, least: int = 64, most: int = 512) -> int:
-    """Number of runs of a task, a multiple of `least`: small enough for many workers, large enough to be worth it.
+    """Number of runs per task, a multiple of `least`: small enough for many workers, large enough to be worth sending.
 
     Args:
-        runs: of all tasks.
-        portions: number of tasks that are aimed at, so that so many workers have something to do.
-        least: runs of a task, below which sending it costs more than a few per cent of computing it.
-        most: runs of a task, beyond which nothing is gained, and more is lost with a worker.
+        runs: total number of runs.
+        portions: desired number of tasks, and so of busy workers.
+        least: runs per task below which sending costs more than a few per cent of computing.
+        most: runs per task beyond which nothing is gained, and more is lost with a worker.
     """
     return min(max(least, -(-runs // (portions * least)) * least), most)
 
 
 class WorkerWarning(UserWarning):
-    """A worker cannot do its part, and others do it."""
+    """A worker cannot compile; others take over its tasks."""
 
 
 class KeepingExecutor(Executor):
-    """An executor with a folder that keeps the results of its tasks: the same work, begun anew, goes on with the rest.
+    """An executor with a folder that stores the results of its tasks, so that work can be resumed after an interrupt.
 
-    A result is found by a digest of function, arguments, own parts and versions, on any machine; what differs in
-    any of these is computed. Files are pickles: the folder must be one that nobody else can write to. It may be
+    A result is identified by a digest of function, arguments, users' parts and versions, on any machine; a task that
+    differs in any of these is computed. Files are pickles: nobody else may have write access to the folder. It may be
     deleted when the work is done.
 
     Args:
-        executor: that computes; it is not shut down.
-        folder: that is made where there is none.
+        executor: executor that computes; it is not shut down.
+        folder: folder for results; created if missing.
 
     Raises:
-        ConfigurationError: the folder cannot be made.
+        ConfigurationError: the folder cannot be created.
     """
 
     def __init__(self, executor: Executor, folder: Path | str) -> None:
@@ -150,22 +150,22 @@ class KeepingExecutor(Executor):
             raise ConfigurationError(f"{folder}: cannot be made ({error.strerror})") from error
 
     def submit(self, fn: Callable[..., Returned], /, *args: Any, **kwargs: Any) -> Future[Returned]:
-        """Have the executor compute a call."""
+        """Compute a call with the executor."""
         return self.executor.submit(fn, *args, **kwargs)
 
     def has(self, key: str) -> bool:
-        """Whether there is a result of a task."""
+        """Whether the result of a task is stored."""
         return self._file(key).is_file()
 
     def find(self, key: str) -> tuple[Any] | None:
-        """The result of a task; None where there is none that can be read."""
+        """The stored result of a task; None if there is none or it cannot be read."""
         try:
             return (pickle.loads(self._file(key).read_bytes()),)  # noqa: S301  the user's own folder
         except Exception:  # noqa: BLE001  damaged in any way: computed anew
             return None
 
     def keep(self, key: str, result: object) -> None:
-        """Keep the result of a task; its file appears whole or not at all.
+        """Store the result of a task; its file appears whole or not at all.
 
         Raises:
             OSError: it cannot be written.
@@ -178,7 +178,7 @@ class KeepingExecutor(Executor):
 
 
 UNABLE: WeakKeyDictionary[Executor, dict[str, WorkerCompileError]] = WeakKeyDictionary()
-"""Executor → address of each of its workers that cannot compile, and why."""
+"""Executor → address of each worker that cannot compile → its error."""
 
 
 def spread(
@@ -188,20 +188,19 @@ def spread(
     *,
     at_once: int = 4096,
 ) -> Generator[tuple[int, Returned], None, None]:
-    """Have tasks computed by an executor's workers; numbers of tasks and their results, as they come.
+    """Compute tasks on an executor's workers; yield task numbers and results in the order in which they finish.
 
-    To schedule, to move data, and to repeat what a lost worker had begun, is the executor's. What a Dask worker cannot
-    compile goes to others. When the iteration ends early, by an error or an interrupt, tasks that are not finished are
-    cancelled.
+    The executor schedules, transfers data, and repeats the tasks of lost workers. Tasks that a Dask worker cannot
+    compile go to others. If the iteration ends early, by an error or an interrupt, unfinished tasks are cancelled.
 
     Args:
-        executor: of the workers; it is not shut down.
-        work: a function at the top of a module.
-        tasks: its arguments. Threads of this process get them as they are, others as a `WorkerTask`.
-        at_once: number of tasks that the executor knows at a time, which bounds the memory here.
+        executor: executor of the workers; it is not shut down.
+        work: a function at the top level of a module.
+        tasks: its arguments. Threads of this process receive them directly, other workers in a `WorkerTask`.
+        at_once: maximum number of submitted tasks, which bounds the memory here.
 
     Raises:
-        WorkerError: workers were lost again and again, ran out of memory, are of another version, or none can compile.
+        WorkerError: workers were lost repeatedly, ran out of memory, have another version, or none can compile.
         DualwinchError: as raised by the work.
     """
     spreading = _Spreading(executor, work, tasks)
@@ -224,7 +223,7 @@ def spread(
 
 
 class _Spreading:
-    """The tasks of a `spread`: those the executor knows, and those whose results are kept."""
+    """The tasks of a `spread`: those submitted to the executor, and those with stored results."""
 
     def __init__(self, executor: Executor, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> None:
         self.waiting = dict[Future[Any], tuple[int, tuple[Any, ...], str]]()
@@ -235,7 +234,7 @@ class _Spreading:
         self._done = SimpleQueue[Future[Any]]()
 
     def submit(self, count: int) -> None:
-        """Give the executor so many further tasks, without those whose results are kept."""
+        """Submit `count` further tasks to the executor, except those with stored results."""
         for number, arguments in islice(self._numbered, count):
             key = ""
             if self._keeping:
@@ -255,7 +254,7 @@ class _Spreading:
         future.add_done_callback(self._done.put)
 
     def next_kept(self) -> tuple[int, Any] | None:
-        """A result that was kept; None if its file cannot be read, and the task is computed."""
+        """The next stored result; None if its file cannot be read, so that the task is submitted."""
         number, arguments, key = self.kept.popleft()
         found = self._keeping.find(key) if self._keeping else None
         if found:
@@ -264,7 +263,7 @@ class _Spreading:
         return None
 
     def next_finished(self) -> tuple[int, Any] | None:
-        """The next result; None if a worker could not compile, and another one computes it."""
+        """The next computed result; None if a worker could not compile, so that the task is submitted again."""
         future = self._done.get()
         number, arguments, key = self.waiting.pop(future)
         try:
@@ -279,10 +278,10 @@ class _Spreading:
 
 
 def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
-    """Have a worker that cannot compile left out, and say so once.
+    """Exclude a worker that cannot compile, with one warning.
 
     Raises:
-        WorkerCompileError: no worker can, or it is not one of Dask's, so that tasks cannot be kept from it.
+        WorkerCompileError: no worker can compile, or it is not a Dask worker and so cannot be excluded.
     """
     if not error.worker:
         raise error
@@ -293,7 +292,7 @@ def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
 
 
 def _elsewhere(executor: Executor) -> dict[str, Any]:
-    """The argument by which Dask sends a task to workers that can compile; when these have gone, to any worker.
+    """Arguments with which Dask sends a task to workers that can compile, or to any worker once these have gone.
 
     Raises:
         WorkerCompileError: no worker can compile.
@@ -308,7 +307,7 @@ def _elsewhere(executor: Executor) -> dict[str, Any]:
 
 
 def _reason(error: BaseException) -> str:
-    """Why workers did not compute a task, in one line."""
+    """Reason why workers did not compute a task, in one line."""
     if isinstance(error, MemoryError):
         return "a worker ran out of memory"
     if isinstance(error, CancelledError):
@@ -322,7 +321,7 @@ def _reason(error: BaseException) -> str:
 
 
 def in_order(numbered: Iterator[tuple[int, Returned]]) -> Iterator[Returned]:
-    """Results of numbered tasks in the order of their numbers, each as soon as all before it are there."""
+    """Results of numbered tasks in the order of their numbers, each as soon as all before it are available."""
     early, following = dict[int, Returned](), 0
     for number, result in numbered:
         early[number] = result
@@ -332,21 +331,21 @@ def in_order(numbered: Iterator[tuple[int, Returned]]) -> Iterator[Returned]:
 
 
 QUIET = ("distributed.client", "distributed.core", "distributed.batched", "distributed.utils", "distributed.comm")
-"""Loggers of Dask that write, with tracebacks, what becomes a line here."""
+"""Loggers of Dask that would write tracebacks of errors reported here in one line."""
 
 WANTED = "must be the address of a Dask scheduler, tcp://HOST:8786, or FILE.py:FUNCTION that returns a Dask client"
 
 
 @contextmanager
 def cluster_client(where: str) -> Iterator["Client"]:
-    """Connect to a cluster; at the end the connection is closed, and a cluster that the function has started, too.
+    """Connect to a cluster; at the end, close the connection, and the cluster if the function has started it.
 
     Args:
         where: address of a scheduler, such as ``tcp://host:8786``; or ``FILE.py:FUNCTION``, a function without
             arguments that returns a `distributed.Client`.
 
     Raises:
-        ConfigurationError: neither.
+        ConfigurationError: `where` is neither.
         MissingExtraError: Dask is not installed.
         WorkerError: the scheduler cannot be reached, or the function fails.
     """
@@ -383,7 +382,7 @@ def cluster_client(where: str) -> Iterator["Client"]:
 
 
 def _check_address(where: str) -> None:
-    """Raise `ConfigurationError` where an address cannot be one of a scheduler: a client would wait for a minute."""
+    """Raise `ConfigurationError` for an invalid scheduler address, with which a client would wait for a minute."""
     from distributed.comm.addressing import parse_address, parse_host_port
     from distributed.comm.registry import get_backend
     from distributed.security import Security
@@ -402,7 +401,7 @@ def _check_address(where: str) -> None:
 
 
 def _made(file: Path, function: str, where: str) -> Any:
-    """What a function of a file returns."""
+    """Call a function of a file."""
     if not file.is_file():
         raise ConfigurationError(f"{where}: there is no file {file}; {WANTED}")
     spec = spec_from_file_location(f"_cluster_of_{file.stem}", file)

@@ -1,4 +1,4 @@
-"""Controllers in the same scenarios of an ensemble: paired statistics, with confidence intervals on the differences."""
+"""Compare controllers in the same scenarios: paired statistics with bootstrap confidence intervals."""
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-"""Probability that an interval is to cover."""
+"""Confidence level of intervals."""
 
 RESAMPLES = 4000
-"""Bootstrap samples behind an interval."""
+"""Bootstrap samples per interval."""
 
 AT_ONCE = 2**18
-"""Numbers resampled at a time, so that memory does not grow."""
+"""Numbers resampled at a time, which bounds the memory."""
 
 COMPARED = ("mse", "mae", "max_abs_error", "chatter", "continuous_load", "peak_tension", "energy")
-"""Figures of merit whose ratios are given: all positive, small is good."""
+"""Figures of merit with ratios: all are positive, and smaller is better."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class Interval:
 
 @dataclass(frozen=True)
 class Paired:
-    """A figure of merit of a controller over that of the first, in the scenarios that both ran to their end.
+    """A figure of merit of a controller relative to the first controller, over the scenarios that both completed.
 
     Attributes:
-        pairs: number of those scenarios.
-        ratio_of_means: its mean over the mean of the first's.
-        median_ratio: median of the scenarios' own ratios.
-        better: share of the scenarios in which it is smaller than the first's.
+        pairs: number of these scenarios.
+        ratio_of_means: ratio of the means.
+        median_ratio: median of the ratios of the scenarios.
+        better: share of the scenarios in which it is smaller than that of the first.
     """
 
     pairs: int
@@ -71,8 +71,8 @@ class Comparison:
     """Controllers in the same scenarios.
 
     Attributes:
-        ensemble: of the scenarios.
-        contenders: name → result of the controller in these scenarios; the others are compared with the first.
+        ensemble: ensemble of the scenarios.
+        contenders: controller → its result; the others are compared with the first.
     """
 
     ensemble: Ensemble
@@ -80,7 +80,7 @@ class Comparison:
 
     @property
     def first(self) -> EnsembleResult:
-        """Result of the controller that the others are compared with."""
+        """Result of the first controller, the baseline of the comparison."""
         return next(iter(self.contenders.values()))
 
     @property
@@ -90,11 +90,11 @@ class Comparison:
 
     @property
     def asked(self) -> int:
-        """Number of scenarios asked for; more than there are where the run was interrupted."""
+        """Number of scenarios requested; fewer were run if interrupted."""
         return self.first.asked
 
     def __len__(self) -> int:
-        """Number of scenarios that every controller ran."""
+        """Number of scenarios run by every controller."""
         return len(self.first)
 
     def __repr__(self) -> str:
@@ -111,7 +111,7 @@ class Comparison:
         return "\n".join(lines)
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Draw shares of scenarios up to an error and a chatter, and ratios of means (`simulation.plots.comparison`).
+        """Plot distributions of error and chatter, and ratios of means (`simulation.plots.comparison`).
 
         Args:
             ax: axes for error, chatter and ratios; default: a figure of its own.
@@ -125,14 +125,14 @@ class Comparison:
 
     @cached_property
     def least_errors(self) -> LeastErrors:
-        """What no controller gets below in each scenario."""
+        """Lower bounds of the error in each scenario, for any controller."""
         return self.find_least_errors()
 
     def find_least_errors(self, progress: Progress = no_progress) -> LeastErrors:
         """Find `least_errors`, which may take minutes where many scenarios are infeasible.
 
         Args:
-            progress: called now and then with the share that is done.
+            progress: called from time to time with the completed fraction.
         """
         scenarios = self.ensemble.scenarios(len(self), self.seed)
         found = least_errors([scenario.experiment for scenario in scenarios], progress)
@@ -152,8 +152,7 @@ class Comparison:
         """Ratios of a controller's figures of merit to the first controller's.
 
         Returns:
-            Name of `COMPARED`, or of one of the ensemble's own metrics → ratios; NaN where no scenario was run to its
-            end by both.
+            Name of `COMPARED` or of a user's metric → ratios; NaN if no scenario was completed by both.
         """
         first, other = self.first, self.contenders[name]
         both = first.completed & other.completed
@@ -164,7 +163,7 @@ class Comparison:
 
 
 def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
-    """How paired values compare, with percentile-bootstrap intervals: pairs are drawn anew, with replacement.
+    """Ratios of paired values, with percentile-bootstrap intervals by resampling pairs with replacement.
 
     Args:
         values: (pairs,) positive.
@@ -195,7 +194,7 @@ def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
         return Interval(estimate, float(found.low), float(found.high))
 
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of ratios that are all NaN
+        warnings.simplefilter("ignore")  # ratios that are all NaN
         return Paired(
             count,
             interval(lambda x, y, axis=-1: x.mean(axis) / y.mean(axis)),
@@ -215,26 +214,26 @@ def compare(
 ) -> Comparison:
     """Run every controller in every scenario (common random numbers).
 
-    A controller brings its position law, gains, estimator, coordination and preload, and what it believes of the
-    plant where `controller.nominal` says so. All else comes from the ensemble: the drawn plant, sea, sensors and
-    their noise are the same numbers for all. Scenarios are drawn and run in portions, so memory grows by a hundred
-    bytes a run only.
+    A controller comprises its position law, gains, estimator, coordination and preload, and its nominal plant as far as
+    `controller.nominal` sets it. Everything else comes from the ensemble: drawn plant, sea, sensors and their noise are
+    the same numbers for all. Scenarios are drawn and run in portions, so that memory grows by only a hundred bytes per
+    run.
 
     Args:
-        controllers: name → controller; the first is what the others are compared with.
-        ensemble: of the scenarios; its own controller is not used.
-        scenarios: how many.
-        seed: of the draws, and of the resampling behind the intervals.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        controllers: name → controller; the others are compared with the first.
+        ensemble: ensemble of the scenarios; its own controller is not used.
+        scenarios: number of scenarios.
+        seed: seed of the draws, and of the resampling.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called from time to time with the completed fraction.
 
     Returns:
-        The comparison. An interrupt (Ctrl-C) keeps the scenarios that all controllers have finished.
+        The comparison. After an interrupt (Ctrl-C), it covers the scenarios that all controllers have finished.
 
     Raises:
-        ConfigurationError: nothing to compare, a count or seed out of range, an ensemble that draws the controller's
-            own values, or a controller that does not fit; the message names it.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: nothing to compare, a count or seed out of range, an ensemble that draws values of the
+            controller, or a controller that does not fit the ensemble; the message names it.
+        DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: before all controllers have finished a scenario.
     """
     instance("ensemble", ensemble, Ensemble, hint=" (load_ensemble reads one)")

@@ -1,10 +1,10 @@
-"""An ensemble: an experiment some of whose values are drawn anew in every scenario, and what they are drawn from.
+"""Ensembles: an experiment with distributions of some of its values, from which every scenario is drawn.
 
-A distribution is its quantile function: one uniform draw between 0 and 1 decides the value. Values that share the
-draw move together, and another way to spread the draws (a low-discrepancy sequence, say) needs nothing new here.
+A distribution is its quantile function: one uniform draw between 0 and 1 determines the value. Values that share a
+draw move together, and other sampling schemes (such as a low-discrepancy sequence) need no changes here.
 
-SciPy's frozen distributions (``scipy.stats.truncnorm(...).ppf``) give the same values to round-off, but take a hundred
-times as long for each of them, and a second to import.
+SciPy's frozen distributions (``scipy.stats.truncnorm(...).ppf``) give the same values up to round-off, but take a
+hundred times as long for each value, and a second to import.
 """
 
 import math
@@ -24,9 +24,9 @@ from dualwinch.simulation.scenario import Scenario, Value
 
 
 class Distribution(Part):
-    """The distribution of a value: a frozen dataclass of its numbers, in the unit of the value.
+    """The distribution of a value: a frozen dataclass of its parameters, in the unit of the value.
 
-    Where a draw is a factor on the nominal value they are factors.
+    For relative draws, these are factors on the nominal value.
     """
 
     @abstractmethod
@@ -36,7 +36,7 @@ class Distribution(Part):
     @property
     @abstractmethod
     def ends(self) -> tuple[Value, ...]:
-        """The values that show whether every draw is allowed: both bounds, or all choices."""
+        """The values to check so that every draw is allowed: both bounds, or all choices."""
 
 
 class Bounded(Distribution):
@@ -61,7 +61,7 @@ class Bounded(Distribution):
 
 @dataclass(frozen=True)
 class Uniform(Bounded):
-    """Equally likely anywhere from `low` to `high`."""
+    """Uniform from `low` to `high`."""
 
     low: Annotated[float, Quantity("", "least value")]
     high: Annotated[float, Quantity("", "largest value")]
@@ -75,7 +75,7 @@ class Uniform(Bounded):
 
 @dataclass(frozen=True)
 class LogUniform(Bounded):
-    """From `low` to `high`, each octave as likely as any other: for values known by their order of magnitude only."""
+    """Log-uniform from `low` to `high`: for values of which only the order of magnitude is known."""
 
     low: Annotated[Positive, Quantity("", "least value")]
     high: Annotated[Positive, Quantity("", "largest value")]
@@ -90,7 +90,7 @@ class LogUniform(Bounded):
 
 @dataclass(frozen=True)
 class Normal(Bounded):
-    """Normal around `mean` with the standard deviation `sigma` before the tails beyond `low` and `high` are cut off."""
+    """Normal with `mean` and standard deviation `sigma`, truncated to `low` to `high`."""
 
     mean: Annotated[float, Quantity("", "mean before the tails are cut off")]
     sigma: Annotated[Positive, Quantity("", "standard deviation before the tails are cut off")]
@@ -139,28 +139,28 @@ DISTRIBUTIONS: Registry[Distribution] = Registry("distribution", Uniform, LogUni
 
 
 SEED_KEY = "simulation.seed"
-"""Key of the seed of a scenario's own signals: drawn as well, unless the ensemble says otherwise."""
+"""Key of the seed of a scenario's signals, which is also drawn unless the ensemble gives it a distribution."""
 
 VERTEX = 0.5 - 0.5 / math.sqrt(3)
-"""Quantile of a vertex, and as much from above: of a uniform distribution one standard deviation from the middle.
+"""Lower quantile of a vertex, the upper one being 1 − VERTEX: for a uniform distribution, the mean ± one standard
+deviation, the nodes of the two-point Gauss-Legendre rule.
 
-These are the nodes of the two-point Gauss-Legendre rule. With every value at an end of its range a scenario would lie
-twice as far from the middle as any draw of many values ever does.
+With every value at an end of its range, a scenario would lie twice as far from the middle as any draw of many values.
 """
 
 AT_ONCE = 64
-"""Scenarios that are drawn together: enough that each of them costs little."""
+"""Scenarios drawn together, enough to make each of them cheap."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """How one value is drawn.
+    """The sampling rule of one value.
 
     Attributes:
-        distribution: of the draws.
+        distribution: distribution of the draws.
         relative: whether the draw is a factor on the nominal value.
-        together: name of a group; all of a group get the same quantile of their own distribution, so that they rise
-            and fall together. ``None``: drawn for itself.
+        together: name of a group, whose members get the same quantile of their distributions, so that they rise and
+            fall together. ``None``: drawn independently.
     """
 
     distribution: Distribution
@@ -168,12 +168,12 @@ class Drawn:
     together: str | None = None
 
     def value(self, share: float, nominal: Value) -> Value:
-        """The value at a quantile, with the nominal value for a relative one."""
+        """The value at a quantile; `nominal` is the nominal value for relative draws."""
         drawn = self.distribution.quantile(share)
         return _scaled(drawn, nominal) if self.relative else drawn
 
     def ends(self, nominal: Value) -> tuple[Value, ...]:
-        """The values that show whether every draw is allowed."""
+        """The values to check so that every draw is allowed."""
         return tuple(_scaled(end, nominal) if self.relative else end for end in self.distribution.ends)
 
 
@@ -186,9 +186,9 @@ class Ensemble:
     """An experiment and the distributions of some of its values.
 
     Attributes:
-        name: of the ensemble.
-        description: one line on what it stands for.
-        experiment: the nominal values; the controller believes in this plant in every scenario.
+        name: name of the ensemble.
+        description: description in one line.
+        experiment: the nominal values; its plant is the controller's nominal plant in every scenario.
         distributions: dotted key of a value → how it is drawn.
     """
 
@@ -198,7 +198,7 @@ class Ensemble:
     distributions: Mapping[str, Drawn]
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where a drawn key is no value of the experiment, or has no distribution."""
+        """Raise `ConfigurationError` if a drawn key is no value of the experiment, or has no distribution."""
         nominal = leaves(self.experiment)
         for key, drawn in self.distributions.items():
             if not isinstance(drawn, Drawn):
@@ -210,27 +210,27 @@ class Ensemble:
 
     @property
     def drawn_keys(self) -> tuple[str, ...]:
-        """Keys of all drawn values, the seed of the scenario's own signals last."""
+        """Keys of all drawn values; the seed of the scenario's signals is last."""
         return (*(key for key in self.distributions if key != SEED_KEY), SEED_KEY)
 
     def scenario(self, index: int, seed: int, *, vertex: bool = False) -> Scenario:
-        """Draw one scenario; arguments as of `chosen`."""
+        """Draw one scenario; arguments as in `chosen`."""
         return self.chosen([index], seed, vertex=vertex)[0]
 
     def chosen(self, indices: Sequence[int], seed: int | Sequence[int], *, vertex: bool = False) -> list[Scenario]:
         """Draw some scenarios.
 
-        Every value has a random stream of its own, named by seed, index and key (or group). So a scenario is the same
-        bits however many are drawn, and a further distribution leaves the draws of the others as they are.
+        Every value has its own random stream, identified by seed, index and key (or group). So a scenario does not
+        depend on the number of scenarios, and a further distribution does not change the draws of the others.
 
         Args:
             indices: numbers of the scenarios, from 0.
             seed: the ensemble's seed, a whole number from 0 to 2^64 - 1, or one for each scenario.
-            vertex: whether every value lies at one of two shares of its distribution, by chance (`VERTEX`): a vertex of
-                the box of standard deviations, where all values differ at once.
+            vertex: whether every value is drawn from only two quantiles (`VERTEX`): a vertex of the box of standard
+                deviations, where all values deviate at once.
 
         Raises:
-            ConfigurationError: a number or a seed that is too large.
+            ConfigurationError: an index or a seed is too large.
         """
         if max(indices, default=0) > LARGEST_WORD:
             raise ConfigurationError(f"scenario {max(indices)}: must be a whole number from 0 to {LARGEST_WORD}")
@@ -247,12 +247,12 @@ class Ensemble:
 
     @cached_property
     def _drawn(self) -> dict[str, tuple[Drawn | None, Value]]:
-        """Key → how it is drawn, None for a seed, and the nominal value."""
+        """Key → its sampling rule, None for a seed, and nominal value."""
         nominal = leaves(self.experiment)
         return {key: (self.distributions.get(key), nominal[key]) for key in self.drawn_keys}
 
     def _values(self, words: Sequence[int], *, vertex: bool) -> dict[str, Value]:
-        """The values of random words, whole numbers of so many `DIGITS`."""
+        """The values for random words, whole numbers of `DIGITS` bits."""
         draws: dict[str, Value] = {}
         for (key, (drawn, nominal)), word in zip(self._drawn.items(), words, strict=True):
             if drawn is None:
@@ -265,12 +265,12 @@ class Ensemble:
         return draws
 
     def controlled_as(self, experiment: Experiment) -> "Ensemble":
-        """The ensemble with the controller of an experiment, and with its metrics where it has some."""
+        """The ensemble with the controller of an experiment, and with its metrics if it has any."""
         metrics = experiment.metrics or self.experiment.metrics
         changed = replace(self.experiment, controller=experiment.controller, metrics=metrics)
         return replace(self, experiment=changed)
 
     def scenarios(self, count: int, seed: int) -> Iterator[Scenario]:
-        """The first `count` scenarios, one after the other."""
+        """Draw the first `count` scenarios one by one."""
         for first in range(0, count, AT_ONCE):
             yield from self.chosen(range(first, min(first + AT_ONCE, count)), seed)

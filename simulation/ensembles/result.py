@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STATISTIC_KINDS = ("mean", "median", "p95", "worst")
-"""Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the extreme at the bad end."""
+"""Kinds of statistics; ``p95``: 95 % of the scenarios are no worse; ``worst``: the worst scenario."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Statistic:
     Attributes:
         kind: one of `STATISTIC_KINDS`.
         metric: name of the figure of merit.
-        own: the user's metric behind it, where it is none of the built-in ones.
+        own: the user's metric, unless it is a built-in one.
     """
 
     kind: str
@@ -48,12 +48,12 @@ class Statistic:
 
     @property
     def name(self) -> str:
-        """Such as ``mean.mse``."""
+        """Its name, such as ``mean.mse``."""
         return f"{self.kind}.{self.metric}"
 
     @property
     def words(self) -> str:
-        """Its name in words, such as ``mean MSE``."""
+        """Its label, such as ``mean MSE``."""
         return in_words(self.name)
 
     @property
@@ -68,13 +68,13 @@ class Statistic:
 
     @property
     def small_is_bad(self) -> bool:
-        """Whether the figure of merit's bad end is the small one."""
+        """Whether small values of the figure of merit are bad."""
         return self.quantity.small_is_bad
 
     def over(self, values: NDArray[np.float64]) -> float:
-        """The statistic over the figure of merit of some scenarios (n,), what is not finite left out; NaN without any.
+        """The statistic over values (n,) of the figure of merit, ignoring values that are not finite; NaN without any.
 
-        A run that ended early measured something else: give the values of completed scenarios alone.
+        Pass values of completed scenarios only, as values of runs that ended early are not comparable.
         """
         values = values[np.isfinite(values)]
         if not len(values):
@@ -91,14 +91,14 @@ class Statistic:
 
 
 def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
-    """The statistic of a name; a figure of merit alone means its mean.
+    """Parse the name of a statistic; a figure of merit alone means its mean.
 
     Args:
         text: the name.
-        own: the experiment's own metrics.
+        own: the experiment's user-defined metrics.
 
     Raises:
-        ConfigurationError: unknown statistic or figure of merit.
+        ConfigurationError: an unknown statistic or figure of merit.
     """
     kind, dot, metric = text.strip().rpartition(".")
     if not dot:
@@ -114,12 +114,12 @@ def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
 
 @dataclass(frozen=True)
 class Traces:
-    """Signals of the scenarios that ran to their end, at the same instants.
+    """Signals of the completed scenarios at the same instants.
 
     Attributes:
         t: (points,) time in s.
-        sampled: column → (scenarios, points) float32, of the first scenarios up to a fixed number: a fair sample, as
-            the scenarios do not depend on each other.
+        sampled: column → (scenarios, points) float32, of the first scenarios up to a fixed number: an unbiased sample,
+            as scenarios are independent.
         lowest, highest: column → (points,) float32, over all scenarios.
     """
 
@@ -129,7 +129,7 @@ class Traces:
     highest: dict[str, NDArray[np.float32]]
 
     def quantiles(self, column: str, shares: tuple[float, ...]) -> NDArray[np.float64]:
-        """(shares, points): the values that these shares (0 to 1) of the scenarios do not exceed at each instant."""
+        """(shares, points) quantiles of a column over the sampled scenarios, at each instant."""
         return np.quantile(self.sampled[column].astype(float), shares, axis=0)
 
 
@@ -144,19 +144,19 @@ SUMMARY = {
     "slack_share": "mean.slack_share",
     "saturated_share": "mean.saturated_share",
 }
-"""Summary of a controller: name in tables and files → statistic."""
+"""Summary statistics of a controller: name in tables and files → statistic."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EnsembleResult(RunOutcomes):
-    """The scenarios of an ensemble after their runs; arrays of outcomes are (scenarios,).
+    """Results of the scenarios of an ensemble; arrays of outcomes are (scenarios,).
 
     Attributes:
-        ensemble: of the scenarios.
-        seed: of the draws.
-        asked: number of scenarios asked for; more than there are where the run was interrupted.
+        ensemble: ensemble of the scenarios.
+        seed: seed of the draws.
+        asked: number of scenarios requested; fewer were run if interrupted.
         draws: key → (scenarios,) drawn values.
-        traces: of the scenarios that ran to their end; ``None`` where none were kept or none completed.
+        traces: signals of the completed scenarios; ``None`` if none were kept or none completed.
     """
 
     ensemble: Ensemble
@@ -166,7 +166,7 @@ class EnsembleResult(RunOutcomes):
     traces: Traces | None
 
     def __len__(self) -> int:
-        """Number of scenarios that were run."""
+        """Number of scenarios run."""
         return len(self.outcomes)
 
     def __repr__(self) -> str:
@@ -182,17 +182,16 @@ class EnsembleResult(RunOutcomes):
 
     @property
     def partial(self) -> bool:
-        """Whether the run was interrupted; the result is that of ``len(self)`` scenarios."""
+        """Whether the run was interrupted; the result covers ``len(self)`` scenarios."""
         return len(self) < self.asked
 
     def statistic(self, name: str) -> float:
-        """A statistic by its name, such as ``worst.mse``, over the scenarios that ran to their end.
+        """A statistic by name, such as ``worst.mse``, over the completed scenarios; NaN without any.
 
-        A run that ended early measured something else, so it is counted in `outcome_counts` and left out here. NaN
-        where there is nothing to measure.
+        Values of runs that ended early are not comparable: they are counted in `outcome_counts` and left out here.
 
         Raises:
-            ConfigurationError: unknown statistic or figure of merit.
+            ConfigurationError: an unknown statistic or figure of merit.
         """
         statistic = statistic_from(name, self.ensemble.experiment.metrics)
         return statistic.over(self.of_completed(statistic.metric))
@@ -205,13 +204,13 @@ class EnsembleResult(RunOutcomes):
         }
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Draw the scenarios' errors and tensions over time, as a fan (`simulation.plots.fan_chart`).
+        """Plot errors and tensions of the scenarios over time, as a fan chart (`simulation.plots.fan_chart`).
 
         Args:
             ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
 
         Raises:
-            ConfigurationError: no traces were kept (``traces=True``), or no scenario ran to its end.
+            ConfigurationError: no traces were kept (``traces=True``), or no scenario completed.
         """
         return figures().fan_chart(self, ax=ax)
 
@@ -222,16 +221,16 @@ class EnsembleResult(RunOutcomes):
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Names of the figures of merit that are none of the built-in ones."""
+        """Names of the user-defined figures of merit."""
         return tuple(name for name in self.metrics if name not in BUILT_IN)
 
     def summary(self) -> dict[str, float | int | dict[str, int]]:
-        """Statistics over the scenarios that ran to their end (a run that ended early measured something else).
+        """Summary statistics over the completed scenarios.
 
         Returns:
-            The names of `SUMMARY`, each in the unit of its figure of merit and NaN where no scenario ran to its end;
-            likewise ``mean_*`` of the ensemble's own metrics;
-            ``slack_scenarios``, the number of scenarios with any slack sample; ``outcomes``, counts of all scenarios.
+            The statistics of `SUMMARY` by name, each in the unit of its figure of merit and NaN if no scenario
+            completed; likewise ``mean_*`` of user-defined metrics; ``slack_scenarios``, the number of scenarios with
+            any slack sample; ``outcomes``, counts over all scenarios.
         """
         names = SUMMARY | {f"mean_{name}": f"mean.{name}" for name in self.own}
         slack = self.of_completed("slack_share") > 0
@@ -242,7 +241,7 @@ class EnsembleResult(RunOutcomes):
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
-    """Content of a file: number of the scenario, drawn values, outcome, end, figures of merit; seed and statistics."""
+    """Content of a result file: per scenario number, drawn values, outcome, end, figures of merit; seed, statistics."""
     experiment = result.ensemble.experiment
     drawn = {**known_keys(), **describe_parts(experiment)}
     merits = metric_quantities(experiment.metrics)
@@ -257,7 +256,7 @@ def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:
 
 
 def facts_of(result: Any, notes: Mapping[str, str]) -> dict[str, Any]:
-    """What is noted of an ensemble's scenarios or of their statistics: where they are from, outcomes, statistics."""
+    """Metadata of an ensemble's scenarios or of their statistics: provenance, outcomes, statistics."""
     return {
         **notes,
         "ensemble": result.ensemble.name,
@@ -276,17 +275,16 @@ def facts_of(result: Any, notes: Mapping[str, str]) -> dict[str, Any]:
 def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
     """Write a result to a file; the file appears whole or not at all.
 
-    As with a single run (`simulation.results.file_formats.save`) a CSV file's units stand beside it in
-    ``FILE-metadata.json``; the other formats carry units, seed, statistics, the nominal experiment, how values were
-    drawn, and notes inside.
+    As with a single run (`simulation.results.file_formats.save`), units of a CSV file go into ``FILE-metadata.json``;
+    the other formats contain units, seed, statistics, the nominal experiment, distributions and notes.
 
     Args:
-        result: to be written.
-        path: its suffix chooses the format: csv, parquet, npz, json.
-        notes: further texts to keep with the result, such as the ensemble's TOML.
+        result: result to write.
+        path: file; its suffix selects the format: csv, parquet, npz, json.
+        notes: further texts to save, such as the ensemble's TOML.
 
     Raises:
-        ConfigurationError: unknown suffix, or not the result of an ensemble.
+        ConfigurationError: an unknown suffix, or not the result of an ensemble.
         OSError: the file cannot be written.
     """
     if not isinstance(result, EnsembleResult):
@@ -298,14 +296,14 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
 
 
 SUFFIXES = (*MIXED, ".json")
-"""Formats of files of an ensemble."""
+"""Suffixes of ensemble files."""
 
 
 def ensemble_writer(path: Path) -> Callable[[FileContent, Path], None]:
-    """The writer of the format of a path's suffix.
+    """The writer for a path's suffix.
 
     Raises:
-        ConfigurationError: unknown suffix.
+        ConfigurationError: an unknown suffix.
     """
     return _write_json if path.suffix.lower() == ".json" else format_of(path, SUFFIXES).write
 

@@ -1,4 +1,4 @@
-"""Run ensembles: portion after portion, on all cores and in all lanes; memory does not grow with their number."""
+"""Run ensembles in portions, on all cores and in vector lanes, with bounded memory."""
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -23,13 +23,13 @@ TRACED = ("e", "F1", "F2")
 """Columns whose traces are kept."""
 
 SAMPLED = 2000
-"""The first so many scenarios' traces are kept one by one (12 MB); of all others only their extremes."""
+"""Number of first scenarios whose traces are kept individually (12 MB); for all others, only the extremes are."""
 
 TRACE_POINTS = 500
-"""Instants of a trace."""
+"""Maximum number of instants of a trace."""
 
 LARGEST_TRACED = 1e30
-"""Magnitude a trace is limited to, within the range of single precision."""
+"""Limit on the magnitude of traces, within the range of single precision."""
 
 
 def run_ensemble(
@@ -43,19 +43,19 @@ def run_ensemble(
 ) -> EnsembleResult:
     """Run scenarios of an ensemble.
 
-    An interrupt (Ctrl-C) ends the run and keeps the scenarios that were finished, as a result that says so.
+    An interrupt (Ctrl-C) ends the run; the result then covers the finished scenarios and is marked as `partial`.
 
     Args:
-        ensemble: of the scenarios.
-        scenarios: how many.
-        seed: of the draws; the same seed gives the same scenarios, bit for bit, however many there are.
-        traces: whether traces are kept, for figures.
-        workers: threads of this machine (default: one a core), or an executor.
-        progress: receives the fraction of the scenarios that are done.
+        ensemble: ensemble of the scenarios.
+        scenarios: number of scenarios.
+        seed: seed of the draws; the same seed gives the same scenarios, bit for bit, for any number of them.
+        traces: whether to keep traces, for figures.
+        workers: number of threads on this machine (default: one per core), or an executor.
+        progress: called with the fraction of finished scenarios.
 
     Raises:
-        ConfigurationError: a count or seed out of range, or values that do not fit together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: a count or seed out of range, or inconsistent values.
+        DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
     """
     (result,) = run_side_by_side([ensemble], scenarios, seed, TRACE_POINTS if traces else 0, workers, progress)
@@ -70,18 +70,18 @@ def run_side_by_side(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> list[EnsembleResult]:
-    """Run the same scenarios of several ensembles, which differ in their controllers alone; as `run_ensemble`.
+    """Run the same scenarios of several ensembles that differ only in their controllers; see `run_ensemble`.
 
-    Scenarios are drawn and run a portion at a time, each portion by every ensemble. An interrupt keeps the scenarios
-    that all ensembles have finished.
+    Scenarios are drawn and run in portions, each portion by every ensemble. After an interrupt, results cover the
+    scenarios that all ensembles have finished.
 
     Args:
-        ensembles: one or more.
-        scenarios: how many.
-        seed: of the draws.
-        points: instants of the traces, at most; 0 keeps none.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: receives the fraction that is done.
+        ensembles: one or more ensembles.
+        scenarios: number of scenarios.
+        seed: seed of the draws.
+        points: maximum number of instants of the traces; 0 keeps none.
+        workers: number of workers on this machine, or an executor; default: one thread per core.
+        progress: called with the completed fraction.
     """
     portions = list[EnsemblePortion]()
     traces: list[Traces | None] = [None] * len(ensembles)
@@ -109,8 +109,8 @@ class EnsemblePortion:
 
     Attributes:
         draws: drawn values of each scenario.
-        runs: of each ensemble.
-        traces: of each ensemble; None: none were kept, or no run was completed.
+        runs: outcomes of each ensemble.
+        traces: traces of each ensemble; None: none were kept, or no run completed.
     """
 
     draws: list[tuple[Value, ...]]
@@ -126,11 +126,11 @@ def portions_of(
     workers: Workers,
     progress: Progress,
 ) -> Iterator[EnsemblePortion]:
-    """The scenarios of `run_side_by_side`, a portion after the other; fewer, if any, after an interrupt.
+    """Portions of the scenarios of `run_side_by_side`; the last one is shorter after an interrupt.
 
     Raises:
-        ConfigurationError: a count or seed out of range, or values that do not fit together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: a count or seed out of range, or inconsistent values.
+        DualwinchError: no compiler or no usable cache folder.
     """
     check_counts(ensembles, scenarios, seed)
     size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
@@ -154,7 +154,7 @@ def portions_of(
 
 
 def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> None:
-    """Raise `ConfigurationError` where a count or seed is out of range, or values do not fit together."""
+    """Raise `ConfigurationError` if a count or seed is out of range, or values are inconsistent."""
     whole_number("scenarios", scenarios, 1)
     whole_number("seed", seed)
     for ensemble in ensembles:
@@ -165,20 +165,20 @@ def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> No
 def portion_tasks(
     ensembles: Sequence[Ensemble], scenarios: int, seed: int, stride: int
 ) -> Iterator[tuple[Sequence[Ensemble], range, int, int]]:
-    """The arguments of `ensemble_portion`, for all scenarios."""
+    """Arguments of `ensemble_portion` for all scenarios."""
     size = portion_of(scenarios)
     for first in range(0, scenarios, size):
         yield ensembles, range(first, min(first + size, scenarios)), seed, stride
 
 
 def ensemble_portion(ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int) -> EnsemblePortion:
-    """Scenarios of some numbers, drawn and run by every ensemble on one thread of a worker."""
+    """Draw scenarios by index and run them with every ensemble, on one thread of a worker."""
     drawn = [ensemble.chosen(indices, seed) for ensemble in ensembles]
     return _portion(drawn[0], _run_portion(drawn, stride, 1, no_progress))
 
 
 def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> EnsemblePortion:
-    """The first of the scenarios that were run, without what is not kept."""
+    """Results of the first scenarios that every ensemble has finished, with only the outcomes and traces to keep."""
     finished, sampled = len(scenarios), max(0, SAMPLED - scenarios[0].index)
     return EnsemblePortion(
         draws=[tuple(scenario.draws.values()) for scenario in scenarios],
@@ -188,7 +188,7 @@ def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> Ensem
 
 
 def _run_portion(portion: Sequence[list[Scenario]], stride: int, threads: int, progress: Progress) -> list[BatchResult]:
-    """A portion of the scenarios by every ensemble, up to the first run that is interrupted."""
+    """Run a portion with every ensemble, up to the first interrupted run."""
     ran: list[BatchResult] = []
     for number, chosen in enumerate(portion):
         report = part(progress, number / len(portion), (number + 1) / len(portion))
@@ -199,18 +199,18 @@ def _run_portion(portion: Sequence[list[Scenario]], stride: int, threads: int, p
 
 
 def _finished(run: BatchResult) -> int:
-    """Number of a portion's scenarios before the first that an interrupt left out."""
+    """Number of a portion's scenarios before the first that was not run because of an interrupt."""
     left_out = run.outcomes[0] == WORDS[Outcome.NOT_RUN]
     return int(left_out.argmax()) if left_out.any() else len(left_out)
 
 
 def _taken(run: BatchResult, finished: int) -> RunOutcomes:
-    """The outcomes of a portion's finished scenarios, without their traces."""
+    """Outcomes of a portion's finished scenarios, without traces."""
     return RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished))
 
 
 def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
-    """The traces of a portion's finished scenarios that were completed, one by one of the first `sampled`."""
+    """Traces of a portion's completed scenarios, individually for the first `sampled`."""
     completed = np.flatnonzero(run.completed[0, :finished])
     if not (run.columns and completed.size):
         return None
@@ -227,7 +227,7 @@ def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:
 
 
 def _merged(before: Traces | None, more: Traces | None) -> Traces | None:
-    """The traces so far with those of the next portion."""
+    """Merge the traces so far with those of the next portion."""
     if before is None or more is None:
         return before or more
     return Traces(

@@ -1,7 +1,7 @@
-"""Statistics of an ensemble without its scenarios: memory does not grow with their number.
+"""Streaming statistics of an ensemble, without storing its scenarios: memory does not grow with their number.
 
 Sums are exact and quantiles come from counts (DDSketch: C. Masson, J. E. Rim and H. K. Lee, Proc. VLDB Endowment 12
-(2019) 2195), so that the statistics are the same bits for all portions the scenarios were run in.
+(2019) 2195), so that the statistics do not depend on the portions in which scenarios were run.
 """
 
 import json
@@ -37,22 +37,22 @@ from dualwinch.simulation.results.file_formats import plain
 Floats = NDArray[np.float64]
 
 BITS = 53
-"""Of a double's significand."""
+"""Bits of a double's significand."""
 
 ZERO_BIN = 2**21
-"""Beyond the number of every bin: those of positive values are above it, those of negative ones below its opposite."""
+"""Offset of bin numbers: bins of positive values lie above it, those of negative values below its negative."""
 
 
 @dataclass
 class ValueStream:
-    """Finite values of which counts are kept: their exact sum, extremes, and quantiles.
+    """Exact sum, extremes and approximate quantiles of a stream of finite values (DDSketch).
 
     Attributes:
-        accuracy: relative error of a quantile, at most.
-        count: of the values.
-        sums: exponent → sum of the significands of values with it, whole numbers.
-        bins: number of a logarithmic bin → values in it.
-        lowest, highest: of the values.
+        accuracy: maximum relative error of a quantile.
+        count: number of values.
+        sums: exponent → sum of the significands, as whole numbers, of values with this exponent.
+        bins: number of a logarithmic bin → number of values in it.
+        lowest, highest: extreme values.
     """
 
     accuracy: float
@@ -64,11 +64,11 @@ class ValueStream:
 
     @property
     def _base(self) -> float:
-        """Ratio of the bounds of a bin."""
+        """Ratio of the upper to the lower bound of a bin."""
         return (1 + self.accuracy) / (1 - self.accuracy)
 
     def add(self, values: Floats) -> None:
-        """Add values; what is not finite is left out."""
+        """Add values; those that are not finite are ignored."""
         values = values[np.isfinite(values)]
         if not values.size:
             return
@@ -98,7 +98,7 @@ class ValueStream:
         return float(sum(parts, Fraction()) / self.count)
 
     def quantile(self, share: float) -> float:
-        """The value that a share of the values do not exceed; each of the two it lies between within `accuracy`."""
+        """A quantile, interpolated between two values that are each known to within `accuracy`."""
         rank, numbers = share * (self.count - 1), sorted(self.bins)
         upto = np.cumsum([self.bins[number] for number in numbers])
         below, above = (
@@ -108,7 +108,7 @@ class ValueStream:
         return below + (above - below) * (rank % 1)
 
     def _centre(self, number: int) -> float:
-        """The value that stands for those of a bin."""
+        """The value that represents a bin."""
         if number == 0:
             return 0.0
         value = 2 * self._base ** (abs(number) - ZERO_BIN) / (self._base + 1)
@@ -131,14 +131,14 @@ class ValueStream:
 
 @dataclass(frozen=True, eq=False)
 class EnsembleStatistics:
-    """Statistics of an ensemble's scenarios; read like an `EnsembleResult`, but for what it would take to keep them.
+    """Statistics of an ensemble's scenarios, with the interface of `EnsembleResult` except for single scenarios.
 
     Attributes:
-        ensemble: of the scenarios.
-        seed: of the draws.
-        asked: number of scenarios asked for; more than there are where the run was interrupted.
+        ensemble: ensemble of the scenarios.
+        seed: seed of the draws.
+        asked: number of scenarios requested; fewer were run if interrupted.
         outcomes: outcome → number of runs.
-        metrics: figure of merit → its values in the completed runs.
+        metrics: figure of merit → stream of its values in the completed runs.
     """
 
     ensemble: Ensemble
@@ -148,7 +148,7 @@ class EnsembleStatistics:
     metrics: dict[str, ValueStream]
 
     def __len__(self) -> int:
-        """Number of scenarios that were run."""
+        """Number of scenarios run."""
         return self.outcomes.total()
 
     def __repr__(self) -> str:
@@ -166,10 +166,10 @@ class EnsembleStatistics:
         return dict(self.outcomes.most_common())
 
     def statistic(self, name: str) -> float:
-        """A statistic by its name, such as ``worst.mse``, over the scenarios that ran to their end; NaN without any.
+        """A statistic by name, such as ``worst.mse``, over the completed scenarios; NaN without any.
 
         Raises:
-            ConfigurationError: unknown statistic or figure of merit.
+            ConfigurationError: an unknown statistic or figure of merit.
         """
         statistic = statistic_from(name, self.ensemble.experiment.metrics)
         small_is_bad = statistic.quantity.small_is_bad
@@ -183,13 +183,13 @@ class EnsembleStatistics:
         }
 
     def merge(self, other: "EnsembleStatistics") -> None:
-        """Add other scenarios."""
+        """Add the statistics of other scenarios."""
         self.outcomes.update(other.outcomes)
         for name, stream in other.metrics.items():
             self.metrics[name].merge(stream)
 
     def save(self, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
-        """Write the statistics with all that they are of, as JSON; the file appears whole or not at all.
+        """Write the statistics and their provenance as JSON; the file appears whole or not at all.
 
         Raises:
             OSError: the file cannot be written.
@@ -208,22 +208,22 @@ def ensemble_statistics(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> EnsembleStatistics:
-    """Run scenarios of an ensemble as `run_ensemble` does, and keep their statistics alone.
+    """Run scenarios of an ensemble like `run_ensemble`, and keep only their statistics.
 
-    Mean and worst are those of all values, the mean rounded once; quantiles are within `accuracy` of a value. Memory
-    is the same for a thousand scenarios and for a million.
+    Mean and worst are exact, the mean rounded once; quantiles are within `accuracy` of a value. Memory is the same for
+    a thousand scenarios and for a million.
 
     Args:
-        ensemble: of the scenarios.
-        scenarios: how many.
-        seed: of the draws.
-        accuracy: relative error of a quantile, at most.
-        workers: threads of this machine (default: one a core), or an executor.
-        progress: receives the fraction of the scenarios that are done.
+        ensemble: ensemble of the scenarios.
+        scenarios: number of scenarios.
+        seed: seed of the draws.
+        accuracy: maximum relative error of a quantile.
+        workers: number of threads on this machine (default: one per core), or an executor.
+        progress: called with the fraction of finished scenarios.
 
     Raises:
-        ConfigurationError: a count or seed out of range, or values that do not fit together.
-        DualwinchError: no compiler, or no usable cache folder.
+        ConfigurationError: a count or seed out of range, or inconsistent values.
+        DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
     """
     if not 0 < accuracy < 1:
@@ -268,7 +268,7 @@ def _parts(
 def statistics_portion(
     ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int, accuracy: float
 ) -> EnsembleStatistics:
-    """The statistics of scenarios of some numbers, on one thread of a worker."""
+    """The statistics of scenarios by index, on one thread of a worker."""
     return _statistics(ensembles[0], seed, accuracy, ensemble_portion(ensembles, indices, seed, stride))
 
 

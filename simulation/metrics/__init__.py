@@ -1,1 +1,1 @@
-"""Figures of merit: the built-in ones and users' own, summed up sample by sample by the code that simulates."""
+"""Figures of merit, built-in and user-defined, accumulated sample by sample by the simulating code."""

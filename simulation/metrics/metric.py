@@ -1,4 +1,4 @@
-"""Figures of merit that users add to the built-in ones: their base, and their states and values in the closed loop."""
+"""User-defined figures of merit: base class, and their states and values in the closed loop."""
 
 import math
 from abc import abstractmethod
@@ -21,16 +21,15 @@ from dualwinch.simulation.rows import Sample
 
 @dataclass(frozen=True)
 class MetricQuantity(Quantity):
-    """Metadata of a figure of merit, and the unit in which people read it.
+    """Metadata of a figure of merit, with its display unit.
 
     Attributes:
-        label: its name in tables and figures.
+        label: name in tables and figures.
         formula: in LaTeX.
-        shown: the unit that people read it in (default: its own), how many of those are one of its own, and the
-            format of a number in that unit.
+        shown: display unit (empty: its own unit), factor from its unit to the display unit, and number format.
         small_is_bad: whether the worst of many runs is the smallest value.
-        abbreviated: whether its name is an abbreviation, which sentences have in capitals.
-        least: what it is never below.
+        abbreviated: whether its name is an abbreviation, written in capitals in sentences.
+        least: lower bound of its values.
     """
 
     label: str = ""
@@ -42,28 +41,28 @@ class MetricQuantity(Quantity):
 
     @property
     def shown_unit(self) -> str:
-        """The unit that people read it in; nothing for a pure number."""
+        """Display unit; empty for a pure number."""
         return self.shown[0] or readable_unit(self.unit)
 
     @property
     def scale(self) -> float:
-        """Factor from its own unit to that."""
+        """Factor from its unit to the display unit."""
         return self.shown[1]
 
     @property
     def axis(self) -> str:
-        """Label and unit, as on an axis."""
+        """Label of an axis: name and unit."""
         return f"{self.label} ({self.shown_unit})" if self.shown_unit else self.label
 
     def text(self, value: float) -> str:
-        """A value as a table shows it, without its unit; a dash where there was nothing to measure."""
+        """A value for a table, in the display unit; a dash for NaN."""
         return "–" if math.isnan(value) else f"{self.scale * value:{self.shown[2]}}"
 
 
 class Metric(Part):
-    """A figure of merit of your own: a frozen dataclass of its numbers, summed up at every sample of a run.
+    """Base class of user-defined figures of merit: a frozen dataclass of parameters, accumulated at every sample.
 
-    It is compiled together with the loop. Its name among the others is its kind as it is written in a key:
+    It is compiled together with the loop. Its name in results is its kind with underscores:
     ``settling-time`` is ``result.metrics.settling_time`` and, over scenarios, ``mean.settling_time``.
 
     Attributes:
@@ -76,27 +75,27 @@ class Metric(Part):
 
     @abstractmethod
     def initial_state(self) -> Any:
-        """The state before the first sample: a number, an array or a dataclass of them."""
+        """The state before the first sample: a number, an array, or a dataclass of these."""
 
     @abstractmethod
     def step(self, state: Any, sample: Sample, sample_time: Scalar) -> Any:
-        """The state with one sample more, over scalars (`model.scalar`).
+        """The state after one more sample, over scalars (`model.scalar`).
 
         Args:
-            state: as `initial_state` gives it.
+            state: structured like that of `initial_state`.
             sample: its signals.
             sample_time: in s.
 
         Returns:
-            A state of the same elements.
+            A state with the same elements.
         """
 
     def value(self, state: Any, samples: Any) -> Any:  # noqa: ARG002
-        """The figure of merit of a whole run; by default the state itself, where that is one number.
+        """The figure of merit of a whole run; by default the state itself, if it is one number.
 
         Args:
-            state: after the last sample. Its numbers are NumPy's, or arrays of many runs: use NumPy here.
-            samples: number of samples, or an array of those.
+            state: after the last sample. Its elements are NumPy numbers, or arrays over many runs: use NumPy here.
+            samples: number of samples, or an array of them.
 
         Returns:
             A number, or an array of the same shape.
@@ -105,32 +104,32 @@ class Metric(Part):
 
 
 METRICS: Registry[Metric] = Registry("metric", base=Metric)
-"""Every figure of merit that is a part, by its kind; the built-in ones are always there (`Metrics`)."""
+"""Registered figures of merit by kind; the built-in ones are always available (`Metrics`)."""
 
 
 PREFIX = "metrics."
 """Prefix of their states in a closed loop."""
 
 STEP = 6e-6
-"""Change of a state, as a share of it, in a central difference: the cube root of round-off."""
+"""Relative step of central differences: the cube root of round-off."""
 
 
 @dataclass(frozen=True)
 class Single:
-    """A state that is no dataclass, as the one field of one."""
+    """Dataclass with a single field, for a state that is no dataclass."""
 
     value: Any
 
 
 def states_before(metrics: Sequence[Metric]) -> dict[str, Scalar]:
-    """Name → value of every state before the first sample."""
+    """Initial states by name."""
     return {key: value for metric in metrics for key, value in leaves(_start(metric), _prefix(metric)).items()}
 
 
 def states_after(
     metrics: Sequence[Metric], states: Mapping[str, Scalar], sample: Sample, sample_time: Scalar
 ) -> dict[str, Scalar]:
-    """Name → value of every state with one sample more.
+    """States after one more sample, by name.
 
     Args:
         metrics: with symbols for their numbers.
@@ -139,7 +138,7 @@ def states_after(
         sample_time: in s.
 
     Raises:
-        ConfigurationError: a metric gives a state of other elements than it was given.
+        ConfigurationError: a metric returns a state with other elements.
     """
     found: dict[str, Scalar] = {}
     for metric in metrics:
@@ -160,15 +159,15 @@ def states_after(
 
 
 def values_of(metrics: Sequence[Metric], final: Mapping[str, Any], samples: Any) -> dict[str, Any]:
-    """Name → figure of merit, NaN where there are no samples.
+    """Figures of merit by name; NaN without samples.
 
     Args:
-        metrics: with numbers, or arrays of them that broadcast with the runs.
-        final: name → number after the last sample of (at least) every state, or an array of many runs.
-        samples: number of samples, or an array of those.
+        metrics: with numbers, or arrays that broadcast with the runs.
+        final: name → final value of (at least) every state, or an array over many runs.
+        samples: number of samples, or an array of them.
 
     Raises:
-        ConfigurationError: a metric gives anything but a number for each run.
+        ConfigurationError: a metric does not return one number per run.
     """
     return {metric.table(): _value(metric, final, samples) for metric in metrics}
 
@@ -176,12 +175,12 @@ def values_of(metrics: Sequence[Metric], final: Mapping[str, Any], samples: Any)
 def slopes_of(
     metrics: Sequence[Metric], final: Mapping[str, float], tangents: Mapping[str, NDArray[np.float64]], samples: float
 ) -> dict[str, NDArray[np.float64]]:
-    """Name → (directions,) derivatives of the figures of merit, by central differences of `Metric.value` alone.
+    """(directions,) derivatives of the figures of merit by name, with central differences of only `Metric.value`.
 
     Args:
         metrics: with numbers.
-        final: name → number of (at least) every state after the last sample.
-        tangents: name → (directions,) exact derivatives of those.
+        final: name → final value of (at least) every state.
+        tangents: name → (directions,) exact derivatives of these.
         samples: number of samples.
     """
     found = {}
@@ -201,7 +200,7 @@ def _value(metric: Metric, final: Mapping[str, Any], samples: Any) -> Any:
     state = _plain(
         with_leaves(_start(metric), {name: np.float64(value) for name, value in final.items()}, _prefix(metric))
     )
-    with np.errstate(all="ignore"):  # of runs that ended early
+    with np.errstate(all="ignore"):  # runs that ended early
         value = np.asarray(metric.value(state, np.float64(samples)))
     if value.dtype.kind not in "bif" or np.broadcast_shapes(value.shape, np.shape(samples)) != np.shape(samples):
         raise ConfigurationError(
@@ -233,5 +232,5 @@ def _group(state: Any, metric: Metric, method: str) -> Any:
 
 
 def _plain(state: Any) -> Any:
-    """A state as the metric gave it."""
+    """A state in the metric's own form."""
     return state.value if isinstance(state, Single) else state

@@ -1,4 +1,4 @@
-"""Figures of merit of a run, accumulated sample by sample by the same symbolic code that simulates it."""
+"""Built-in figures of merit of a run, accumulated sample by sample by the symbolic code that simulates it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
@@ -20,7 +20,7 @@ from dualwinch.simulation.rows import Sample
 def _error(
     meaning: str, formula: str, label: str = "", *, steady: bool = False, abbreviated: bool = False
 ) -> MetricQuantity:
-    """A measure of the tracking error, read in mm or mm²."""
+    """Metadata of a measure of the tracking error, displayed in mm or mm²."""
     unit, shown = ("m^2", ("mm²", 1e6, ".3g")) if "^2" in meaning else ("m", ("mm", 1e3, ".3g"))
     label, window = label or readable(meaning), "steady state" if steady else "whole run"
     label = f"steady {label}" if steady else label
@@ -29,20 +29,20 @@ def _error(
 
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
-    """A share of the samples, read in percent."""
+    """Metadata of a share of the samples, displayed in percent."""
     return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"), least=0.0)
 
 
 @dataclass(frozen=True, repr=False)
 class Metrics(Mapping[str, float]):
-    """Figures of merit; all NaN where a run was not completed, some where there was nothing to measure.
+    """Figures of merit of a run; NaN if it was not completed, or where there was nothing to measure.
 
-    By name it gives them as a mapping does: ``metrics["mse"]``, ``"mse" in metrics``, ``dict(metrics)``. An
-    experiment's own (`Metric`) come after the built-in ones, as attributes too.
+    Also a mapping: ``metrics["mse"]``, ``"mse" in metrics``, ``dict(metrics)``. User-defined ones (`Metric`) follow the
+    built-in ones, and are attributes as well.
 
-    Chatter is what a switching control does to the ropes: their tensions jump to and fro from sample to sample. Energy,
-    torque rate and continuous load are of the torques that reach the plant, behind delay and actuator; the share of
-    saturated torques is of the commands.
+    Chatter is the effect of switching control on the ropes: their tensions alternate from sample to sample. Energy,
+    torque rate and continuous load refer to the torques that reach the plant, after delay and actuator; the share of
+    saturated torques refers to the commands.
     """
 
     mae: Annotated[float, _error("mean |e|", r"\frac{1}{N}\sum_k \lvert e_k\rvert", abbreviated=True)]
@@ -138,14 +138,14 @@ class Metrics(Mapping[str, float]):
 
     @property
     def quantities(self) -> dict[str, MetricQuantity]:
-        """Name → what every figure of merit is."""
+        """Metadata of every figure of merit, by name."""
         return _quantities_of(type(self))
 
     def __getitem__(self, name: str) -> float:
-        """One figure of merit by its name.
+        """One figure of merit by name.
 
         Raises:
-            UnknownNameError: there is none of this name; the message names the nearest.
+            UnknownNameError: no such figure of merit; the message suggests the nearest name.
         """
         if name not in vars(self):
             raise UnknownNameError(unknown("metric", name, vars(self)))
@@ -163,7 +163,7 @@ class Metrics(Mapping[str, float]):
         return _restored, (tuple(self.quantities.items())[len(BUILT_IN) :], tuple(vars(self).values()))
 
     def __repr__(self) -> str:
-        """Every value in the unit that people read it in."""
+        """Every value in its display unit."""
         words = []
         for name, quantity in self.quantities.items():
             value = f"{np.shape(self[name])} values" if np.ndim(self[name]) else quantity.text(self[name])
@@ -171,7 +171,7 @@ class Metrics(Mapping[str, float]):
         return f"{type(self).__name__}({', '.join(words)})"
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """A table for notebooks."""
         rows = []
         for name, quantity in self.quantities.items():
             value, unit = self[name], readable_unit(quantity.unit)
@@ -180,11 +180,11 @@ class Metrics(Mapping[str, float]):
 
 
 BUILT_IN = tuple(describe(Metrics))
-"""Names of the figures of merit that every run has."""
+"""Names of the built-in figures of merit."""
 
 
 def metric_quantities(own: Sequence[Metric] = ()) -> dict[str, MetricQuantity]:
-    """Figure of merit → what it is and how people read it: the built-in ones, and an experiment's own."""
+    """Metadata of the built-in figures of merit and of an experiment's user-defined ones, by name."""
     return _quantities_of(metrics_with(own))
 
 
@@ -194,19 +194,19 @@ def _quantities_of(metrics: type[Metrics]) -> dict[str, MetricQuantity]:
 
 
 def in_words(name: str) -> str:
-    """The name of a figure of merit, or of a statistic of it, in words: ``mean.steady_mse`` is mean steady MSE."""
+    """The name of a figure of merit or statistic in words: ``mean.steady_mse`` is mean steady MSE."""
     known = metric_quantities()
     words = name.replace(".", " ").replace("_", " ").split()
     return " ".join(word.upper() if word in known and known[word].abbreviated else word for word in words)
 
 
 def metrics_with(own: Sequence[Metric]) -> type[Metrics]:
-    """`Metrics` with a field for each of some figures of merit of users' own."""
+    """`Metrics` with an additional field for each user-defined figure of merit."""
     return _metrics_with(tuple((metric.table(), _quantity_of(metric)) for metric in own))
 
 
 def _quantity_of(metric: Metric) -> MetricQuantity:
-    """Metadata of a user's own figure of merit."""
+    """Metadata of a user-defined figure of merit."""
     label = metric.kind.replace("-", " ")
     if isinstance(metric.quantity, MetricQuantity):
         return replace(metric.quantity, label=metric.quantity.label or label, small_is_bad=metric.small_is_bad)
@@ -254,7 +254,7 @@ class Accumulators:
 
 
 def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Accumulators:
-    """The accumulators with one sample more; `sample_time` in s."""
+    """The accumulators after one more sample; `sample_time` in s."""
     size, square = absolute(sample.e), sample.e**2
     has_previous = sample.number > 0
     least = minimum(sample.F1, sample.F2)
@@ -286,9 +286,9 @@ def accumulate(so_far: Accumulators, sample: Sample, sample_time: Scalar) -> Acc
 
 
 def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
-    """The metrics from the final `Accumulators`, given by field name, after so many samples.
+    """The metrics from the final `Accumulators`, given by field name, and the number of samples.
 
-    Each may be an array, of many runs; then the metrics are arrays. All may be symbols.
+    Values may be arrays over many runs, so that the metrics are arrays, or symbols.
     """
     steady, symbolic = sums["steady_samples"], isinstance(samples, ca.SX)
     root = sqrt if symbolic else np.sqrt
@@ -323,11 +323,11 @@ def finish(sums: Mapping[str, Any], samples: Any) -> Metrics:
 
 
 KEYS = {field.name: f"metrics.{field.name}" for field in fields(Accumulators)}
-"""Accumulator → its name in the state of a closed loop."""
+"""Accumulator → name of its state in a closed loop."""
 
 
 def final_states(own: Sequence[Metric] = ()) -> tuple[str, ...]:
-    """States of a closed loop that the metrics follow from."""
+    """Names of the states of a closed loop from which the metrics are computed."""
     return (*KEYS.values(), *states_before(own), "sample")
 
 
@@ -335,14 +335,13 @@ def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True, own: Se
     """The metrics from the final state of a closed loop.
 
     Args:
-        final_state: name → value; those called ``metrics.*`` are the accumulators. Each may be an array, of many runs;
-            then the metrics are arrays.
-        completed: whether the run was, or an array of that. What one that was not has summed up is no figure of merit
-            of the run: it counts for no sample at all.
-        own: the experiment's own metrics.
+        final_state: name → value; the accumulators are ``metrics.*``. Values may be arrays over many runs, so that the
+            metrics are arrays.
+        completed: whether the run was completed, or an array; metrics of incomplete runs are NaN.
+        own: the experiment's user-defined metrics.
 
     Raises:
-        ConfigurationError: one of the own metrics gives anything but a number for each run.
+        ConfigurationError: a user-defined metric does not return one number per run.
     """
     sums = {name: final_state[key] for name, key in KEYS.items()}
     sums["steady_samples"] = sums["steady_samples"] * completed
@@ -352,10 +351,10 @@ def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True, own: Se
 
 
 def checked_metrics(metrics: Any) -> tuple[Metric, ...]:
-    """The metrics as a tuple.
+    """Check metrics and return them as a tuple.
 
     Raises:
-        ConfigurationError: they are no list of metrics, or a name is none, is taken or is there twice.
+        ConfigurationError: no list of metrics, a metric without quantity, or a name that is taken or given twice.
     """
     if isinstance(metrics, Metric) or not isinstance(metrics, (list, tuple)):
         raise ConfigurationError(f"metrics: must be a list of metrics, e.g. metrics=[{_name(metrics)}()]")

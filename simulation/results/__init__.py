@@ -1,12 +1,12 @@
-"""Results of runs: outcomes and figures of merit, rows, files; and the way to their figures."""
+"""Results of runs: outcomes and figures of merit, rows, files; access to their figures."""
 
 from importlib import import_module
 from typing import Any
 
 
 def figures() -> Any:
-    """The module `simulation.plots`, imported by its name when the first figure is drawn.
+    """The module `simulation.plots`, imported when the first figure is drawn.
 
-    It knows every result, so that no result can import it in turn; and Matplotlib is not loaded before.
+    It depends on all results, so they cannot import it; and Matplotlib is loaded only when needed.
     """
     return import_module("dualwinch.simulation.plots")

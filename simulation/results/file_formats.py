@@ -1,4 +1,4 @@
-"""Result files: CSV, Parquet, NumPy and MATLAB, chosen by suffix; units and the experiment travel with each."""
+"""Result files: CSV, Parquet, NumPy and MATLAB, chosen by suffix; all include units and the experiment."""
 
 import json
 import math
@@ -25,7 +25,7 @@ from dualwinch.simulation.metrics.metrics import metrics_with
 from dualwinch.simulation.results.result import Result
 
 INFINITE = {"INF": math.inf, "-INF": -math.inf}
-"""How infinite numbers are written in JSON, which has none: as XML Schema and the W3C's "CSV on the Web" write them."""
+"""Infinite numbers in JSON, which has none: written as in XML Schema and the W3C's "CSV on the Web"."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class FileContent:
     Attributes:
         columns: name → (rows,).
         quantities: name → unit and meaning of every column.
-        facts: name → text, or what JSON can express (`plain`).
+        facts: name → text, or a value that JSON can express (`plain`).
     """
 
     columns: Mapping[str, NDArray[Any]]
@@ -44,7 +44,7 @@ class FileContent:
 
     @classmethod
     def of(cls, columns: Mapping[str, tuple[NDArray[Any], Quantity]], facts: Mapping[str, Any]) -> Self:
-        """The content of columns that come with their quantities, and of any facts."""
+        """The content of columns with quantities, and of facts."""
         values = {name: values for name, (values, _) in columns.items()}
         return cls(values, {name: quantity for name, (_, quantity) in columns.items()}, plain(facts))
 
@@ -55,18 +55,18 @@ class FileContent:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """Name → value of every row, for JSON."""
+        """Rows as dictionaries of column name → value, for JSON."""
         rows = zip(*(values.tolist() for values in self.columns.values()), strict=True)
         return [plain(dict(zip(self.columns, row, strict=True))) for row in rows]
 
     @property
     def texts(self) -> dict[str, str]:
-        """The facts as texts, others than texts as JSON."""
+        """The facts as texts; those that are no texts, as JSON."""
         return {key: value if isinstance(value, str) else json.dumps(value) for key, value in self.facts.items()}
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON holds it: NaN as null, infinite numbers as words, arrays as lists."""
+    """A value in JSON types: NaN as null, infinite numbers as words, arrays as lists."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.generic | np.ndarray):
@@ -79,24 +79,24 @@ def plain(value: Any) -> Any:
 
 
 def number(value: Any) -> float:
-    """A number that `plain` has written."""
+    """A number from its form in JSON (`plain`)."""
     if value is None:
         return math.nan
     return INFINITE[value] if value in INFINITE else float(value)
 
 
 def about(quantity: Quantity) -> dict[str, str]:
-    """A quantity in texts; what it does not say is left out."""
+    """The non-empty texts of a quantity."""
     given = {"unit": quantity.unit, "meaning": quantity.meaning, "source": quantity.source}
     return {name: text for name, text in given.items() if text or name != "source"}
 
 
 CSV_OURS = "dualwinch:"
-"""Prefix of our own entries."""
+"""Prefix of dualwinch's entries."""
 
 
 def metadata_path(path: Path) -> Path:
-    """``FILE-metadata.json``, where readers of "CSV on the Web" look for it."""
+    """``FILE-metadata.json``, the location defined by "CSV on the Web"."""
     return path.with_name(path.name + "-metadata.json")
 
 
@@ -116,14 +116,14 @@ def _read_csv(path: Path) -> FileContent:
     """Read a file of numbers and its metadata.
 
     Raises:
-        ConfigurationError: there is no metadata.
+        ConfigurationError: the metadata is missing.
     """
     import pyarrow as pa
     from pyarrow import csv
 
     beside = metadata_path(path)
     if not beside.exists():
-        raise ConfigurationError(f"{beside.name} is not beside it; units and the experiment stand there")
+        raise ConfigurationError(f"{beside.name} is not beside it; units and the experiment are in that file")
     described = json.loads(beside.read_text(encoding="utf-8"))
     quantities = {
         column["name"]: Quantity(column[f"{CSV_OURS}unit"], column["titles"], column.get(f"{CSV_OURS}source", ""))
@@ -153,14 +153,14 @@ def _csv_metadata(content: FileContent, name: str) -> dict[str, Any]:
 
 
 LONGEST_NAME = 63
-"""Characters of the longest name MATLAB knows."""
+"""Maximum length of a name in MATLAB."""
 
 
 def _write_matlab(content: FileContent, path: Path) -> None:
-    """Write a file; characters other than letters and digits become underscores in a column's name.
+    """Write a file; in column names, characters other than letters and digits become underscores.
 
     Raises:
-        ConfigurationError: two columns would have one name, or a column that of another entry.
+        ConfigurationError: two columns, or a column and another entry, would have the same name.
     """
     from scipy.io import savemat
 
@@ -178,7 +178,7 @@ def _write_matlab(content: FileContent, path: Path) -> None:
 
 
 def _matlab_entry(value: Any) -> Any:
-    """A fact as MATLAB knows it: a structure where it holds nothing but numbers by simple names, else JSON."""
+    """A fact for MATLAB: a structure if it consists of numbers with simple names, else JSON."""
     if not isinstance(value, Mapping):
         return value
     simple = all(
@@ -191,7 +191,7 @@ def _read_matlab(path: Path) -> FileContent:
     """Read a file of numbers.
 
     Raises:
-        ValueError: it is no .mat file, or damaged.
+        ValueError: it is no .mat file, or is damaged.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -239,11 +239,11 @@ OURS = "dualwinch."
 """Prefix of the names of facts."""
 
 FIELD_METADATA = (b"unit", b"meaning", b"source")
-"""Metadata of a field that is ours; writers and readers add their own."""
+"""Field metadata written by dualwinch; Parquet libraries add their own."""
 
 
 def _write_parquet(content: FileContent, path: Path) -> None:
-    """Write a file; NaN becomes null, and texts stand as they are among facts in JSON."""
+    """Write a file; NaN becomes null, facts become JSON except texts."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -279,11 +279,11 @@ def _read_parquet(path: Path) -> FileContent:
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files.
+    """A file format.
 
     Attributes:
-        write: writes a content to a path; the file appears whole or not at all.
-        read: the content of a path; facts that are no text may come as the text of their JSON.
+        write: writes content to a path; the file appears whole or not at all.
+        read: returns the content of a path; facts other than texts may be returned as JSON text.
     """
 
     write: Callable[[FileContent, Path], None]
@@ -300,14 +300,14 @@ FORMATS = {
 
 
 MIXED = (".csv", ".parquet", ".npz")
-"""Suffixes of formats that have texts beside numbers."""
+"""Suffixes of formats whose columns may be texts."""
 
 
 def format_of(path: Path, suffixes: Collection[str] = FORMATS) -> Format:
-    """The format of a path's suffix.
+    """The format for a path's suffix.
 
     Raises:
-        ConfigurationError: it is none of the `suffixes`.
+        ConfigurationError: the suffix is none of `suffixes`.
     """
     if path.suffix.lower() not in suffixes:
         raise ConfigurationError(f"{path.name}: unknown suffix {path.suffix!r}; must be one of {', '.join(suffixes)}")
@@ -315,14 +315,14 @@ def format_of(path: Path, suffixes: Collection[str] = FORMATS) -> Format:
 
 
 def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
-    """The experiment of which these are the `leaves`.
+    """Rebuild an experiment from its `leaves`.
 
     Args:
         values: dotted key → value; missing ones are taken from `base`.
-        base: an experiment; parts that no registry knows are taken from here.
+        base: an experiment; source of parts that are not registered.
 
     Raises:
-        ConfigurationError: a part of a kind that is not known here, a key that is not, or a value out of range.
+        ConfigurationError: an unknown kind of part, an unknown key, or a value out of range.
     """
     for key, leaf in describe_parts(base).items():
         if key in values and not {Mark.PART, Mark.PARTS}.isdisjoint(leaf.marks) and not leaf.admits(values[key]):
@@ -339,23 +339,23 @@ def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, NotImplementedError, EOFError)
-"""Errors of the libraries where a file is not of the format of its suffix."""
+"""Errors of the libraries for a file whose format does not match its suffix."""
 
 
 def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | None = None) -> None:
     """Write a result to a file, which appears whole or not at all; `load_result` reads it back.
 
-    A CSV file holds nothing but the header and full double-precision numbers; all else stands beside it in
-    ``FILE-metadata.json``, in the form of the W3C's "CSV on the Web". The other formats carry units, meanings, figures
-    of merit, outcome, final state, the experiment with every value, and notes inside.
+    A CSV file contains only the header and full double-precision numbers; everything else goes into
+    ``FILE-metadata.json`` beside it, as in the W3C's "CSV on the Web". The other formats contain units, meanings,
+    figures of merit, outcome, final state, the experiment with every value, and notes.
 
     Args:
-        result: to be written.
-        path: its suffix chooses the format: csv, parquet, npz, mat.
-        notes: further texts to keep with the result, such as versions.
+        result: result to write.
+        path: file; its suffix selects the format: csv, parquet, npz, mat.
+        notes: further texts to save, such as versions.
 
     Raises:
-        ConfigurationError: unknown suffix, or not the result of a run.
+        ConfigurationError: an unknown suffix, or not the result of a run.
         OSError: the file cannot be written.
     """
     if not isinstance(result, Result):
@@ -369,20 +369,20 @@ def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | N
 
 
 def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Result:
-    """Read a result that `save` has written; it equals the saved one, bit for bit.
+    """Read a result written by `save`; it equals the saved one, bit for bit.
 
     Args:
-        path: the file; its suffix tells the format.
-        base: an experiment that has the parts of the saved one that no registry knows, such as a law of your own.
+        path: file; its suffix determines the format.
+        base: an experiment with those parts of the saved one that are not registered, such as a law of your own.
 
     Raises:
-        ConfigurationError: the file cannot be read, holds no result, or one of parts that are not known here; also
-            where a CSV file's metadata is not beside it.
+        ConfigurationError: the file cannot be read, contains no result, or one with unknown parts; or a CSV file's
+            metadata is not beside it.
     """
     path = path_of("path", path)
     read = format_of(path).read
     try:
-        with path.open("rb"):  # the libraries below tell less clearly why they cannot read a file
+        with path.open("rb"):  # errors of the libraries below are less clear
             pass
         return _result_of(read(path), base or Experiment())
     except ConfigurationError as error:
@@ -394,7 +394,7 @@ def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Re
 
 
 def _facts(result: Result) -> dict[str, Any]:
-    """Facts that are written beside the columns."""
+    """Facts written in addition to the columns."""
     facts = {
         "outcome": result.outcome,
         "end_time": result.end_time,

@@ -1,4 +1,4 @@
-"""Outcomes of runs: how and when each ended, and its figures of merit."""
+"""Outcomes of runs: how and when each ended, with its figures of merit."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,26 +19,26 @@ WORDS = {
     Outcome.RUNNING: "running",
     Outcome.NOT_RUN: "not_run",
 }
-"""Names of outcomes in results: a run leaves the track, or is given up because a rope was slack for too long."""
+"""Names of outcomes in results."""
 
 _ALL_WORDS = np.array([WORDS[outcome] for outcome in Outcome])
 
 
 def words_of(outcomes: NDArray[np.integer]) -> NDArray[np.str_]:
-    """Outcomes in `WORDS`, in any shape."""
+    """Names of outcomes (`WORDS`), for arrays of any shape."""
     return _ALL_WORDS[outcomes]
 
 
 @dataclass(frozen=True, eq=False)
 class RunOutcomes:
-    """How runs ended and their figures of merit; all arrays have one shape, such as (scenarios,).
+    """Outcomes and figures of merit of runs; all arrays have one shape, such as (scenarios,).
 
-    Tables of what derives from this begin with that shape.
+    Arrays of derived classes have this shape in their first axes.
 
     Attributes:
         outcomes: how each run ended, a word of `WORDS`.
-        end_times: time in s at which each ended; NaN where it was not run.
-        metrics: figure of merit → its values, as in `simulation.metrics.metrics.Metrics`; NaN where a run was not
+        end_times: time in s at which each ended; NaN if it was not run.
+        metrics: figure of merit → its values, as in `simulation.metrics.metrics.Metrics`; NaN for runs that were not
             completed.
     """
 
@@ -57,21 +57,21 @@ class RunOutcomes:
         return dict(Counter(self.outcomes.ravel().tolist()).most_common())
 
     def of_completed(self, metric: str) -> NDArray[np.float64]:
-        """(completed,) values of a figure of merit; a run that ended early measured something else."""
+        """(completed,) values of a figure of merit in the completed runs, as others are not comparable."""
         return self.metrics[metric][self.completed]
 
     @property
     def _arrays(self) -> Mapping[str, NDArray[Any] | Mapping[str, NDArray[Any]]]:
-        """Name → array, or table of arrays, whose first axes are those of the runs."""
+        """Name → array, or dictionary of arrays, whose first axes are those of the runs."""
         return {"outcomes": self.outcomes, "end_times": self.end_times, "metrics": self.metrics}
 
     def take(self, indices: Any, axis: int = -1) -> Self:
-        """The runs of some indices along an axis, as `numpy.take`."""
+        """Select runs by indices along an axis, like `numpy.take`."""
         along = axis % self.outcomes.ndim
         return self._changed(lambda values: values.take(indices, along))
 
     def reshape(self, shape: Sequence[int]) -> Self:
-        """The same runs in another shape."""
+        """The same runs with another shape."""
         axes = self.outcomes.ndim
         return self._changed(lambda values: values.reshape((*shape, *values.shape[axes:])))
 
@@ -85,7 +85,7 @@ class RunOutcomes:
         return replace(self, **changed)
 
     def put(self, at: Any, part: "RunOutcomes") -> None:
-        """Put the runs of a part, of the same class, into their places, an index of these arrays."""
+        """Store a part of the runs, of the same class, at an index of these arrays."""
         for name, found in self._arrays.items():
             given = getattr(part, name)
             if isinstance(found, Mapping):
@@ -95,7 +95,7 @@ class RunOutcomes:
                 found[at] = given
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON expresses it (`file_formats.plain`)."""
+        """A dictionary for JSON (`file_formats.plain`)."""
         return {
             "outcomes": self.outcomes.tolist(),
             "counts": self.outcome_counts,
@@ -105,7 +105,7 @@ class RunOutcomes:
 
 
 def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
-    """The runs of a record by `RunOutcomes.to_record`; end times that are missing are NaN."""
+    """Runs from a record of `RunOutcomes.to_record`; missing end times are NaN."""
     outcomes = np.array(record["outcomes"], dtype=np.str_)
     return RunOutcomes(
         outcomes=outcomes,
@@ -115,10 +115,10 @@ def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
 
 
 def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:
-    """Runs that were not begun, to be filled in.
+    """Empty results of runs that have not started.
 
     Args:
-        shape: of all arrays.
+        shape: shape of all arrays.
         metrics: names of the figures of merit.
     """
     return RunOutcomes(
@@ -129,7 +129,7 @@ def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:
 
 
 def concatenated(parts: Sequence[RunOutcomes], axis: int = -1) -> RunOutcomes:
-    """Runs of several records in one, joined along an axis; of the figures of merit of the first."""
+    """Concatenate runs along an axis, with the figures of merit of the first part."""
     return RunOutcomes(
         outcomes=np.concatenate([part.outcomes for part in parts], axis),
         end_times=np.concatenate([part.end_times for part in parts], axis),

@@ -1,4 +1,4 @@
-"""The result of a run: named columns with units, figures of merit, an outcome; other time grids and forms of it."""
+"""The result of a run: named columns with units, figures of merit, outcome; resampling and conversions."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,35 +29,35 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 SLIP = 1e-6
-"""Share of the time between two rows by which an instant may miss a row through rounding."""
+"""Share of the time between two rows by which an instant may miss a row due to rounding."""
 
 MOST = 10**8
-"""Most instants of a grid that is given by its rate."""
+"""Maximum number of instants of a grid given by its rate."""
 
 
 SHOWN_METRICS = ("mse", "max_abs_error", "chatter")
-"""Built-in figures of merit that stand in the text of a result; an experiment's own all do."""
+"""Built-in figures of merit in the text of a result, which also shows all user-defined ones."""
 
 TIME = "t"
-"""The column that becomes index or coordinate."""
+"""The column that becomes index or coordinate in pandas and xarray."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Mapping[str, NDArray[np.float64]]):
-    """One run. By name it gives its columns, as a mapping does: ``result["F1"]``, ``"F1" in result``, ``dict(result)``.
+    """The result of one run, a mapping of its columns: ``result["F1"]``, ``"F1" in result``, ``dict(result)``.
 
-    Two results are equal where all they hold is, number for number.
+    Two results are equal if all their contents are, number for number.
 
     Attributes:
-        columns: name → (rows,) float64, one row a kept control sample at its beginning: those of every run
-            (`simulation.rows.COLUMNS`), and the signals of the controller's own.
-        metrics: figures of merit over every sample, kept or not; NaN where the run was not completed.
+        columns: name → (rows,) float64, one row at the beginning of each kept control sample: the columns of every run
+            (`simulation.rows.COLUMNS`), and the signals of the controller's parts.
+        metrics: figures of merit over every sample, kept or not; NaN if the run was not completed.
         outcome: ``completed``, ``diverged`` or ``left_track``.
         end_time: time in s at which the run ended.
         final_state: name → value of every state after the last sample.
-        experiment: of the run.
+        experiment: the experiment.
         quantities: name → unit and meaning of every column.
-        nominal: the plant the controller was designed for, where that is not the simulated one.
+        nominal: the plant the controller was designed for, if it is not the simulated one.
     """
 
     columns: dict[str, NDArray[np.float64]]
@@ -76,17 +76,17 @@ class Result(Mapping[str, NDArray[np.float64]]):
 
     @property
     def interpolation(self) -> dict[str, str]:
-        """Column name → how `resample` fills it in between two rows: ``linear`` or ``held``.
+        """Column name → interpolation between two rows by `resample`: ``linear`` or ``held``.
 
-        Continuous signals are linear, those set at a sample held.
+        Continuous signals are interpolated linearly, signals set at a sample are held.
         """
         return {name: "linear" if name in CONTINUOUS else "held" for name in self.columns}
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
-        """One column by its name.
+        """One column by name.
 
         Raises:
-            UnknownNameError: there is no such column; the message names the nearest.
+            UnknownNameError: no such column; the message suggests the nearest name.
         """
         try:
             return self.columns[column]
@@ -103,26 +103,25 @@ class Result(Mapping[str, NDArray[np.float64]]):
 
     @property
     def integrator(self) -> str:
-        """The integrator that solved the run: the one asked for, or rk4 where a rope is no Kelvin–Voigt rope."""
+        """The integrator used: the configured one, or the one its ropes require (`loop.structure.solver_of`)."""
         return solver_of(self.experiment).integrator
 
     def resample(self, rate: float | None = None, *, times: ArrayLike | None = None) -> "Result":
-        """The same run with rows at other instants.
+        """Resample the rows at other instants, without filtering, so that fewer rows may alias.
 
-        What goes on between two samples (motion, tensions, disturbance, reference position and speed) is interpolated
-        linearly; what is set at a sample and held until the next (commands, reference acceleration, all signals of a
-        controller's own) keeps the value of the latest row (`interpolation`). Nothing is filtered: fewer rows than
-        before may alias.
+        Continuous signals (motion, tensions, disturbance, reference position and speed) are interpolated linearly;
+        signals set at a sample and held until the next (commands, reference acceleration, all signals of the
+        controller's parts) keep the value of the latest row (`interpolation`).
 
         Args:
-            rate: rows a second, from the first row on; or
-            times: (n,) time of each row in s, ascending, none before the first row or after the last.
+            rate: rows per second, from the first row on; or
+            times: (n,) ascending times of the rows in s, none before the first row or after the last.
 
         Returns:
-            A result with those rows; all else, figures of merit too, is the run's.
+            A result with these rows; everything else, including figures of merit, is unchanged.
 
         Raises:
-            ConfigurationError: neither or both are given, the run kept no rows, or a time lies outside.
+            ConfigurationError: neither or both are given, the run kept no rows, or a time is outside their range.
         """
         t = self["t"]
         chosen = _instants(t, rate, times)
@@ -135,20 +134,20 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return replace(self, columns=columns | {"t": chosen})
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Draw the run at a glance: trajectory, error, tensions, force and estimate (`simulation.plots.overview`).
+        """Plot an overview of the run: trajectory, error, tensions, force and estimate (`simulation.plots.overview`).
 
         Args:
             ax: axes for these; default: a figure of its own.
 
         Raises:
-            ConfigurationError: the run keeps no rows.
+            ConfigurationError: the run kept no rows.
         """
         return figures().overview(self, ax=ax)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """The rows as a `pandas.DataFrame`, a column for each but ``t``, which is the index.
+        """The rows as a `pandas.DataFrame` with index ``t``.
 
-        Its ``attrs`` hold ``units`` and ``meanings`` by column, outcome, end time and figures of merit.
+        Its ``attrs`` contain ``units`` and ``meanings`` by column, outcome, end time and figures of merit.
 
         Raises:
             MissingExtraError: pandas is not installed.
@@ -161,10 +160,10 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return frame
 
     def to_xarray(self) -> "xr.Dataset":
-        """The rows as an `xarray.Dataset`, a variable over ``t`` for each column.
+        """The rows as an `xarray.Dataset` with a variable over ``t`` for each column.
 
-        The ``attrs`` of a variable hold ``units``, ``long_name`` and ``interpolation``, those of the dataset outcome,
-        end time and figures of merit.
+        The ``attrs`` of a variable contain ``units``, ``long_name`` and ``interpolation``, those of the dataset
+        outcome, end time and figures of merit.
 
         Raises:
             MissingExtraError: xarray is not installed.
@@ -172,7 +171,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         xarray = _extra("xarray")
         arrays = {}
         for name, quantity in self.quantities.items():
-            # as the climate and forecast conventions name them: xarray writes them on the axes of its figures
+            # names of the climate and forecast conventions, which xarray uses for axis labels
             attributes = {"units": quantity.unit, "long_name": quantity.meaning}
             attributes["interpolation"] = self.interpolation[name]
             arrays[name] = xarray.Variable(TIME, self[name], attributes)
@@ -190,13 +189,13 @@ class Result(Mapping[str, NDArray[np.float64]]):
 
     @property
     def _words(self) -> str:
-        """How it ended, and how much is kept; the integrator, where the ropes ask for another than the experiment's."""
+        """Outcome and number of rows and columns; with the solver, if the ropes determine it."""
         ending, rows = self.outcome.replace("_", " "), len(next(iter(self.columns.values())))
         solver = f", {solver_of(self.experiment)}" if is_automatic(self.experiment) else ""
         return f"{ending} at {self.end_time:g} s, {rows} rows of {len(self)} columns{solver}"
 
     def __repr__(self) -> str:
-        """Law, outcome and main figures of merit in a line."""
+        """Law, outcome and main figures of merit in one line."""
         known = self.metrics.quantities
         merits = [
             f"{name} {self.metrics[name]:.4g} {readable_unit(known[name].unit)}".rstrip()
@@ -206,7 +205,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return f"Result({self._law}: {'; '.join([self._words, *merits])})"
 
     def _repr_html_(self) -> str:
-        """Outcome, figures of merit and columns, as a notebook shows them."""
+        """Outcome, figures of merit and columns, for notebooks."""
         rows = []
         for name, quantity in self.quantities.items():
             ends = np.fmin.reduce(self[name], initial=np.inf), np.fmax.reduce(self[name], initial=-np.inf)
@@ -232,16 +231,16 @@ class Result(Mapping[str, NDArray[np.float64]]):
             and _same(self.final_state, other.final_state)
         )
 
-    __hash__ = None  # pyright: ignore[reportAssignmentType]  # its columns can be written to
+    __hash__ = None  # pyright: ignore[reportAssignmentType]  # its columns are mutable
 
 
 def _same(ours: Mapping[str, ArrayLike], theirs: Mapping[str, ArrayLike]) -> bool:
-    """Whether numbers by name are the same, in their order; NaN is NaN."""
+    """Whether names, their order and their numbers are equal; NaN equals NaN."""
     return list(ours) == list(theirs) and all(np.array_equal(ours[name], theirs[name], equal_nan=True) for name in ours)
 
 
 def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
-    """The instants of a grid, within the time that rows cover; arguments as of `Result.resample`."""
+    """Checked instants of a time grid; arguments as in `Result.resample`."""
     if (rate is None) == (times is None):
         raise ConfigurationError("resample: give either rate or times")
     if not len(t):
@@ -267,7 +266,7 @@ def _instants(t: Floats, rate: float | None, times: ArrayLike | None) -> Floats:
 
 
 def _extra(name: str) -> ModuleType:
-    """An optional library.
+    """Import an optional library.
 
     Raises:
         MissingExtraError: it is not installed.

@@ -1,1 +1,1 @@
-"""Experiments step by step: the plant, its ropes and its sensors move on under commands from outside."""
+"""Step experiments sample by sample: plant, ropes and sensors are simulated under external commands."""

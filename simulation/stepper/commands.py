@@ -1,4 +1,4 @@
-"""Commands from outside in place of a controller's own: a force, or the torques of both motors."""
+"""External commands in place of the controller's: a force, or the torques of both motors."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, TypeAlias, get_args
@@ -15,12 +15,12 @@ CommandName: TypeAlias = Literal["torques", "force"]
 COMMANDS: tuple[CommandName, ...] = get_args(CommandName)
 
 ROUNDING = 1e-9
-"""Share of a torque by which it may miss its limit and still count as at it: it may have been rounded elsewhere."""
+"""Relative distance from its limit at which a torque still counts as saturated, as it may have been rounded."""
 
 
 @dataclass(frozen=True)
 class Sensed(PositionOutput):
-    """What a law gives that shows what it gets: the sensors' values, as the estimator passes them on."""
+    """Output of a law that also shows its inputs: the sensor values as passed on by the estimator."""
 
     e_sensed: Annotated[Scalar, Quantity("m", "tracking error as the controller has it")]
     x_sensed: Annotated[Scalar, Quantity("m", "position as the controller has it")]
@@ -35,7 +35,7 @@ class Sensed(PositionOutput):
 
 
 def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> Sensed:
-    """Force before and after saturation in N, beside what is known when it is given."""
+    """The output for a force in N before and after saturation, with the values known to the controller."""
     names = ("x", "v", "F1", "F2", "omega_1", "omega_2", "theta_1", "theta_2", "d")
     known = {f"{name}_sensed": getattr(estimate, name) for name in names}
     return Sensed(u=u, u_sat=u_sat, e_sensed=estimate.x - setpoint.x, **known)
@@ -43,14 +43,14 @@ def sensed(u: Scalar, u_sat: Scalar, estimate: Estimate, setpoint: Setpoint) -> 
 
 @dataclass(frozen=True)
 class Force:
-    """A force from outside."""
+    """An external force command."""
 
     u: Annotated[Scalar, Quantity("N", "force command from outside")] = 0.0
 
 
 @dataclass(frozen=True)
 class GivenForce(PositionLaw):
-    """A law in name only: the force comes from outside and is limited, as every law's."""
+    """A placeholder law: the force is commanded externally and limited like that of any law."""
 
     kind: ClassVar = "given-force"
     label: ClassVar = "given force"
@@ -67,14 +67,14 @@ class GivenForce(PositionLaw):
 
 @dataclass(frozen=True)
 class MotorTorques:
-    """Torques from outside."""
+    """External torque commands."""
 
     tau_1: Annotated[Scalar, Quantity("N m", "motor torque of winch 1 from outside")] = 0.0
     tau_2: Annotated[Scalar, Quantity("N m", "motor torque of winch 2 from outside")] = 0.0
 
 
 def pulls(torques: MotorTorques, nominal: Plant) -> tuple[Scalar, Scalar]:
-    """Tensions in N that torques hold at rest."""
+    """Tensions in N that motor torques hold at rest."""
 
     def pull(torque: Scalar, winch: Winch) -> Scalar:
         return winch.gear_ratio / winch.drum_radius * torque
@@ -84,7 +84,7 @@ def pulls(torques: MotorTorques, nominal: Plant) -> tuple[Scalar, Scalar]:
 
 @dataclass(frozen=True)
 class ForceOfTorques(PositionLaw):
-    """A law in name only: the net force that torques from outside hold at rest."""
+    """A placeholder law: the net force that the external torques hold at rest."""
 
     kind: ClassVar = "given-torques"
     label: ClassVar = "given torques"
@@ -107,7 +107,7 @@ class ForceOfTorques(PositionLaw):
 
 @dataclass(frozen=True)
 class GivenTorques(Coordination):
-    """A coordination in name only: the torques come from outside, as they are."""
+    """A placeholder coordination: passes on the external torques."""
 
     kind: ClassVar = "given-torques"
     label: ClassVar = "given torques"
@@ -124,7 +124,7 @@ class GivenTorques(Coordination):
         setpoint: Setpoint,  # noqa: ARG002
         context: Context,
     ) -> tuple[MotorTorques, CoordinationOutput]:
-        """One sample; a torque counts as saturated at the limits of the other coordinations, and beyond."""
+        """One sample; a torque counts as saturated at or beyond the limits of the other coordinations."""
         commands, limits = pulls(state, context.nominal), context.limits
         lower, upper = limits.tension_min * (1 + ROUNDING), limits.tension_max * (1 - ROUNDING)
         at_limit = either(*(either(pull <= lower, pull >= upper) for pull in commands))
@@ -132,21 +132,21 @@ class GivenTorques(Coordination):
 
 
 NOUNS: dict[CommandName, str] = {"torques": "motor torques tau_1, tau_2 in N m", "force": "a force in N"}
-"""What a command is, in words."""
+"""Description of each kind of command."""
 
 COMMANDED_STATES: dict[CommandName, tuple[tuple[str, ...], ...]] = {
     "torques": tuple((f"controller.law.{name}", f"controller.coordination.{name}") for name in ("tau_1", "tau_2")),
     "force": (("controller.law.u",),),
 }
-"""Of each number of a command the states that it is put into."""
+"""For each number of a command, the states into which it is written."""
 
 
 def under_command(experiment: Experiment, command: CommandName) -> Experiment:
-    """An experiment whose controller passes on commands from outside; its estimator stays.
+    """An experiment whose controller passes on external commands and keeps its estimator.
 
     Args:
-        experiment: any.
-        command: ``torques`` takes the place of law and coordination, ``force`` that of the law.
+        experiment: the experiment.
+        command: ``torques`` replaces law and coordination, ``force`` the law.
     """
     controller = experiment.controller
     if command == "force":

@@ -1,4 +1,4 @@
-"""Lanes: runs of a closed loop side by side, each with its scenario and the page of signals that it reads."""
+"""Lanes: parallel runs of a closed loop, each with its scenario and its current page of signals."""
 
 import threading
 from collections.abc import Iterator, Sequence
@@ -35,17 +35,17 @@ from dualwinch.simulation.stepper.commands import COMMANDED_STATES, CommandName,
 Floats = NDArray[np.float64]
 
 PAGE_ROOM = 2**27
-"""Bytes that the pages take which are read side by side."""
+"""Bytes for all pages that are read in parallel."""
 
 SHORTEST, LONGEST = 256, 2**16
-"""Samples of a page, at least and at most."""
+"""Minimum and maximum number of samples of a page."""
 
 
 class SignalPage:
-    """Signals of some samples of a run, and of the first sample of the page that follows.
+    """Signals of some samples of a run, and of the first sample of the following page.
 
-    Readers of one run share its pages, wherever each of them is: a page holds the one that follows, once that has been
-    read, and nothing holds a page that everybody has read.
+    Readers of one run share its pages, wherever they are in it: a page refers to its follower once that is read, so
+    that a page is freed when all readers have passed it.
 
     Attributes:
         table: (samples + 1, exogenous), columns in the closed loop's order.
@@ -59,11 +59,11 @@ class SignalPage:
 
     @property
     def end(self) -> int:
-        """Number of the sample that the following page starts with."""
+        """Number of the first sample of the following page."""
         return self.start + len(self.table) - 1
 
     def address(self, sample: int) -> int:
-        """Where in memory the signals of a sample stand."""
+        """Memory address of the signals of a sample."""
         return self.table.__array_interface__["data"][0] + (sample - self.start) * self.table.strides[0]
 
     def following(self) -> "SignalPage":
@@ -76,15 +76,15 @@ class SignalPage:
 
 
 def page_length(experiment: Experiment, runs: int) -> int:
-    """Samples of a page where so many runs like `experiment` have pages of their own."""
+    """Samples per page if `runs` runs like `experiment` have their own pages."""
     signals = len(exogenous_names(experiment.controller))
     return min(max(PAGE_ROOM // (8 * signals * runs), SHORTEST), LONGEST)
 
 
 def first_page(experiment: Experiment, length: int) -> SignalPage:
-    """The first page of a run, `length` samples long; all pages together hold one sample more than the run has.
+    """The first page of a run, `length` samples long.
 
-    That is for the observation after the last sample.
+    All pages together contain one sample more than the run, for the observation after its last sample.
     """
     return _first_of(exogenous_pieces(experiment, length, experiment.samples + 1))
 
@@ -95,12 +95,12 @@ def _first_of(source: Iterator[Floats]) -> SignalPage:
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """What a lane starts from.
+    """Start of a lane.
 
     Attributes:
-        scenario: what was drawn.
-        command: what it is under.
-        parameters, state: as the compiled code takes them, the state before the first sample.
+        scenario: the scenario.
+        command: kind of its commands.
+        parameters, state: vectors for the compiled code; the initial state.
     """
 
     scenario: Scenario
@@ -118,9 +118,9 @@ class Scenarios:
     """An experiment or an ensemble under command.
 
     Attributes:
-        given: the one or the other, as it was.
+        given: the original experiment or ensemble.
         experiment: the nominal values, under command.
-        ensemble: what is drawn from, its controller as it was; None: nothing is drawn.
+        ensemble: the original ensemble; None: nothing is drawn.
         loop: the closed loop of all scenarios.
     """
 
@@ -128,7 +128,7 @@ class Scenarios:
         """Build the closed loop.
 
         Raises:
-            ConfigurationError: the nominal values do not fit together.
+            ConfigurationError: the nominal values are inconsistent.
         """
         self.given = given
         self.ensemble = given if isinstance(given, Ensemble) else None
@@ -143,10 +143,10 @@ class Scenarios:
         self.loop = closed_loop(self._structure, self._zeros)
 
     def commanded(self, signals: tuple[str, ...]) -> Commanded:
-        """What moves the loop on, and observes some of its columns.
+        """The commanded closed loop, with some of its columns observed.
 
         Raises:
-            ConfigurationError: there is no such column.
+            ConfigurationError: an unknown column.
         """
         for name in signals:
             if name not in self.loop.columns:
@@ -154,25 +154,26 @@ class Scenarios:
         return _commanded(self._structure, self._zeros, self._command, signals)
 
     def drawn(self, numbers: Sequence[int], seed: int) -> list[Scenario]:
-        """Scenarios by their numbers; without an ensemble the experiment itself, whatever the numbers.
+        """Scenarios by number; without an ensemble, the experiment itself for any number.
 
         Raises:
-            ConfigurationError: a number that is none.
+            ConfigurationError: an invalid number.
         """
         for number in numbers:
             if not (isinstance(number, int | np.integer) and number >= 0):
-                raise ConfigurationError(f"scenarios: {number!r} is none: must be whole numbers >= 0, or scenarios")
+                raise ConfigurationError(f"scenarios: must be whole numbers >= 0, or scenarios, not {number!r}")
         if self.ensemble is None:
             return [Scenario(0, self._base, self._base.plant, {})] * len(numbers)
         return self.ensemble.chosen([int(number) for number in numbers], seed)
 
     def started(self, scenarios: Sequence[Scenario], batch: int) -> tuple[list[Lane], list[SignalPage]]:
-        """What lanes of scenarios start from, and the first pages of their signals, in a batch of so many lanes.
+        """Starts of lanes and first pages of their signals, in a batch of `batch` lanes.
 
-        Lanes of one experiment read the same pages. They are kept where they are small: they hold all that follow.
+        Lanes of one experiment share their pages. A first page is kept only if the run is short, as it refers to all
+        that follow.
 
         Raises:
-            ConfigurationError: a scenario's values do not fit together; the message names it.
+            ConfigurationError: a scenario's values are inconsistent; the message names it.
         """
         if self.ensemble is None:
             page = self._only_page or first_page(self.experiment, page_length(self.experiment, 1))
@@ -186,7 +187,7 @@ class Scenarios:
             check_group(group, scenarios)
             names = tuple(group.numbers)
             if names != self.loop.parameters:
-                self.loop.vector(group.numbers)  # says what differs
+                self.loop.vector(group.numbers)  # raises an error that names the difference
             x = group.experiment.reference.start
             states = starts(structure_of(group.experiment), group.vectors, x)
             sources = exogenous_sources(group.experiment, group.columns, len(group.members), further=1)
@@ -199,7 +200,7 @@ class Scenarios:
         return [lanes[place] for place in every], [pages[place] for place in every]
 
     def _under_command(self, scenarios: Sequence[Scenario]) -> list[Scenario]:
-        """The scenarios with bases under command, one for all that share one."""
+        """The scenarios with bases under command; scenarios that shared a base still do."""
         bases = {id(scenario.base): scenario.base for scenario in scenarios}
         commanded = {key: under_command(base, self._command) for key, base in bases.items()}
         return [replace(scenario, base=commanded[id(scenario.base)]) for scenario in scenarios]
@@ -231,15 +232,15 @@ NEVER = np.iinfo(np.int64).max
 
 
 class Lanes:
-    """Runs and their pages.
+    """Parallel runs and their pages.
 
     Attributes:
-        runs: what the compiled code moves on.
-        lanes: what each run started from; not its first page, which would hold all that follow.
+        runs: runs of the compiled code.
+        lanes: start of each run, without its first page, which would keep all that follow in memory.
     """
 
     def __init__(self, code: Stepping, count: int, samples: int, *, shared: bool) -> None:
-        """Make room; see `codegen.drivers.stepping.SteppedRuns`."""
+        """Allocate; see `codegen.drivers.stepping.SteppedRuns`."""
         self.runs = SteppedRuns(code, count, samples, shared=shared)
         self.lanes: dict[int, Lane] = {}
         self._pages: dict[int, SignalPage] = {}
@@ -247,7 +248,7 @@ class Lanes:
         self._left = NEVER
 
     def start(self, indices: Indices, lanes: Sequence[Lane], pages: Sequence[SignalPage]) -> None:
-        """Begin some runs anew, each from a lane and its first page."""
+        """Restart some runs, each from a lane and its first page."""
         states, parameters = (np.array([getattr(lane, name) for lane in lanes]) for name in ("state", "parameters"))
         self.runs.start(indices, states, parameters)
         for index, lane, page in zip(indices.tolist(), lanes, pages, strict=True):
@@ -257,7 +258,7 @@ class Lanes:
         self.runs.look()
 
     def step(self, samples: int, threads: int = 1, row: int | None = None) -> int:
-        """Move all runs under way on; returns how many still are. See `SteppedRuns.step`."""
+        """Advance all running lanes and return how many are still running. See `SteppedRuns.step`."""
         running = 1
         while samples and running:
             stretch = min(samples, self._left)
@@ -271,7 +272,7 @@ class Lanes:
         return running
 
     def copies(self, indices: Indices) -> "Lanes":
-        """Some lanes as they are, in others that go on by themselves."""
+        """Independent copies of some lanes in their present state."""
         numbered = list(enumerate(indices.tolist()))
         other = copy(self)
         vars(other).update(
@@ -283,7 +284,7 @@ class Lanes:
         return other
 
     def kept(self) -> dict[str, NDArray]:
-        """What `resume` needs to go on from here."""
+        """The present state, for `resume`."""
         runs = self.runs
         states = runs.states(np.arange(len(self._ends)))
         return {"states": states} | {
@@ -291,7 +292,7 @@ class Lanes:
         }
 
     def resume(self, states: Floats, outcomes: Indices, done: Indices, commands: Floats, observation: Floats) -> None:
-        """Take all runs, which have been started, to where others were that `kept` them."""
+        """Set all started runs to a state returned by `kept`."""
         every = np.arange(len(self._ends))
         parameters = np.array([self.lanes[index].parameters for index in every.tolist()])
         self.runs.start(every, states, parameters)
@@ -314,6 +315,6 @@ class Lanes:
         self._count_left()
 
     def _count_left(self) -> None:
-        """Samples until the first run under way has read its page."""
+        """Update the number of samples until the first running lane has read its page."""
         running = self.runs.outcomes == Outcome.RUNNING
         self._left = int((self._ends - self.runs.done)[running].min(initial=NEVER))

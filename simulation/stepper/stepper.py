@@ -1,4 +1,4 @@
-"""An experiment step by step, in many lanes at once: the plant is simulated, control is the caller's."""
+"""Step an experiment in many lanes at once: the plant is simulated, the caller controls it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -27,7 +27,7 @@ from dualwinch.simulation.stepper.lanes import LONGEST, Lane, Lanes, Scenarios, 
 
 
 class Observation(Mapping[str, NDArray[np.float64]]):
-    """Signals of a sample, ahead of its command: ``observation["x_sensed"]`` is (batch,), one number a lane.
+    """Signals of a sample before its command: ``observation["x_sensed"]`` is (batch,), one number per lane.
 
     Attributes:
         array: (signals, batch), the signals in their order.
@@ -37,7 +37,7 @@ class Observation(Mapping[str, NDArray[np.float64]]):
     __slots__ = ("_rows", "array", "quantities")
 
     def __init__(self, array: NDArray[np.float64], rows: Mapping[str, int], quantities: Mapping[str, Quantity]) -> None:
-        """Name the rows of an array: name → row."""
+        """Name the rows of an array; `rows`: name → row."""
         self.array, self._rows, self.quantities = array, rows, quantities
 
     @property
@@ -49,7 +49,7 @@ class Observation(Mapping[str, NDArray[np.float64]]):
         """A signal of all lanes.
 
         Raises:
-            UnknownNameError: it is not observed; the message names the nearest.
+            UnknownNameError: it is not observed; the message suggests the nearest name.
         """
         try:
             return self.array[self._rows[name]]
@@ -76,17 +76,17 @@ def replay(
     stride: int,
     nominal: Plant | None,
 ) -> Result:
-    """The first samples of a lane's run.
+    """Run the first samples of a lane again.
 
     Args:
-        code: what moves lanes on; the same lane gives the same bits in it, wherever it stands.
-        loop: names everything.
-        lane: what the run starts from.
-        samples: how many.
-        commands: of each step.
-        hold: samples of a step.
-        stride: every how many samples a row is kept.
-        nominal: for the result.
+        code: the compiled code; it gives the same bits for the same lane at any index.
+        loop: the closed loop, for names.
+        lane: start of the run.
+        samples: number of samples.
+        commands: command of each step.
+        hold: samples per step.
+        stride: keep every `stride`-th sample as a row.
+        nominal: nominal plant of the result.
 
     Raises:
         ConfigurationError: the rows do not fit into memory.
@@ -104,7 +104,7 @@ def replay(
 def result_of(
     loop: ClosedLoop, runs: SteppedRuns, experiment: Experiment, rows: NDArray[np.float64], nominal: Plant | None = None
 ) -> Result:
-    """The result of a single run as far as it is, with some of its rows (rows, columns)."""
+    """The result of a single run so far, with some of its rows (rows, columns)."""
     outcome = Outcome(runs.outcomes[0])
     final = dict(zip(loop.states, runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
     return Result(
@@ -122,31 +122,31 @@ def result_of(
 Floats: TypeAlias = NDArray[np.float64]
 
 SENSED = ("t", "x_ref", "v_ref", "a_ref", *(key for key in describe(Sensed) if key.endswith("_sensed")))
-"""What a controller gets: the reference, and the sensors' values as the estimator passes them on."""
+"""Inputs of a controller: the reference, and the sensor values as passed on by the estimator."""
 
 WORTH_A_THREAD = {True: 4000, False: 16000}
-"""Samples of a step, over all lanes, that make a thread worth its start: exact or not."""
+"""Samples per step, over all lanes, that justify starting a thread; key: `exact`."""
 
 
 class Stepper:
-    """Runs of an experiment side by side, moved on step by step under the caller's commands.
+    """Parallel runs of an experiment, advanced step by step under the caller's commands.
 
-    Fed with the torques of a run, a lane gives that run again; an exact one has the very bits that
-    ``simulate(experiment, engine="interpreter")`` has in all columns of the plant. (In the C of a whole closed
-    loop compilers contract products, in each one otherwise; so the last bits of the compiled `simulate` differ.)
+    With the torques of a run as commands, a lane reproduces that run; with `exact`, all columns of the plant equal
+    those of ``simulate(experiment, engine="interpreter")`` bit for bit. (The last bits of the compiled `simulate`
+    differ, as compilers contract products differently in the C code of a whole closed loop.)
 
-    A lane's numbers depend on nothing but its scenario and its commands. One that leaves the track, diverges or reaches
-    the end stays as it is, with its outcome, while the others go on.
+    A lane depends only on its scenario and its commands. If it leaves the track, diverges or reaches the end, it stays
+    as it is, with its outcome, while the others continue.
 
     Attributes:
-        experiment: what is run, with parts that pass on commands in place of its law (and coordination).
+        experiment: the experiment, with parts that pass on commands in place of its law (and coordination).
         batch: number of lanes.
-        seed: of an ensemble's draws.
+        seed: seed of an ensemble's draws.
         command: ``torques`` or ``force``.
-        hold: samples that a command is held.
-        signals: names of what is observed.
-        source: what lanes start from.
-        under_way: number of lanes that are.
+        hold: number of samples for which a command is held.
+        signals: names of the observed signals.
+        source: the scenarios that lanes start from.
+        under_way: number of running lanes.
     """
 
     def __init__(
@@ -162,24 +162,25 @@ class Stepper:
         record: bool = True,
         threads: int | None = None,
     ) -> None:
-        """Compile (or find in the cache) what moves the lanes on, and start them.
+        """Compile the code of the lanes, or load it from the cache, and start them.
 
         Args:
-            experiment: every lane runs it, with the signals of its own seed; of an ensemble, lane k runs scenario k.
+            experiment: run by every lane, with the signals of its own seed; for an ensemble, lane k runs scenario k.
             batch: number of lanes.
-            seed: of an ensemble's draws.
-            command: ``torques``: of both motors, in N m; ``force``: what the ropes are to give together, in N, in the
-                position law's stead. The experiment's coordination shares it between the winches.
-            hold: samples that a command is held.
-            signals: columns of a result to observe; those of commands show the last ones.
-            exact: each lane gives the bits of `simulate` in the interpreter. Else sixteen lanes share the vector
-                registers of a core, and elementary functions err by up to 1e-9 of their value, as in `rollout`.
-            record: keep the commands, which `result` needs: 16 bytes a lane and step, of forces 8.
-            threads: default: one a core where a step's work is worth it.
+            seed: seed of an ensemble's draws.
+            command: ``torques``: torques of both motors in N m; ``force``: net force of the ropes in N, in place of
+                the position law's. The experiment's coordination distributes it between the winches.
+            hold: number of samples for which a command is held.
+            signals: columns of a result to observe; columns of commands show the last command.
+            exact: whether each lane gives the bits of `simulate` in the interpreter. Else sixteen lanes share the
+                vector registers of a core, with a relative error of elementary functions of up to 1e-9, as in
+                `rollout`.
+            record: whether to keep the commands, which `result` needs: 16 bytes per lane and step, 8 for forces.
+            threads: number of threads; default: one per core, if a step has enough work.
 
         Raises:
-            ConfigurationError: a number out of range, an unknown name, or values that do not fit together.
-            DualwinchError: no compiler, or no usable cache folder.
+            ConfigurationError: a number out of range, an unknown name, or inconsistent values.
+            DualwinchError: no compiler or no usable cache folder.
         """
         if not isinstance(experiment, Experiment | Ensemble):
             raise ConfigurationError(
@@ -209,19 +210,19 @@ class Stepper:
         lanes: ArrayLike | None = None,
         scenarios: Sequence[int | Scenario] | None = None,
     ) -> Observation:
-        """Start lanes anew.
+        """Restart lanes.
 
         Args:
-            seed: of an ensemble's draws from now on; default: as before.
+            seed: new seed of an ensemble's draws; default: as before.
             lanes: numbers of the lanes, or a truth value for each; default: all.
-            scenarios: numbers of what they run, or draws of the ensemble; default: lane k runs scenario k.
+            scenarios: numbers of their scenarios, or draws of the ensemble; default: lane k runs scenario k.
 
         Returns:
-            What is observed of all lanes.
+            The observation of all lanes.
 
         Raises:
-            ConfigurationError: a seed out of range, lanes that there are not, not as many scenarios as lanes, or values
-                of a scenario that do not fit together.
+            ConfigurationError: a seed out of range, a lane that does not exist, not as many scenarios as lanes, or
+                inconsistent values of a scenario.
         """
         if seed is not None:
             _check(self.command, {"seed": (seed, 0)})
@@ -240,14 +241,13 @@ class Stepper:
         return self.observation
 
     def step(self, commands: ArrayLike) -> Observation:
-        """Move all lanes under way on by a step.
+        """Advance all running lanes by a step.
 
         Args:
-            commands: torques (batch, 2) in N m, or forces (batch,) in N; those of lanes that have ended do not count.
+            commands: torques (batch, 2) in N m, or forces (batch,) in N; those of lanes that have ended are ignored.
 
         Returns:
-            What is observed after it, ahead of the next command. A lane that diverged shows what was last observed
-            before that.
+            The observation after the step, before the next command. A diverged lane shows its last observation before.
 
         Raises:
             ConfigurationError: a wrong shape, a number that is not finite, or all lanes have ended.
@@ -259,7 +259,7 @@ class Stepper:
         if given.shape != self._shape:
             raise ConfigurationError(f"{self.command}: shape {given.shape} must be {self._wanted}")
         if not self.under_way:
-            raise ConfigurationError("step: all lanes have ended; reset() starts them anew")
+            raise ConfigurationError("step: all lanes have ended; reset() restarts them")
         runs = self._lanes.runs
         runs.commands[:] = given if given.ndim == 2 else given[:, None]
         odd = runs.odd_command()
@@ -273,12 +273,12 @@ class Stepper:
 
     @property
     def observation(self) -> Observation:
-        """What is observed of all lanes as they are."""
+        """The present observation of all lanes."""
         return Observation(self._lanes.runs.observation.copy(), self._rows, self._quantities)
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """(batch,) samples that each lane has run."""
+        """(batch,) number of samples run by each lane."""
         return self._lanes.runs.done.copy()
 
     @property
@@ -288,7 +288,7 @@ class Stepper:
 
     @property
     def running(self) -> NDArray[np.bool_]:
-        """(batch,) whether each lane is under way."""
+        """(batch,) whether each lane is running."""
         return self._lanes.runs.outcomes == Outcome.RUNNING
 
     @property
@@ -298,7 +298,7 @@ class Stepper:
 
     @property
     def metrics(self) -> Mapping[str, Floats]:
-        """Name → (batch,) figures of merit, as in `Metrics`; NaN where a lane has not completed its run."""
+        """Name → (batch,) figures of merit, as in `Metrics`; NaN for lanes that have not completed their run."""
         runs = self._lanes.runs
         states = runs.states(np.arange(self.batch))
         own = self.experiment.metrics
@@ -307,18 +307,18 @@ class Stepper:
 
     @property
     def scenarios(self) -> list[Scenario]:
-        """What each lane runs; of an experiment itself, one without draws."""
+        """The scenario of each lane; for a plain experiment, one without draws."""
         return [self._lanes.lanes[index].scenario for index in range(self.batch)]
 
     def fork(self, lanes: ArrayLike | None = None) -> "Stepper":
-        """Lanes as they are now, in a stepper that goes on by itself: to look ahead, or to try several ways on.
+        """An independent stepper with lanes in their present state, e.g. to look ahead or try alternatives.
 
         Args:
-            lanes: (n,) number of the lane that each of its lanes continues, in any order and as often as wanted; or a
-                truth value for each; default: all.
+            lanes: (n,) number of the lane that each new lane continues, in any order and with repetitions; or a
+                truth value for each lane; default: all.
 
         Raises:
-            ConfigurationError: lanes that there are not, or none.
+            ConfigurationError: a lane that does not exist, or none.
         """
         indices = self._indices(lanes)
         if not len(indices):
@@ -346,7 +346,7 @@ class Stepper:
         return self.fork()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled by what it is made of and where its lanes are; the code is compiled, or found, again."""
+        """Pickle arguments and lane states; the code is compiled, or loaded from the cache, again."""
         options = {
             "command": self.command,
             "hold": self.hold,
@@ -371,18 +371,18 @@ class Stepper:
         self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
 
     def result(self, lane: int, stride: int = 1) -> Result:
-        """The run of a lane so far, as `simulate` gives runs: its recorded commands are run again, and rows kept.
+        """The run of a lane so far, as a result of `simulate`: its recorded commands are run again to get the rows.
 
         Args:
-            lane: which.
-            stride: every how many samples a row is kept; 0 keeps none.
+            lane: number of the lane.
+            stride: keep every `stride`-th sample as a row; 0 keeps none.
 
         Returns:
-            The result; a lane under way has the outcome ``running`` and, as all that were not completed, no figures of
-            merit (NaN).
+            The result; an unfinished lane has the outcome ``running`` and, as any incomplete run, NaN as figures of
+            merit.
 
         Raises:
-            ConfigurationError: there is no such lane, commands were not recorded, or rows do not fit into memory.
+            ConfigurationError: no such lane, commands were not recorded, or rows do not fit into memory.
         """
         if self._log is None:
             raise ConfigurationError("result: commands were not recorded; make the stepper with record=True")
@@ -410,7 +410,7 @@ class Stepper:
         return given.astype(np.int64)
 
     def _forget(self, indices: NDArray[np.int64]) -> None:
-        """Drop recorded commands that no lane's run begins with any more."""
+        """Drop recorded commands that no lane needs any more."""
         if self._log is not None:
             self._since[indices] = len(self._log)
             oldest = int(self._since.min())
@@ -421,7 +421,7 @@ class Stepper:
 def _rebuilt(
     given: Experiment | Ensemble, batch: int, seed: int, options: dict[str, Any], scenarios: list[Scenario]
 ) -> Stepper:
-    """A stepper whose lanes run given scenarios from their beginning."""
+    """A stepper whose lanes start given scenarios."""
     stepper = Stepper(given, batch, seed, **options)
     stepper.reset(scenarios=scenarios)
     return stepper

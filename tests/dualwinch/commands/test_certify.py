@@ -43,7 +43,7 @@ def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, message in (
         (["--out", "c.csv"], "must be .json"),
         (["--plot", "v.gif"], "unknown suffix '.gif'"),
-        (["--set", "controller.kind=pid-cascade"], "the theorem is about"),
+        (["--set", "controller.kind=pid-cascade"], "the theorem applies to"),
     ):
         with pytest.raises(SystemExit) as stopped:
             main(["certify", *arguments])

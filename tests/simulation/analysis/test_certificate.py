@@ -99,7 +99,7 @@ def test_the_figure_shows_v_and_both_signs_of_its_rate(case_4: Certificate) -> N
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"controller.kind": "adrc"}, "the theorem is about"),
+        ({"controller.kind": "adrc"}, "the theorem applies to"),
         ({"controller.observer.l0": 0.0}, "must be > 0, V divides"),
     ],
 )

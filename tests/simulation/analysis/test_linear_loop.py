@@ -121,7 +121,7 @@ def test_position_follows_its_reference_and_a_winch_at_its_limit_holds_its_torqu
     [
         (60.0, 0.5, {}, "x = 60"),
         (25.0, 3.0, {}, "steady motion needs a force of 8590 N"),
-        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "comes to no steady motion"),
+        (25.0, 1.8, {"controller.coordination.kind": "master-slave"}, "reaches no steady motion"),
     ],
 )
 def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[str, object], message: str) -> None:

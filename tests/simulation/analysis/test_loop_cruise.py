@@ -87,7 +87,7 @@ def test_margins_with_the_calibrating_filter_are_those_of_a_run() -> None:
 
 def test_a_law_that_never_rests_is_told() -> None:
     """A winch that follows a speed without knowing its rope's stretch settles nowhere while it moves."""
-    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
+    with pytest.raises(ConfigurationError, match="reaches no steady motion"):
         loop_operating_point(override(case(4), {"controller.coordination.kind": "master-slave"}), X, 1.8)
 
 

@@ -71,7 +71,7 @@ def test_an_unstable_loop_is_said_first_and_no_preload_is_advised() -> None:
     assert "a rope is slack in 80 % of the samples" in others
     stable = simulate(SHORT)
     (said,) = remarks(replace(stable, metrics=replace(stable.metrics, slack_share=0.8)))
-    assert said == "a rope is slack in 80 % of the samples: more preload, or slower"
+    assert said == "a rope is slack in 80 % of the samples: increase the preload or reduce the speed"
 
 
 def test_defaults_that_do_not_follow_are_said() -> None:
@@ -80,10 +80,10 @@ def test_defaults_that_do_not_follow_are_said() -> None:
         SHORT, {"plant.vehicle.height": 1.0, "plant.winch_1.drum_radius": 0.6, "controller.winch_1.kp": 1e-3}
     )
     assert defaults_left(other) == [
-        "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height; if meant, give it",
+        "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height; if intended, give it",
         (
             "plant.winch_1.inertia = 1.8, controller.winch_1.ki = 0.02: still the defaults, "
-            "not following plant.winch_1.drum_radius; if meant, give it"
+            "not following plant.winch_1.drum_radius; if intended, give it"
         ),
     ]
     meant = {"plant.vehicle.drag_area", "plant.vehicle.drag_coefficient", "controller.winch_1.ki"}
@@ -95,11 +95,11 @@ def test_defaults_that_do_not_follow_are_said() -> None:
     assert defaults_left(both) == [
         (
             "controller.winch_*.kp = 0.0005, controller.winch_*.ki = 0.02: still the defaults, "
-            "not following plant.winch_*.gear_ratio; if meant, give it"
+            "not following plant.winch_*.gear_ratio; if intended, give it"
         )
     ]
     assert defaults_left(override(SHORT, {"plant.rope_2.area": 4e-4})) == [
-        "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area; if meant, give it"
+        "plant.rope_2.diameter = 0.024: still the default, not following plant.rope_2.area; if intended, give it"
     ]
 
 
@@ -108,7 +108,7 @@ def test_tensions_of_the_papers_ropes_and_motors_are_said_on_others_in_one_line(
     other = override(SHORT, sizes)
     words = (
         "controller.coordination: preload = 2000, tension_min = 200, tension_max = 6000 N: still of the paper's ropes "
-        "and motors, not following plant.rope_*.area, plant.winch_1.drum_radius; if meant, give them"
+        "and motors, not following plant.rope_*.area, plant.winch_1.drum_radius; if intended, give them"
     )
     assert words in defaults_left(other)
     given = {f"controller.coordination.{name}" for name in ("preload", "tension_max")}
@@ -123,7 +123,7 @@ def test_a_drag_area_beside_the_papers_coefficient_is_said() -> None:
     diameter, coefficient = defaults_left(other, {"plant.vehicle.drag_area"})
     assert diameter == (
         "plant.vehicle.diameter = 2, plant.vehicle.height = 3: still the defaults, not following "
-        "plant.vehicle.drag_area; if meant, give it"
+        "plant.vehicle.drag_area; if intended, give it"
     )
     assert coefficient == (
         "plant.vehicle.drag_coefficient = 0.3: still the paper's, times drag_area = 2 m^2; where that is a drag area "
@@ -140,7 +140,7 @@ def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_
         "plant.rope_1.modulus",
         "plant.winch_2.drum_radius",
     ]
-    assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: see to its unit"
+    assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: check its unit"
     assert not unusual_values(load_ensemble("site").experiment)
 
 

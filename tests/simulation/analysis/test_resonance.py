@@ -81,5 +81,5 @@ def test_a_survey_has_the_least_of_many_machines() -> None:
 
 
 def test_other_laws_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="the rule is about a law with odd powers of the speed error"):
+    with pytest.raises(ConfigurationError, match="the rule applies to laws with odd powers of the speed error"):
         resonance_gains(override(case(4), {"controller.kind": "pid-cascade"}))

@@ -88,7 +88,7 @@ def test_the_cruise_is_found_from_where_the_vehicle_is(v: float) -> None:
 
 
 def test_without_marks_a_vector_that_moves_on_repeats_nowhere() -> None:
-    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
+    with pytest.raises(ConfigurationError, match="reaches no steady motion"):
         loop_operating_point(experiment(Guessing()), 25.0, 0.5)
 
 

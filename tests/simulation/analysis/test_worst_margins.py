@@ -174,7 +174,7 @@ def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(margin_survey, "survey_points", lambda _: [(25.0, 1.8)])
     worst = MarginSurvey([master]).worst([[]])[0]["disk"]
     assert (worst.value, worst.reason) == (0.0, UNSTEADY)
-    with pytest.raises(ConfigurationError, match="comes to no steady motion"):
+    with pytest.raises(ConfigurationError, match="reaches no steady motion"):
         linear_broken_loop(master, worst.x, worst.v)
 
 

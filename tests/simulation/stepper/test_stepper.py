@@ -398,7 +398,7 @@ def test_a_force_that_is_none_is_named_by_its_lane() -> None:
 def test_a_step_beyond_the_end_says_what_to_do() -> None:
     stepper = Stepper(short(duration=0.01), batch=2, hold=10)
     stepper.step(np.full((2, 2), 22.0))
-    with pytest.raises(ConfigurationError, match=r"step: all lanes have ended; reset\(\) starts them anew"):
+    with pytest.raises(ConfigurationError, match=r"step: all lanes have ended; reset\(\) restarts them"):
         stepper.step(np.full((2, 2), 22.0))
     stepper.reset()
     stepper.step(np.full((2, 2), 22.0))
@@ -434,7 +434,7 @@ def test_wrong_arguments_are_named(arguments: dict[str, Any], message: str) -> N
         ({"lanes": [True, False, True]}, "lanes: must be numbers of lanes, or 2 truth values"),
         ({"lanes": [0.5]}, "lanes: must be numbers of lanes"),
         ({"lanes": [0], "scenarios": [1, 2]}, "scenarios: has 2 numbers: must have 1, one a lane"),
-        ({"lanes": [0], "scenarios": [-1]}, "scenarios: -1 is none: must be whole numbers >= 0, or scenarios"),
+        ({"lanes": [0], "scenarios": [-1]}, "scenarios: must be whole numbers >= 0, or scenarios, not -1"),
         ({"seed": -3}, "seed = -3: must be a whole number >= 0"),
     ],
 )
