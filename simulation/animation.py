@@ -1,4 +1,4 @@
-"""The machine as a moving picture: one SVG with what a run did, and a still one with names and signs."""
+"""Pictures of the machine: an animated SVG of a run, and a still one with symbols and positive directions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,11 +27,11 @@ FONT = "system-ui, 'DejaVu Sans', 'Segoe UI', Helvetica, Arial, sans-serif"
 
 @dataclass(frozen=True)
 class Play:
-    """How frames are played.
+    """Playback of frames.
 
     Attributes:
-        seconds: that all frames take on the screen, again and again.
-        still: index of the frame that is shown where nothing moves.
+        seconds: duration of all frames, which are repeated.
+        still: index of the frame shown where animation is not supported.
     """
 
     seconds: float
@@ -39,11 +39,11 @@ class Play:
 
 
 ONE_FRAME = Play(0.0, 0)
-"""Of pictures with a single frame."""
+"""Playback of pictures with a single frame."""
 
 
 def picture(width: int, height: int, title: str, description: str) -> Element:
-    """An empty picture that says in words what it shows; sizes in pixels."""
+    """An empty picture with title and description; sizes in pixels."""
     root = Element("svg", xmlns="http://www.w3.org/2000/svg", viewBox=f"0 0 {width} {height}", role="img")
     root.set("font-family", FONT)
     SubElement(root, "title").text = title
@@ -52,19 +52,19 @@ def picture(width: int, height: int, title: str, description: str) -> Element:
 
 
 def add(parent: Element, tag: str, **attributes: str | float) -> Element:
-    """An element below another; ``stroke_width`` stands for ``stroke-width``."""
+    """Add a child element; ``stroke_width`` stands for ``stroke-width``."""
     return SubElement(parent, tag, {name.replace("_", "-"): number(value) for name, value in attributes.items()})
 
 
 def text(parent: Element, x: float, y: float, words: str, **attributes: str | float) -> Element:
-    """Words whose baseline begins at a point, or is centred there with ``text_anchor="middle"``."""
+    """Add text whose baseline begins at a point, or is centred there with ``text_anchor="middle"``."""
     element = add(parent, "text", **({"x": x, "y": y, "font_size": 13, "fill": INK} | attributes))
     element.text = words
     return element
 
 
 def number(value: str | float) -> str:
-    """A number as short as a picture needs it."""
+    """A number with the few digits a picture needs."""
     return value if isinstance(value, str) else f"{value:.1f}".removesuffix(".0")
 
 
@@ -75,14 +75,14 @@ def path(xs: ArrayLike, ys: ArrayLike) -> str:
 
 
 def move(element: Element, attribute: str, frames: Sequence[str], play: Play) -> None:
-    """Let an attribute go through its frames."""
+    """Animate an attribute through its frames."""
     element.set(attribute, frames[play.still])
     if len(set(frames)) > 1:
         _animate(element, "animate", frames, play, attributeName=attribute)
 
 
 def transform(element: Element, kind: str, frames: Sequence[str], play: Play) -> None:
-    """Let an element be moved (`kind` ``translate``) or turned (``rotate``) through its frames."""
+    """Move (`kind` ``translate``) or rotate (``rotate``) an element through its frames."""
     element.set("transform", f"{kind}({frames[play.still]})")
     if len(set(frames)) > 1:
         _animate(element, "animateTransform", frames, play, attributeName="transform", type=kind)
@@ -105,37 +105,37 @@ WIDTH = 960
 """Width of every picture in pixels."""
 
 LEFT, RIGHT = 120.0, 840.0
-"""Where the rail's ends stand, in pixels."""
+"""Positions of the rail's ends in pixels."""
 
 DRUM, DRUM_GAP = 24.0, 64.0
-"""Radius of a drum, which is drawn larger than to scale, and its distance from the rail's end, in pixels."""
+"""Radius of a drum, drawn larger than to scale, and its distance from the rail's end, in pixels."""
 
 WATER, BED, HULL = "#EAF3F8", "#D8CDB8", "#34516B"
 SLACK = "#B9B9B9"
 
 SHOWN_SAG = 20.0
-"""Pixels that the largest sag may take where it is enlarged."""
+"""Maximum height of an enlarged sag in pixels."""
 
 ARROW = 60.0
-"""Length in pixels of the largest disturbance's arrow."""
+"""Length of the arrow of the largest disturbance in pixels."""
 
 
 Frames: TypeAlias = Mapping[str, Floats]
-"""The motion of the machine, a row a frame: columns of a result, ``d_true`` as the disturbance on the vehicle."""
+"""Motion of the machine, one row per frame: columns of a result, with ``d_true`` as disturbance of the vehicle."""
 
 FRAME_COLUMNS = ("x", "x_ref", "theta_1", "theta_2", "F1", "F2", "d_true")
 
 SAGS = ("sag_1", "sag_2")
-"""Further columns, of ropes that sag; others are straight."""
+"""Further columns for ropes that sag; other ropes are straight."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """Where things stand.
+    """Geometry of the drawn machine.
 
     Attributes:
-        experiment: whose machine it is.
-        rail: height of the rail in pixels, downwards.
+        experiment: the experiment of the machine.
+        rail: vertical position of the rail in pixels, downwards.
     """
 
     experiment: Experiment
@@ -143,7 +143,7 @@ class Machine:
 
     @property
     def length(self) -> float:
-        """Of the rail in m."""
+        """Length of the rail in m."""
         return float(self.experiment.plant.track.length)
 
     @property
@@ -153,7 +153,7 @@ class Machine:
 
     @property
     def scale(self) -> float:
-        """Pixels a metre."""
+        """Pixels per metre."""
         return (RIGHT - LEFT) / self.length
 
     @property
@@ -164,7 +164,7 @@ class Machine:
 
     @property
     def rope(self) -> float:
-        """Height of the taut ropes in pixels: amid the vehicle."""
+        """Vertical position of the taut ropes in pixels: the middle of the vehicle."""
         return self.rail - 6 - self.size[1] / 2
 
     @property
@@ -199,7 +199,7 @@ def colour(tension: float, highest: float) -> str:
 
 
 def draw_colours(parent: Element, x: float, y: float, highest: float) -> None:
-    """The key to the ropes' colours, in a box of 200 x 30 pixels."""
+    """Draw the key to the ropes' colours in a box of 200 x 30 pixels."""
     steps, width = 40, 4.0
     for step in range(steps):
         shade = colour((step + 0.5) / steps * highest, highest)
@@ -222,7 +222,7 @@ def _rail(parent: Element, machine: Machine) -> None:
 
 
 def sag_enlargement(machine: Machine, frames: Frames) -> float:
-    """A power of ten by which sags are drawn larger than they are, so that they are seen; 1 where they are anyway."""
+    """Power of ten by which sags are enlarged to be visible; 1 if they are visible to scale."""
     largest = max((float(frames[name].max()) for name in SAGS if name in frames), default=0.0) * machine.scale
     return 10.0 ** max(np.floor(np.log10(SHOWN_SAG / largest)), 0.0) if largest > 0 else 1.0
 
@@ -230,7 +230,7 @@ def sag_enlargement(machine: Machine, frames: Frames) -> float:
 def _rope(
     parent: Element, machine: Machine, frames: Frames, play: Play, *, number: int, drum: float, ends: Floats
 ) -> None:
-    """A rope from the top of its drum, over the rollers, to the vehicle."""
+    """Draw a rope from the top of its drum, over the rollers, to the vehicle."""
     tension, sags = frames[f"F{number}"], frames.get(f"sag_{number}", np.zeros(len(ends)))
     drawn = sags * machine.scale * sag_enlargement(machine, frames)
     rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
@@ -239,9 +239,9 @@ def _rope(
 
 
 def _hung(machine: Machine, drum: float, end: float, sag: float) -> str:
-    """The line of a rope between drum and vehicle, all in pixels: straight to the rail's end, then a parabola a span.
+    """The line of a rope from drum to vehicle in pixels: straight to the rail's end, then a parabola per span.
 
-    The span at the vehicle may be shorter than the others, and sags as much less as its length squared.
+    The sag of the span at the vehicle, which may be shorter, is proportional to its length squared.
     """
     height, rail_end = number(machine.rope), LEFT if drum < end else RIGHT
     begin = f"M{number(drum)} {height}H"
@@ -258,7 +258,7 @@ def _hung(machine: Machine, drum: float, end: float, sag: float) -> str:
 
 
 def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: Play) -> None:
-    """A drum whose top is as high as the ropes; it turns by angles in rad."""
+    """Draw a drum with its top at the ropes, rotated by angles in rad."""
     y = machine.rope + DRUM
     foot = machine.rail + 6
     add(parent, "path", d=f"M{number(x - 22)} {number(foot)}L{number(x)} {number(y)}L{number(x + 22)} {number(foot)}z",
@@ -274,7 +274,7 @@ def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: 
 
 
 def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: Play) -> None:
-    """The hull on its shoes, with an arrow for the disturbance."""
+    """Draw the hull on its shoes, with an arrow for the disturbance."""
     (width, height), top = machine.size, machine.top
     vehicle = add(parent, "g")
     hull = {"x": -width / 2, "y": top, "width": width, "height": height, "rx": width / 5}
@@ -300,14 +300,14 @@ def _arrows(lengths: Floats, height: float) -> Sequence[str]:
 
 
 LABELLED_HEIGHT, LABELLED_RAIL = 236, 172.0
-"""Height of the picture and of the rail in it, in pixels."""
+"""Height of the picture and vertical position of the rail in pixels."""
 
 SHOWN_AT = 0.42
-"""Position of the vehicle, as a share of the rail."""
+"""Position of the vehicle as a share of the rail."""
 
 
 def labelled_machine(experiment: Experiment | None = None) -> str:
-    """The machine of an experiment (default: the paper's) as one SVG, with symbols and the positive directions."""
+    """The machine of an experiment (default: the paper's) as an SVG with symbols and positive directions."""
     experiment = experiment or Experiment()
     machine = Machine(experiment, LABELLED_RAIL)
     x, preload = np.array([SHOWN_AT * machine.length]), np.array([0.2 * machine.highest])
@@ -356,7 +356,7 @@ def _forces(root: Element, machine: Machine, x: float) -> None:
 
 
 def _arrow(root: Element, x: float, y: float, length: float, colour: str) -> None:
-    """A horizontal arrow from a point."""
+    """Draw a horizontal arrow from a point."""
     barb = 6 if length < 0 else -6
     d = f"M{number(x)} {number(y)}h{number(length)}m{barb} {barb}l{-barb} {-barb}l{barb} {-barb}"
     add(root, "path", d=d, fill="none", stroke=colour, stroke_width=2.5)
@@ -368,7 +368,7 @@ AXIS_LEFT, AXIS_RIGHT = 76.0, 930.0
 
 @dataclass(frozen=True)
 class Line:
-    """A signal of a panel: its name, its colour and its (rows,) values."""
+    """A signal of a panel: name, colour and (rows,) values."""
 
     name: str
     colour: str
@@ -377,7 +377,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """Where a panel stands, and over which values.
+    """A panel: position, signals and range.
 
     Attributes:
         title: its quantity and unit.
@@ -394,20 +394,20 @@ class Panel:
     high: float
 
     def y(self, values: Floats | float) -> Floats:
-        """Values as heights in pixels."""
+        """Vertical positions of values in pixels."""
         return self.bottom - (np.asarray(values) - self.low) / (self.high - self.low) * (self.bottom - self.top)
 
 
 def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel], play: Play, frames: int) -> None:
-    """Draw panels above each other.
+    """Draw stacked panels.
 
     Args:
         parent: the picture.
         t: (rows,) times of all signals in s.
         duration: end of the time axis in s.
-        panels: from the top downwards.
-        play: how the frames are played.
-        frames: their number.
+        panels: from top to bottom.
+        play: playback of the frames.
+        frames: number of frames.
     """
     scale = (AXIS_RIGHT - AXIS_LEFT) / duration
     top, bottom = panels[0].top, panels[-1].bottom
@@ -454,23 +454,23 @@ def _axes(parent: Element, panel: Panel, times: list[tuple[float, str]]) -> None
 
 
 HEIGHT, RAIL = 530, 200.0
-"""Height of the picture and of the rail in it, in pixels."""
+"""Height of the picture and vertical position of the rail in pixels."""
 
 PLAY_SECONDS, FRAMES = 12.5, 250
-"""How long a run takes on the screen, and in how many frames."""
+"""Duration of a run on the screen in s, and number of frames."""
 
 
 def animation(result: Result) -> str:
-    """A run as one SVG that moves, without scripts: it plays in browsers and in READMEs.
+    """A run as an animated SVG without scripts, which plays in browsers and in READMEs.
 
-    The rail is to scale; drums are drawn larger. Ropes are straight unless they sag in the model, and a sag that would
-    not be seen is enlarged by a power of ten, which the picture names.
+    The rail is to scale; drums are drawn larger. Ropes are straight unless they sag in the model; an invisible sag is
+    enlarged by a power of ten, which the picture states.
 
     Args:
-        result: a run with its rows.
+        result: a run with rows.
 
     Raises:
-        ConfigurationError: the run keeps fewer than two rows.
+        ConfigurationError: the run kept fewer than two rows.
     """
     t = result["t"]
     if len(t) < 2:
@@ -510,7 +510,7 @@ def save_animation(result: Result, path: str | PathLike[str]) -> None:
     """Write a run as an animated SVG, which appears whole or not at all.
 
     Raises:
-        ConfigurationError: the suffix is not ``.svg``, or the run keeps no rows.
+        ConfigurationError: the suffix is not ``.svg``, or the run kept no rows.
         OSError: the file cannot be written.
     """
     path = Path(path)

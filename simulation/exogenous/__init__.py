@@ -1,1 +1,1 @@
-"""Exogenous signals of a run: reference, disturbances and noises of the sensors."""
+"""Exogenous signals of a run: reference, disturbances and sensor noise."""

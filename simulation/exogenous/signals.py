@@ -1,4 +1,4 @@
-"""Signals that a run receives from outside, drawn or read sample by sample, and their derivatives by numbers."""
+"""Exogenous signals of a run, drawn or read sample by sample, and their derivatives with respect to parameters."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,24 +36,24 @@ from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.sensors import Sensors, silence_of
 
 DIGITS = 53
-"""Binary digits of a draw: all that a float has, and of a seed as many as every file format keeps."""
+"""Bits of a draw and of a drawn seed: the precision of a float, which every file format can store."""
 
 LARGEST_WORD = 2**64 - 1
-"""Largest seed, and largest number in a stream."""
+"""Largest seed, and largest index in a stream."""
 
 
 def stream_number(word: str) -> int:
-    """The number of a name's stream, of 64 bits: the first of the SHA-256 of the name, such as ``"current"``."""
+    """The stream number of a name, such as ``"current"``: the first 64 bits of the SHA-256 of the name."""
     return int.from_bytes(hashlib.sha256(word.encode()).digest()[:8], "big")
 
 
 def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequence[str]) -> Words:
-    """Random words of `DIGITS` binary digits, one for each name and number, (names, numbers).
+    """Random words of `DIGITS` bits, one for each name and number, (names, numbers).
 
     Args:
         seed: a whole number from 0 to `LARGEST_WORD`, or one for each of the numbers.
-        numbers: likewise, such as those of scenarios.
-        names: purposes of the words; streams of different names or seeds are independent of each other.
+        numbers: whole numbers of the same range, such as those of scenarios.
+        names: purposes of the words; streams of different names or seeds are independent.
 
     Raises:
         ConfigurationError: the seed is out of its range.
@@ -72,7 +72,7 @@ def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequen
 
 
 def named_seed(seed: int, name: str) -> int:
-    """A seed for a purpose, such as the draws of a validation set: independent of those of other names and seeds.
+    """A seed for a purpose, such as the draws of a validation set; independent for different names and seeds.
 
     Args:
         seed: a whole number from 0 to `LARGEST_WORD`.
@@ -84,10 +84,10 @@ def named_seed(seed: int, name: str) -> int:
 Floats: TypeAlias = NDArray[np.float64]
 
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
-"""Columns of an experiment that stands for itself."""
+"""Columns of a single experiment: none."""
 
 MOST_SAMPLES = 2**31 - 1
-"""Longest outage, and longest time between two, in samples."""
+"""Longest outage, and longest period of outages, in samples."""
 
 
 class GaussMarkovSignal(NamedTuple):
@@ -96,15 +96,15 @@ class GaussMarkovSignal(NamedTuple):
     sigma: Any
     """standard deviation."""
     time: Any = 0.0
-    """how long it lasts in s; 0 is white noise."""
+    """correlation time in s; 0: white noise."""
     limit: Any = NO_LIMIT
-    """of its magnitude."""
+    """limit of its magnitude."""
     from_zero: bool = False
-    """whether it is zero before its first sample; else it is stationary."""
+    """whether it starts from zero; else it is stationary."""
 
 
 def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkovSignal]:
-    """The Gauss–Markov signals of a run by name; noises of sensors are drawn with a standard deviation of 1."""
+    """The Gauss–Markov signals of a run by name; sensor noises have a standard deviation of 1."""
     return {
         "current": GaussMarkovSignal(sea.current_sigma, sea.current_time, sea.current_limit),
         "normal_force_variation": GaussMarkovSignal(
@@ -124,7 +124,7 @@ def _on(strength: Any) -> Any:
 
 
 class Sea(NamedTuple):
-    """Disturbances of the vehicle, sample by sample, each (samples,): random and given signals together."""
+    """Disturbances of the vehicle at every sample, each (samples,): sums of random and given signals."""
 
     force: Floats
     """in N, along the track."""
@@ -135,13 +135,13 @@ class Sea(NamedTuple):
 
 
 def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] = NO_COLUMNS) -> dict[str, Drawn]:
-    """The random signals of an experiment by name, each with a stream of its own.
+    """The random signals of an experiment by name; sensor noises have a standard deviation of 1.
 
-    So switching one on leaves the others as they are. Noises of sensors are drawn with a standard deviation of 1.
+    Each has its own stream, so that switching one on does not change the others.
 
     Args:
-        experiment: whose.
-        columns: key → numbers of many experiments, (n,), which this one stands for.
+        experiment: the experiment.
+        columns: key → numbers of many experiments, (n,), which this one represents.
     """
     simulation = with_leaves(experiment.simulation, columns, "simulation.")
     sensors = with_leaves(experiment.sensors, columns, "sensors.")
@@ -166,7 +166,7 @@ def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] =
 
 
 def _decay(sample_time: float, time: Any) -> Any:
-    """Of the autocorrelation from sample to sample, of signals that last some times in s; 0 of white noise."""
+    """Autocorrelation over one sample for correlation times in s; 0 for white noise."""
     if np.ndim(time):
         return np.array([_decay(sample_time, each) for each in time.tolist()])
     return float((Decimal(-sample_time) / Decimal(time)).exp()) if time else 0.0
@@ -176,9 +176,9 @@ def _decay(sample_time: float, time: Any) -> Any:
 def _reference(
     reference: Reference, window: tuple[float, float], times: tuple[float, ...], sample_time: float, start: int, n: int
 ) -> dict[str, Floats]:
-    """The reference, 1 in the steady state, and how the reference departs at some times ahead from going on as it is.
+    """The reference, the flag of the steady state, and the previewed reference as departures from its extrapolation.
 
-    Kept, as the scenarios of an ensemble share them.
+    Cached, as the scenarios of an ensemble share them.
     """
     t, half = np.arange(start, start + n) * sample_time, sample_time / 2
     wanted = setpoint(t, reference)
@@ -197,7 +197,7 @@ def _reference(
 
 
 def _given(experiment: Experiment, names: Sequence[str], start: int, n: int) -> list[Floats | None]:
-    """The signals of some names that are given, not drawn, in `n` samples from the sample `start` on."""
+    """Given signals by name in `n` samples from the sample `start` on; None for signals that are not given."""
     sample_time, given = experiment.simulation.sample_time, {}
     if "steady" in names:
         window, times = experiment.steady_window, experiment.controller.preview
@@ -216,13 +216,13 @@ def exogenous_pieces(
 ) -> Iterator[Floats]:
     """The exogenous signals of a run, in pieces of at most `length` samples.
 
-    Drawn from ``simulation.seed``: the same experiment gives the same bits, however it is divided.
+    Drawn from ``simulation.seed``: the same experiment gives the same bits for any length of pieces.
 
     Args:
-        experiment: of the run.
-        length: of a piece.
-        samples: how many in all (default: those of the run).
-        names: of the signals (default: all that the closed loop receives, in its order).
+        experiment: the experiment.
+        length: maximum length of a piece in samples.
+        samples: total number of samples; default: that of the run.
+        names: names of the signals; default: all exogenous signals of the closed loop, in its order.
 
     Yields:
         (samples, names).
@@ -245,14 +245,14 @@ def exogenous_sources(
     further: int = 0,
     names: Sequence[str] | None = None,
 ) -> list[Signals]:
-    """The exogenous signals of runs, for compiled code that draws them while it runs.
+    """Sources of the exogenous signals of runs, from which compiled code draws them as it runs.
 
     Args:
-        experiment: values that the runs share, all given signals among them.
-        columns: key → their own numbers, (count,).
-        count: number of the runs.
-        further: samples after the last one of a run.
-        names: of the signals (default: all that the closed loop receives, in its order).
+        experiment: source of common values, including all given signals.
+        columns: key → numbers of the runs, (count,).
+        count: number of runs.
+        further: number of samples after the end of a run.
+        names: names of the signals; default: all exogenous signals of the closed loop, in its order.
     """
     names = exogenous_names(experiment.controller) if names is None else names
     random = random_signals(experiment)
@@ -268,7 +268,7 @@ def exogenous_signals(experiment: Experiment) -> Floats:
 
 
 def asked_motion(experiment: Experiment) -> dict[str, Floats]:
-    """The reference of every sample as its controller takes it, by the names of `loop.equations.reference_inputs`."""
+    """The reference at every sample as input of a controller, by the names of `simulation.blocks.reference_inputs`."""
     sample_time, reference = experiment.simulation.sample_time, experiment.reference
     t = np.arange(experiment.samples) * sample_time
     points = [setpoint(t + time, reference) for time in (0.0, *experiment.controller.preview)]
@@ -277,18 +277,18 @@ def asked_motion(experiment: Experiment) -> dict[str, Floats]:
 
 
 def sea_signals(experiment: Experiment) -> Sea:
-    """Disturbances of the vehicle over a whole run, as `exogenous_signals`."""
+    """Disturbances of the vehicle over a whole run, as in `exogenous_signals`."""
     return Sea(*next(exogenous_pieces(experiment, experiment.samples, names=Sea._fields)).T)
 
 
 def shaped_by(key: str) -> tuple[str, ...]:
-    """Names of the signals that a number shapes: as scale, standard deviation, correlation time or limit."""
+    """Names of the signals that a number shapes, as scale, standard deviation, correlation time or limit."""
     given = (name for name in given_signals(Disturbance()) if key == _scale(name))
     return (*given, *(name for name, shaping in _course_slopes() if shaping == key))
 
 
 def check_shaped(experiment: Experiment, key: str) -> None:
-    """Raise `ConfigurationError` where a number scales a signal of which there is nothing in an experiment."""
+    """Raise `ConfigurationError` for a number that scales a signal absent from an experiment."""
     given, drawn = given_signals(experiment.disturbance), random_signals(experiment)
     for name in shaped_by(key):
         if key == _scale(name):
@@ -299,14 +299,14 @@ def check_shaped(experiment: Experiment, key: str) -> None:
 
 
 def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
-    """Derivative of a run's signal by a number that shapes it, (samples,).
+    """Derivative of a signal with respect to a number that shapes it, (samples,).
 
-    Where a random signal is at its limit, it follows the limit alone.
+    A random signal at its limit depends only on the limit.
 
     Args:
-        experiment: whose run.
-        name: of the signal.
-        key: of the number.
+        experiment: the experiment.
+        name: name of the signal.
+        key: key of the number.
     """
     sample_time, samples = experiment.simulation.sample_time, experiment.samples
     if key == _scale(name):
@@ -328,13 +328,13 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
 
 
 def _slope_by_decay(free: Floats, drawn: RandomSignal) -> Floats:
-    """Derivative of a Gauss–Markov signal of standard deviation 1 by its decay, of the same white noise."""
-    from scipy.signal import lfilter  # costs a second, and only derivatives need it
+    """Derivative of a Gauss–Markov signal of standard deviation 1 with respect to its decay, for fixed white noise."""
+    from scipy.signal import lfilter  # takes a second, and only derivatives need it
 
     decay, before = drawn.decay, np.append(0.0, free[:-1])
     fed = before - decay / (1 - decay**2) * (free - decay * before)
     if not drawn.from_zero:
-        fed[0] = 0.0  # stationary: the first sample is the noise's own
+        fed[0] = 0.0  # stationary: the first sample is that of the noise
     return np.asarray(lfilter([1.0], [1.0, -decay], fed))
 
 
@@ -354,14 +354,14 @@ def _keys() -> tuple[str, ...]:
 
 
 def _course_slope(experiment: Experiment, name: str, key: str) -> list[float]:
-    """Derivatives of a random signal's standard deviation, correlation time and limit by a number."""
+    """Derivatives of a random signal's standard deviation, correlation time and limit with respect to a number."""
     values = leaves(experiment)
     return _course_slopes()[name, key]([values[key] for key in _keys()]).full().ravel().tolist()
 
 
 @built_once
 def _course_slopes() -> Mapping[tuple[str, str], ca.Function]:
-    """Random signal and number that shapes it → function of the values of all `_keys` that gives `_course_slope`."""
+    """Random signal and number that shapes it → function from the values of all `_keys` to `_course_slope`."""
     symbols = {key: ca.SX.sym(key) for key in _keys()}
     sensors, sea, vehicle = (with_leaves(group, symbols, prefix) for prefix, group in SHAPING.items())
     every = ca.vertcat(*symbols.values())

@@ -1,4 +1,4 @@
-"""Integrators of the plant over one sample: methods and their table, `INTEGRATORS`."""
+"""Integrators of the plant over one sample: methods, and the table `INTEGRATORS`."""
 
 import math
 from collections.abc import Callable, Collection
@@ -17,22 +17,22 @@ __all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem"]
 def _along(
     start: Motion, slope: Motion, step: Scalar, *, only: Collection[str] | None = None, but: Collection[str] = ()
 ) -> Motion:
-    """A motion that goes on at a slope for a step; of all its states, only some, or all but some."""
+    """An explicit Euler step along a slope, of all states, `only` some, or all `but` some."""
     slopes, before = leaves(slope), leaves(start)
     moving = (before.keys() if only is None else set(only)) - set(but)
     return with_leaves(start, {key: before[key] + step * slopes[key] for key in before if key in moving})
 
 
 def _marked(motion: Motion, *marks: Mark) -> set[str]:
-    """Keys of the states with one of some marks."""
+    """Keys of the states with any of these marks."""
     return {key for key, leaf in describe_parts(motion).items() if not leaf.marks.isdisjoint(marks)}
 
 
 def rk4(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
     """Motion after a step of length h in s from the time t in s, by the classical fourth-order Runge–Kutta method.
 
-    Explicit: stable while the fastest rope–drum frequency times the sub-step stays below 2.8. Its order drops to one
-    where a rope goes slack or tight within a sub-step, and where friction has a state, which moves before the others.
+    Explicit: stable while the fastest rope–drum frequency times the sub-step is below 2.8. Its order drops to one
+    where a rope goes slack or tight within a sub-step, and where friction has a state, which is updated first.
     """
     friction = _marked(motion, Mark.SETTLES)
     k1 = problem.derivative(t, motion, h)
@@ -47,11 +47,11 @@ def rk4(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
 def verlet(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
     """Motion after a step of length h in s from the time t in s, by position Verlet (leapfrog: drift, kick, drift).
 
-    One evaluation of the forces a step, at mid-step; explicit, and stable while the fastest frequency times the step
-    stays below 2. Frequencies err by (omega h)²/24, and no mode without damping loses or gains energy (Hairer, Lubich
-    and Wanner, Geometric Numerical Integration, 2006, Section I.1.4). Damping forces are those of the speed at the
-    beginning of the step: the method is of second order without them, else of first, with half the damping's rate
-    times the step as the share by which the damping errs. States of friction are those of mid-steps.
+    One evaluation of the forces per step, at mid-step; explicit, and stable while the fastest frequency times the step
+    is below 2. Frequencies have a relative error of (omega h)²/24, and undamped modes neither lose nor gain energy
+    (Hairer, Lubich and Wanner, Geometric Numerical Integration, 2006, Section I.1.4). Damping forces are those of the
+    speed at the beginning of the step: without them the method is of second order, else of first, with a relative
+    error of the damping of half its rate times the step. States of friction are those of mid-steps.
     """
     kicked_on = _marked(motion, Mark.RATE, Mark.SETTLES)
     middle = _along(motion, problem.derivative(t, motion), h / 2, but=kicked_on)
@@ -66,10 +66,10 @@ class Integrator:
     Attributes:
         substep: ``(problem, motion, t, h) -> motion`` after a step of length h in s from the time t in s.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
-        reach: largest `swing_rate` times sub-step in rad it is made for.
-        any_plant: whether it is made for all plants; else for massless Kelvin–Voigt ropes and rigid gears alone.
-        one_step: ``(problem, motion) -> (motion, valid)``, the one-step update over the whole sample, cheaper
-            and to be taken wherever valid > 0.
+        reach: largest product of `swing_rate` and sub-step in rad for which it is suitable.
+        any_plant: whether it supports all plants; else only massless Kelvin–Voigt ropes and rigid gears.
+        one_step: ``(problem, motion) -> (motion, valid)``, a cheaper update over the whole sample in one step, to be
+            used where valid > 0.
     """
 
     substep: Callable[[Problem, Motion, Scalar, Scalar], Motion]
@@ -79,7 +79,7 @@ class Integrator:
     one_step: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
 
     def advance(self, problem: Problem, motion: Motion, substeps: int) -> Motion:
-        """Motion at the end of the sample: by the one-step update where that is valid, else in equal sub-steps."""
+        """Motion at the end of the sample: in one step where that is valid, else in equal sub-steps."""
         h, careful = problem.duration / substeps, motion
         for part in range(substeps):
             careful = self.substep(problem, careful, problem.t + part * h, h)
@@ -91,7 +91,7 @@ class Integrator:
 
 
 TURN = 2 * math.pi
-"""A whole oscillation in rad."""
+"""A full oscillation in rad."""
 
 INTEGRATORS = {
     "adaptive": Integrator(exponential, order=2, reach=TURN, one_step=taut_step),

@@ -1,20 +1,19 @@
-"""Exponential integrator made for this plant: exact rope–drum oscillations, located slack, slow forces at mid-step.
+"""Exponential integrator for this plant: exact rope–drum oscillations, slack events located, slow forces at mid-step.
 
-Over a sub-step the vehicle has one mean acceleration, rope lengths and slow forces are those at mid-step, and winch
-friction is linear about its value at the start. A taut rope and its drum are then a linear oscillator whose flow is
-known in closed form, however fast it swings; a slack one flies freely. The impulses of both ropes are linear in the
+Over a sub-step the vehicle has a constant mean acceleration, rope lengths and slow forces are those at mid-step, and
+winch friction is linearised at its start. A taut rope and its drum are then a linear oscillator, whose flow is known in
+closed form for any frequency; with a slack rope the drum moves freely. The impulses of both ropes are linear in the
 mean acceleration, which follows from the vehicle's momentum balance. Where a rope goes slack or tight within a
 sub-step, that moment is located and the rest of the sub-step follows the other law.
 
-Where neither rope can go slack within a sample and no dry friction bends, one step spans the whole sample
-(`taut_step`). That is most of the time; start-up, slack and the first centimetres of a hard start get the careful
-steps.
+Where neither rope can go slack within a sample and dry friction is nearly linear, one step spans the whole sample
+(`taut_step`). That holds most of the time; start-up, slack and the first centimetres of a hard start take sub-steps.
 
-Every formula is derived in docs/exponential-integrator.md and named here by its number there.
+Every formula is derived in docs/exponential-integrator.md and cited here by its number there.
 
-Second order in the sub-step, through slack too. Accurate while a sub-step holds less than a third of an oscillation
-(without slack: one), and stable up to two. Not to be confused with a general exponential Runge–Kutta method: it knows
-the Kelvin–Voigt rope.
+Second order in the sub-step, also through slack. Accurate while a sub-step spans less than a third of an oscillation
+(without slack: one), and stable up to two. Not a general exponential Runge–Kutta method: it is specific to the
+Kelvin–Voigt rope.
 """
 
 from dualwinch.model.disturbance import vortex_frequency
@@ -41,7 +40,7 @@ def exponential(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motio
 
 
 def _slow_acceleration(problem: Problem, t: Scalar, x: Scalar, v: Scalar, phase: Scalar) -> Scalar:
-    """Acceleration of the vehicle in m/s² by everything but the ropes."""
+    """Acceleration of the vehicle in m/s² due to everything but the ropes."""
     vehicle, track = problem.plant.vehicle, problem.plant.track
     return vehicle_acceleration(v, -slope_force(x, vehicle, track), problem.environment_at(t, v, phase), vehicle)
 
@@ -49,14 +48,14 @@ def _slow_acceleration(problem: Problem, t: Scalar, x: Scalar, v: Scalar, phase:
 def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, slack: bool) -> tuple[Motion, Scalar]:
     """The motion after one step (Eq. 16–19), and a number that is positive only if taut ropes stay taut (Eq. 27).
 
-    The speed at mid-step, where the slow acceleration is taken, follows from that of the last step.
+    The slow acceleration is evaluated at the mid-step speed, which is predicted with that of the last step.
 
     Args:
-        problem: what is solved.
-        motion: at the beginning of the step.
+        problem: the integration problem.
+        motion: motion at the beginning of the step.
         t: time of its beginning in s.
         h: its length in s.
-        slack: whether ropes can go slack; without, the result holds where the number is positive.
+        slack: whether ropes can go slack; if not, the result is valid where the number is positive.
     """
     plant, state = problem.plant, motion.plant
     drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)
@@ -68,7 +67,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     by_ropes, share = (fixed_1 - fixed_2) * yielding, mass * yielding
 
     def mean_acceleration(slow: Scalar) -> Scalar:
-        """In m a step², by the momentum balance mass a = mass slow + mean_pull_1(a) − mean_pull_2(a) (Eq. 16)."""
+        """In m/step², by the momentum balance mass a = mass slow + mean_pull_1(a) − mean_pull_2(a) (Eq. 16)."""
         return by_ropes + share * slow
 
     middle_v = state.v + 1 / (2 * h) * mean_acceleration(motion.slow)  # Eq. 17
@@ -80,7 +79,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
     stretch_2, rate_2, pull_2 = rope_2.end(a)
 
     late = h**2 * (slow + (pull_1 - pull_2) / mass) - a if slack else 0.0  # Eq. 19: where a rope went slack or tight
-    steps = h * state.v + a  # speed at the end in m a step, without the above
+    steps = h * state.v + a  # speed at the end in m/step, without the above
     x = state.x + h * state.v + a / 2
     (longer_1, creeping_1), (longer_2, creeping_2) = crept(t + h, plant.creep_1), crept(t + h, plant.creep_2)
     theta_1, radius_1 = _turned(drum_1, stretch_1 + x + longer_1)
@@ -98,7 +97,7 @@ def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, 
 
 
 def _turned(drum: Winding, rope: Scalar) -> tuple[Scalar, Scalar]:
-    """Angle in rad and radius in m of a drum on which so much rope in m is wound at the end of a step."""
+    """Angle in rad and radius in m of a drum with a given length of wound rope in m at the end of a step."""
     theta = 1 / drum.base * (rope - drum.beyond_of(rope))
     return theta, drum.radius_after(theta - drum.theta)
 
@@ -162,10 +161,10 @@ def _oscillator(
     slack: bool,
     h: Scalar,
 ) -> Oscillator:
-    """One rope and its drum (Eq. 2–4), all with the sub-step h in s as the unit of time.
+    """One rope and its drum (Eq. 2–4), with the sub-step h in s as the unit of time.
 
     `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m; `rate` and `lengthening` are
-    in m a step.
+    in m/step.
     """
     drag = h / total_inertia(winch) * friction_slope(omega, winch)
     turn = h * omega
@@ -190,16 +189,16 @@ def _oscillator(
 
 
 FRICTION_REACH = 3.0
-"""Speed over the friction's own beyond which friction is constant: tanh(3) = 0.995."""
+"""Ratio of speed to friction speed beyond which friction is constant: tanh(3) = 0.995."""
 
 RAIL_STEP, WINCH_STEP = 0.02, 0.2
-"""Change of speed over the friction's own that one step may bridge where friction bends, on the rail and in a winch."""
+"""Largest change of speed over friction speed in one step where friction is nonlinear, on the rail and in a winch."""
 
 
 def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
-    """Motion at the end of the sample in one step, and a number that is positive where that is good enough.
+    """Motion at the end of the sample in one step, and a number that is positive where that is accurate enough.
 
-    It is where both ropes surely stay taut (Eq. 27) and no dry friction bends, on the rail or in a winch (Eq. 28).
+    It is where both ropes certainly stay taut (Eq. 27) and dry friction on rail and winches is nearly linear (Eq. 28).
     """
     moved, clearance = exponential_step(problem, motion, problem.t, problem.duration, slack=False)
     before, after, plant = motion.plant, moved.plant, problem.plant
@@ -217,7 +216,7 @@ def taut_step(problem: Problem, motion: Motion) -> tuple[Motion, Scalar]:
 
 
 def _straightness(start: Scalar, end: Scalar, scale: Scalar, step: float) -> Scalar:
-    """Positive where tanh(speed/scale) does not bend on the way: too fast, or hardly a change of speed (Eq. 28)."""
+    """Positive where tanh(speed/scale) is nearly linear over the step: high speed, or a small change of it (Eq. 28)."""
     least = where(start * end > 0, minimum(absolute(start), absolute(end)), 0.0)
     fast = least / scale - FRICTION_REACH
     steady = step - absolute(end - start) / scale

@@ -1,8 +1,8 @@
-"""One rope and its drum over a step: a damped oscillation in closed form while taut, free flight while slack.
+"""One rope and its drum over a step: a damped oscillation in closed form while taut, free motion while slack.
 
-Where the rope goes slack or tight on the way, the moment is located as the root of a parabola, and power series carry
-the taut part. Equations are those of docs/exponential-integrator.md. Time is counted in steps here, which spares
-products with their length: rates are in m a step, and so on.
+Where the rope goes slack or tight within the step, the moment is located as the root of a parabola, and a power series
+gives the taut part. Equations are those of docs/exponential-integrator.md. The unit of time is the step, which avoids
+products with its length: rates are in m/step, and so on.
 """
 
 import math
@@ -12,14 +12,14 @@ from functools import cached_property
 from dualwinch.model.scalar import Scalar, absolute, clip, exp, maximum, minimum, reciprocals, sqrt, where
 
 DOUBLINGS = 3
-"""Doublings of the angle in `twice_cosine_and_sine`; it then errs by 5e-10 up to one oscillation, by 3e-6 up to two."""
+"""Doublings of the angle in `twice_cosine_and_sine`: its error is 5e-10 up to one oscillation, 3e-6 up to two."""
 
 ANGLE_ORDER = 5
-"""Terms of that series beyond the first."""
+"""Terms of its series after the first."""
 
 
 def twice_cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
-    """2 cos(r) and 2 sin(r)/r from r², which may be negative (then cosh and sinh); made of products only.
+    """2 cos(r) and 2 sin(r)/r from r², which may be negative (then cosh and sinh), by products only.
 
     Eq. 12: the series at the angle over 8. Eq. 13: the doublings.
     """
@@ -34,7 +34,7 @@ def twice_cosine_and_sine(square: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def slow_growth(z: Scalar) -> Scalar:
-    """exp(z) to the second order, for the little by which a rope's stiffness changes in a step."""
+    """exp(z) to second order, for the small change of a rope's stiffness in a step."""
     return 1 + z * (1 + z / 2)
 
 
@@ -42,13 +42,14 @@ def slow_growth(z: Scalar) -> Scalar:
 class Swing:
     """The flow over one step of s'' = g + ramp t − kappa w s − damping s', with w = 1 + stiffening (t − 1/2).
 
-    The rope gets stiffer or softer as it gets shorter or longer. The variable that swings is q = w s, the spring's
-    force over its stiffness at mid-step: its equilibrium stays where it is (Eq. 6, 7).
+    The rope gets stiffer or softer as it gets shorter or longer. The oscillating variable is q = w s, the spring force
+    over the stiffness at mid-step, whose equilibrium is constant (Eq. 6, 7).
 
     Attributes:
         kappa: square of the frequency of q (Eq. 7).
-        q_of_q, q_of_rate, rate_of_rate: flow of q and its rate; what q gives to the rate is −kappa q_of_rate (Eq. 9).
-        q_of_drive, q_of_ramp: what a unit of g and of the ramp add to q; to its rate they add `q_of_rate` and
+        q_of_q, q_of_rate, rate_of_rate: flow of q and its rate; the element from q to its rate is −kappa q_of_rate
+            (Eq. 9).
+        q_of_drive, q_of_ramp: response of q to unit g and unit ramp; those of its rate are `q_of_rate` and
             `q_of_drive` (Eq. 10).
         start, end: w at the beginning, 1/w at the end (Eq. 11).
         stiffening: relative rate of the stiffness (Eq. 2).
@@ -83,11 +84,11 @@ class Swing:
 
 
 def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar) -> Swing:
-    """The swing of a taut rope over a step.
+    """The flow of a taut rope and its drum over a step.
 
     Args:
         kappa: square of the frequency at mid-step.
-        damping: by rope and winch friction.
+        damping: due to rope and winch friction.
         stiffening: relative rate of the stiffness.
     """
     cosine, sine = twice_cosine_and_sine(kappa - damping**2 / 4 - stiffening**2)  # of the angle in Eq. 8
@@ -112,10 +113,10 @@ def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar) -> Swing:
 
 
 SERIES_ORDER = 8
-"""Order of the power series that carries a taut rope over a part of a step."""
+"""Order of the power series of a taut rope over a part of a step."""
 
 TINY = 1e-100
-"""Floor under square roots and divisors on branches not taken; small, yet its square and its slope are numbers."""
+"""Lower bound of radicands and divisors on branches not taken; small, yet with finite square and slope."""
 
 
 def free_flight(
@@ -155,16 +156,16 @@ def crossing(start: Scalar, slope: Scalar, end: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """stretch'' = drive + sign a (1 + drag t) − mobility F − drag stretch' (Eq. 3).
+    """A rope and its drum: stretch'' = drive + sign a (1 + drag t) − mobility F − drag stretch' (Eq. 3).
 
-    F = spring stretch + damper stretch' is the tension. The winch friction brakes the drum, not the stretch: under the
-    vehicle's acceleration a its share grows in time.
+    F = spring stretch + damper stretch' is the tension. Winch friction brakes the drum, not the stretch, hence the
+    term that grows in time with the vehicle's acceleration a.
 
     Lengths are in m, forces in N, times in steps.
 
     Attributes:
         stretch, rate: stretch and its rate at the beginning.
-        drive: acceleration by motor and friction, g without a (Eq. 4).
+        drive: acceleration due to motor and friction, g without a (Eq. 4).
         sign: of the vehicle's position in the stretch.
         spring, damper: of the rope at mid-step.
         compliance: 1/spring.
@@ -212,10 +213,10 @@ class Oscillator:
         return minimum(self.stretch, self._pull(self.stretch, self.rate)) > 0
 
     def clearance(self, a: Scalar) -> Scalar:
-        """Positive only if a taut rope stays taut all through the step, with the vehicle's acceleration a (Eq. 27).
+        """Positive only if a taut rope stays taut throughout the step, with the vehicle's acceleration a (Eq. 27).
 
-        The oscillation about the equilibrium never swings further than it would without damping, so that
-        spring (equilibrium − amplitude) > damper √kappa amplitude is enough. Written without divisions and roots,
+        The amplitude about the equilibrium is never larger than without damping, so that
+        spring (equilibrium − amplitude) > damper √kappa amplitude is sufficient. Written without divisions and roots,
         times kappa/spring. It is never positive where the equilibrium is not.
         """
         kappa = self._kappa
@@ -259,7 +260,7 @@ class Oscillator:
         return stretch, rate, self._mean_pull(g, ramp, stretch, rate)
 
     def _with_slack(self, g: Scalar, ramp: Scalar, taut_stretch: Scalar, taut_rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end, from those of a rope that stays taut: by Eq. 5 taut, slack, or switched."""
+        """Stretch and rate at the end, from those of a rope that stays taut: taut, slack, or switched (Eq. 5)."""
         taut = self._taut
         free_stretch, free_rate = free_flight(self.stretch, self.rate, g, ramp, self.drag, 1.0)
         stretch, rate = where(taut, taut_stretch, free_stretch), where(taut, taut_rate, free_rate)
@@ -269,15 +270,15 @@ class Oscillator:
         return where(switches, switched_stretch, stretch), where(switches, switched_rate, rate)
 
     def _switched(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
-        """Stretch and rate at the end where the rope goes slack or tight on the way.
+        """Stretch and rate at the end where the rope goes slack or tight within the step.
 
         Args:
             g: drive.
             ramp: its growth.
-            stretch: that at the end, if the rope stayed as it was.
+            stretch: stretch at the end without the switch.
             rate: likewise.
         """
-        # when (Eq. 22)
+        # time of the switch (Eq. 22)
         taut = self._taut
         pull = self._pull(self.stretch, self.rate)
         acceleration = g - self.drag * self.rate - where(taut, self.mobility * pull, 0.0)
@@ -293,7 +294,7 @@ class Oscillator:
         g_start, lasts = where(taut, g, g + ramp * when), where(taut, when, 1.0 - when)
         stretch, rate = taut_series(*start, g_start, ramp, self._kappa, self._damping, lasts)
 
-        # going slack: move the moment to where the pull is zero, then fly (Eq. 24)
+        # going slack: correct the moment to zero tension, then move freely (Eq. 24)
         curve = g + ramp * when - self.mobility * self._pull(stretch, rate) - self.drag * rate
         fall = self.spring * rate + self.damper * curve
         missed = clip(-self._pull(stretch, rate) / where(fall < 0, fall, -1 / TINY), -when, 1.0 - when)

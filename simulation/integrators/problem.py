@@ -1,4 +1,4 @@
-"""What an integrator has to solve: the plant between two samples, torques and environment in a zero-order hold."""
+"""The integration problem: the plant between two samples, with torques and environment in a zero-order hold."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from dualwinch.model.winch import Winch, base_radius, total_inertia
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves between two samples: the plant, the phase of the vortex shedding, and an integrator's memory."""
+    """State between two samples: the plant, the phase of the vortex shedding, and an integrator's memory."""
 
     plant: PlantState
     phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency"), Mark.BOOKKEEPING] = 0.0
@@ -33,8 +33,8 @@ class Problem:
     Attributes:
         t: time of the sample's beginning in s.
         duration: length of the sample in s.
-        torques: what the motors give, constant over the sample (zero-order hold).
-        environment: current and rail load, likewise constant; its force is added to the vortex force.
+        torques: motor torques, constant over the sample (zero-order hold).
+        environment: current and rail load, also constant; its force is added to the vortex force.
         disturbance: the vortex shedding.
         plant: parameters.
     """
@@ -52,7 +52,7 @@ class Problem:
         return replace(self.environment, force=self.environment.force + vortex)
 
     def derivative(self, t: Scalar, motion: Motion, step: Scalar = 0.0) -> Motion:
-        """Time derivative of the motion at the time t in s; friction's over a step in s (`model.plant.derivative`)."""
+        """Time derivative of the motion at t in s; of friction states over a step in s (`model.plant.derivative`)."""
         state = motion.plant
         environment = self.environment_at(t, state.v, motion.phase)
         return Motion(
@@ -62,9 +62,9 @@ class Problem:
 
 
 def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:
-    """How fast in rad/s a Kelvin–Voigt rope, its drum and its rotor swing, or settle, where the rope is shortest.
+    """Largest rate in rad/s at which the shortest Kelvin–Voigt rope, its drum and its rotor oscillate or settle.
 
-    An array where numbers of rope or winch are.
+    An array if numbers of rope or winch are arrays.
     """
     if is_heavy(rope) or present(winch.gear_stiffness):
         return _chain_rate(rope, winch, track)
@@ -73,18 +73,18 @@ def swing_rate(rope: Rope, winch: Winch, track: Track) -> Any:
 
 
 def bristle_swing_rate(vehicle: Vehicle) -> Any:
-    """How fast in rad/s a vehicle swings, or settles, on the bristles of its rail; an array where its numbers are."""
+    """Rate in rad/s at which a vehicle oscillates or settles on the bristles of its rail; may be an array."""
     mass = inertia(vehicle)
     return np.maximum(np.sqrt(vehicle.bristle_stiffness / mass), vehicle.bristle_damping / mass)
 
 
 def _spring_rate(length: Any, rope: Rope) -> Any:
-    """Largest spring rate in N/m of a rope of a length in m: of its law, and of its hysteresis where a motion turns."""
+    """Largest spring rate in N/m of a rope of a length in m, from its law and from its hysteresis at reversals."""
     return stiffness(length, rope) + 2 * rope.hysteresis / (rope.hysteresis_strain * length)
 
 
 def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
-    """Largest natural frequency in rad/s of the chain rotor – gear – drum – rope's nodes – vehicle at rest."""
+    """Largest natural frequency in rad/s of the chain rotor – gear – drum – rope nodes – vehicle at rest."""
     length, radius = track.rope_offset, base_radius(winch)
     waves, gives = present(rope.mass_per_length), present(winch.gear_stiffness)
     nodes = rope.segments - 1 if waves else 0
@@ -93,7 +93,7 @@ def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
     masses = [winch.gear_ratio**2 * winch.rotor_inertia / radius**2] * gives + [drum] + [inner] * nodes
     springs = [winch.gear_stiffness / radius**2] * gives + [(nodes + 1) * _spring_rate(length, rope)] * (nodes + 1)
     shape, size = np.broadcast_shapes(*map(np.shape, (*masses, *springs))), len(masses)
-    scaled = np.zeros((*shape, size, size))  # the stiffness matrix over the square roots of the masses
+    scaled = np.zeros((*shape, size, size))  # stiffness matrix scaled by the square roots of the masses
     for place, (mass, spring) in enumerate(zip(masses, springs, strict=True)):
         scaled[..., place, place] += spring / mass
         if place + 1 < size:
@@ -108,15 +108,15 @@ def _chain_rate(rope: Rope, winch: Winch, track: Track) -> Any:
 
 @lru_cache(maxsize=1024)
 def fastest_rate(rope: RopeLaw, winch: Winch, track: Track, tensions: tuple[float, ...]) -> float:
-    """Largest rate in rad/s at which a rope of any law and its drum swing or settle, on the track under some tensions.
+    """Largest rate in rad/s at which a rope of any law and its drum oscillate or settle at given tensions.
 
-    The largest modulus of an eigenvalue of s'' = −mobility (spring s + damping s'), with the rope at its longest and at
-    its shortest; NaN where the law does not reach a tension, or has no spring rate there.
+    The largest magnitude of an eigenvalue of s'' = −mobility (spring s + damping s'), for the longest and the shortest
+    rope; NaN if the law does not reach a tension, or has no spring rate there.
 
     Args:
         rope: the rope.
         winch: its winch.
-        track: says how long the rope is.
+        track: determines the rope's lengths.
         tensions: in N.
     """
     mobility, fastest = base_radius(winch) ** 2 / total_inertia(winch), 0.0

@@ -1,6 +1,6 @@
 """Figures of runs: the paper's Figures 5 to 21, an overview of one run, the fan chart of an ensemble, and V(t).
 
-Every function returns a `matplotlib.figure.Figure` of its own; nothing here touches pyplot or global settings.
+Every function returns a new `matplotlib.figure.Figure`, without using pyplot or changing global settings.
 """
 
 from dualwinch.simulation.plots.analyses import lyapunov, preloads

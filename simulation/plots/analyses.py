@@ -1,4 +1,4 @@
-"""Figures of analyses: V(t) of the certificate, preload over time, and effects of numbers on a run."""
+"""Figures of analyses: V(t) of the certificate, preload over time, and effects of parameters on a run."""
 
 from collections.abc import Mapping
 
@@ -33,7 +33,7 @@ INTERVALS = 250
 """Intervals of a run; each shows its largest value."""
 
 DECADES = 12.0
-"""Decades below the largest value that are drawn."""
+"""Decades shown below the largest value."""
 
 TERMS = {
     "surface": ("$s^2/2$", BLUE),
@@ -45,10 +45,10 @@ TERMS = {
 
 
 def lyapunov(certificate: Certificate, *, ax: GivenAxes = None) -> Figure:
-    """V with its terms, and dV/dt where it is positive and where negative, both on logarithmic axes.
+    """V with its terms, and positive and negative parts of dV/dt, on logarithmic axes.
 
     Args:
-        certificate: of a run of at least two samples.
+        certificate: certificate of a run with at least two samples.
         ax: axes for V and for its rate; default: a figure of its own.
 
     Raises:
@@ -94,7 +94,7 @@ PRELOAD_COLOURS = {"constant": GREY, "best constant": VERMILION, "scheduled": BL
 
 
 def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
-    """Sum of both tensions, the smaller of them, and the error, of every preload over time.
+    """Sum of both tensions, smaller tension, and error over time, for every preload.
 
     Args:
         found: the preloads.
@@ -124,7 +124,7 @@ def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
 
 
 READABLE = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-"""Unit of a column → the one its changes are drawn in, and its number in the column's own."""
+"""Unit of a column → unit of its changes in figures, and factor to it."""
 
 
 def effects_figure(
@@ -134,12 +134,12 @@ def effects_figure(
     *,
     ax: GivenAxes = None,
 ) -> Figure:
-    """Changes of columns of a run, to first order, a panel a column.
+    """First-order changes of columns of a run, one panel per column.
 
     Args:
-        experiment: of the run.
-        changes: column → changed number, in words → change of the column (samples,).
-        quantities: column → what it is.
+        experiment: experiment of the run.
+        changes: column → description of the changed number → change of the column (samples,).
+        quantities: column → quantity.
         ax: axes for the columns; default: a figure of its own.
     """
     t: Floats = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time

@@ -42,25 +42,25 @@ from dualwinch.simulation.plots.traces import Floats
 from dualwinch.simulation.sweep import Sweep
 
 BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
-"""Lower and upper share of a band, and how dark it is."""
+"""Lower and upper quantile of a band, and its opacity."""
 
 ALL_SHADE = 0.12
-"""How dark the band from the smallest to the largest value is."""
+"""Opacity of the band from the smallest to the largest value."""
 
 
 SEEN = {"50 %": 0.68, "90 %": 0.37, "all scenarios": ALL_SHADE}
-"""How dark the bands look, one on the other."""
+"""Apparent opacity of the overlapping bands, for the legend."""
 
 
 def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
-    """Error and rope tensions over time: median, the middle 50 % and 90 % of the scenarios, and all of them.
+    """Error and rope tensions over time: median, central 50 % and 90 %, and range of all scenarios.
 
     Args:
-        result: of an ensemble, with traces.
+        result: result of an ensemble, with traces.
         ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
 
     Raises:
-        ConfigurationError: no traces were kept, or no scenario ran to its end.
+        ConfigurationError: no traces were kept, or no scenario completed.
     """
     if result.traces is None:
         raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
@@ -112,17 +112,17 @@ def _fan(axes: Axes, traces: Traces, column: str, unit: float, colour: str) -> N
 
 
 CONTROLLER_COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
-"""A colour for each controller, the first being what the others are compared with; then again, with other dashes."""
+"""Colours of controllers, the baseline first; reused with other dashes."""
 
 PANELS = ("mse", "chatter")
-"""Figures of merit of the panels that show the scenarios."""
+"""Figures of merit whose distributions over the scenarios are shown."""
 
 
 def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
-    """Shares of scenarios up to an error and a chatter, and ratios to the first controller with their intervals.
+    """Cumulative distributions of error and chatter, and ratios to the first controller with confidence intervals.
 
     Args:
-        result: of controllers in the same scenarios.
+        result: comparison of controllers.
         ax: axes for error, chatter and ratios; default: a figure of its own.
     """
     styles = looks(result.contenders, CONTROLLER_COLOURS)
@@ -168,22 +168,22 @@ def _ratios(axes: Axes, result: Comparison, styles: Mapping[str, dict[str, Any]]
 
 
 SPAN = 10
-"""Numbers whose largest is fewer times the smallest lie evenly."""
+"""Ratio of the largest to the smallest number below which the axis is linear."""
 
 LABELLED = 9
-"""Most numbers that each have a tick of their own."""
+"""Maximum number of values that each get a tick."""
 
 
 @dataclass(frozen=True)
 class SweptAxis:
-    """An axis.
+    """Axis of a swept key.
 
     Attributes:
         order: indices of the values along the axis.
-        positions: (n,) of the values in that order.
-        words: tick label of each; empty where the axis has numbers of its own.
-        log: whether factors count, not differences.
-        categorical: whether what lies in between means nothing.
+        positions: (n,) positions of the values in that order.
+        words: tick label of each value; empty for a numeric axis.
+        log: whether the axis is logarithmic.
+        categorical: whether the values are categories.
     """
 
     order: NDArray[np.int64]
@@ -194,7 +194,7 @@ class SweptAxis:
 
     @property
     def edges(self) -> Floats:
-        """(n + 1,) ends of the cells around the values."""
+        """(n + 1,) edges of the cells around the values."""
         at = np.log(self.positions) if self.log else self.positions
         if len(at) == 1:
             half = 0.5 * (abs(at[0]) or 1.0)
@@ -227,7 +227,7 @@ def swept_axis(values: Sequence[Any]) -> SweptAxis:
 
 
 def grows_by_factors(ascending: Floats) -> bool:
-    """Whether the steps between numbers are more even as factors than as differences."""
+    """Whether the ratios between successive numbers are more even than the differences."""
     if len(ascending) < 3 or ascending[0] <= 0 or ascending[-1] < SPAN * ascending[0]:
         return False
     factors, differences = np.diff(np.log(ascending)), np.diff(ascending)
@@ -235,29 +235,29 @@ def grows_by_factors(ascending: Floats) -> bool:
 
 
 def spans_decades(values: Floats) -> bool:
-    """Whether measured values, NaN among them, spread so far that only a logarithmic scale shows them."""
+    """Whether values, possibly with NaN, span so many decades that only a logarithmic scale shows them."""
     finite = values[np.isfinite(values)]
     return bool(finite.size and finite.min() > 0 and finite.max() >= 3 * SPAN * finite.min())
 
 
 MARKS = {"diverged": "x", "left_track": ">", "not_run": "."}
-"""Outcome of a run that was not completed → its marker."""
+"""Outcome of an incomplete run → marker."""
 
 WRITTEN = 60
-"""Most cells that have their numbers written in them."""
+"""Maximum number of cells with their values written in them."""
 
 
 def sweep_figure(found: Sweep, metric: str, *, ax: GivenAxes = None) -> Figure:
     """Draw a sweep; see `Sweep.plot`.
 
     Raises:
-        UnknownNameError: there is no such figure of merit.
-        ConfigurationError: there are more than two keys, or none.
+        UnknownNameError: an unknown figure of merit.
+        ConfigurationError: more than two keys, or none.
     """
     if metric not in found.metrics:
         raise UnknownNameError(unknown("metric", metric, found.metrics))
     if len(found.keys) not in {1, 2}:
-        raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) takes one away")
+        raise ConfigurationError(f"a sweep of {len(found.keys)} keys cannot be drawn; at(key, value) removes one")
     along = [swept_axis(values) for values in found.values]
     values, outcomes = found.metrics[metric], found.outcomes
     for dimension, axis in enumerate(along):

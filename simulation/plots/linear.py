@@ -39,31 +39,31 @@ from dualwinch.simulation.plots.style import (
 TRACK_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, SKY)
 
 ROPE_TRACKS = {"rope 1 – drum 1": ROPE_COLOURS[0], "rope 2 – drum 2": ROPE_COLOURS[1]}
-"""Mode of a rope → that rope's own colour."""
+"""Mode of a rope → colour of the rope."""
 
 OPERATING_POINT = {"x": ("position", "m"), "v": ("speed", "m/s"), "preload": ("", "N")}
-"""Number of an operating point → its name in words, and its unit."""
+"""Quantity of an operating point → name in words, and unit."""
 
 MARKERS = ("x", "+", "o", "s", "^", "d")
 
 FREQUENCIES = (1e-2, 1e3)
-"""Range of Bode diagrams in Hz; that of a discrete system ends at half its sample rate."""
+"""Frequency range of Bode diagrams in Hz; for a discrete system up to half its sample rate."""
 
 MOST_CURVES = 7
-"""Of a longer sweep, so many systems are drawn."""
+"""Maximum number of systems drawn of a sweep."""
 
 TURN = 2 * np.pi
 """Radians in a period."""
 
 DEADBEAT = 1e-9
-"""Eigenvalues smaller than this are zero but for round-off: gone after a sample, with no rate."""
+"""Eigenvalues smaller than this are zero up to round-off: they decay within a sample and have no rate."""
 
 Drawn = list[tuple[LinearSystem, dict[str, Any]]]
 """Systems, each with the style of its lines."""
 
 
 def _styled(systems: Sequence[LinearSystem], swept: str | None) -> Drawn:
-    """At most `MOST_CURVES` systems, evenly spaced, in colours of even steps in lightness; a single one in blue."""
+    """At most `MOST_CURVES` evenly spaced systems, in colours with equal steps of lightness; a single one in blue."""
     indices = np.unique(np.linspace(0, len(systems) - 1, MOST_CURVES).round().astype(int))
     if len(indices) == 1:
         return [(systems[0], {"color": BLUE, "label": _value(systems[0], swept) if swept else None})]
@@ -80,7 +80,7 @@ def _value(system: LinearSystem, swept: str | None) -> str:
 
 
 def _point_in_words(system: LinearSystem, swept: str | None) -> str:
-    """Where a system was linearised, without the number that is swept."""
+    """Operating point of a system in words, without the swept quantity."""
     words = [
         f"{name} = {system.operating_point[name]:.4g} {unit}"
         for name, (_, unit) in OPERATING_POINT.items()
@@ -103,8 +103,8 @@ def modal_frequencies(
         systems: the sweep.
         swept: its name: x, v or preload.
         plant: the plant that was linearised.
-        sample_time: of the controller in s; frequencies it samples `SAMPLES_A_PERIOD` times and twice a period are
-            marked.
+        sample_time: of the controller in s; the frequencies with `SAMPLES_A_PERIOD` and with two samples per period
+            are marked.
         ax: axes for frequency and damping; default: a figure of its own.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]
@@ -129,9 +129,9 @@ def modal_frequencies(
 
 
 def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: GivenAxes = None) -> Figure:
-    """Poles along a sweep: oscillations in the upper half plane, and the real poles against the swept number.
+    """Poles along a sweep: oscillations in the upper half-plane, and real poles against the swept quantity.
 
-    Of a discrete system, the rates in continuous time that its eigenvalues stand for.
+    For a discrete system, the equivalent continuous-time poles.
 
     Args:
         systems: the sweep.
@@ -163,9 +163,9 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: G
 
 
 def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> Figure:
-    """How everything moves along the track in every mode, the largest displacement drawn as one.
+    """Displacements along the track in every mode, normalised to a maximum of one.
 
-    Dots are nodes of ropes, squares the motors' rotors behind gearboxes that give, triangles the depth of a sag.
+    Dots are nodes of ropes, squares the rotors behind elastic gearboxes, triangles the depth of a sag.
 
     Args:
         system: has the plant's states.
@@ -192,7 +192,7 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
 
 
 ROTOR = 0.2
-"""Distance of a rotor from its drum in the figure of a mode's shape, where the vehicle's is 1."""
+"""Distance of a rotor from its drum in a mode shape's figure, relative to that of the vehicle."""
 
 
 def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
@@ -230,8 +230,8 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
     """Bode diagram of each winch's tension and of the vehicle's speed, from the torques.
 
     Args:
-        systems: of the plant: one, or a sweep (of a long one, `MOST_CURVES` evenly spaced).
-        swept: name of what differs between them.
+        systems: of the plant: one, or a sweep (at most `MOST_CURVES`, evenly spaced).
+        swept: name of the swept quantity.
         ax: axes for gain and phase of each of the `CHANNELS`; default: a figure of its own.
     """
     title = "Bode diagram of the open plant" if swept is None else f"Bode diagrams of the open plant, along {swept}"
@@ -251,7 +251,7 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
 
 
 def _response(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Frequencies in Hz, and the frequency response of a system of one input and output."""
+    """Frequencies in Hz, and the frequency response of a system with one input and output."""
     frequency, response = _responses(system)
     return frequency, response[:, 0, 0]
 
@@ -264,7 +264,7 @@ def _responses(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.co
 
 
 def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
-    """The loop gain (k,) of one signal, or the characteristic loci of two that change alike."""
+    """The loop gain (k,) of one signal, or the characteristic loci of two with equal changes."""
     if response.shape[1] == 1:
         return [response[:, 0, 0]]
     values = np.linalg.eigvals(response)
@@ -274,19 +274,19 @@ def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
 
 
 def _cut(system: LinearSystem) -> str:
-    """Where a loop is cut, in words."""
+    """Opening of a loop in words."""
     return " and ".join(name.removesuffix("_in") for name in system.inputs)
 
 
 def loop_bode(
     systems: Sequence[LinearSystem], found: Sequence[Margins], swept: str | None = None, *, ax: GivenAxes = None
 ) -> Figure:
-    """Gain and phase of a cut loop; of a single one with its margins.
+    """Gain and phase of an opened loop; of a single one with its margins.
 
     Args:
-        systems: one, or a sweep, of one input and output each, or of both torques.
+        systems: one, or a sweep, with one input and output each, or with both torques.
         found: their margins.
-        swept: name of what differs between them.
+        swept: name of the swept quantity.
         ax: axes for gain and phase; default: a figure of its own.
     """
     drawn = _styled(systems, swept)
@@ -316,9 +316,9 @@ def _lag(response: np.ndarray) -> np.ndarray:
 
 
 def _mark_margins(gain: Axes, phase: Axes, found: Margins) -> None:
-    """Mark gain margin and phase margin as distances, each with a dot where it is measured in the other panel.
+    """Mark gain and phase margin as distances, with dots at their frequencies in the other panel.
 
-    Margins of a loop that is unstable mean nothing.
+    An unstable loop has no margins.
     """
     if not found.stable:
         gain.set_title("unstable: no margins", color=VERMILION)
@@ -336,11 +336,11 @@ def _mark_margins(gain: Axes, phase: Axes, found: Margins) -> None:
 
 
 def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: GivenAxes = None) -> Figure:
-    """Eigenvalues over one sample in the unit circle, and the rates they stand for.
+    """Eigenvalues over one sample in the unit circle, and the equivalent rates.
 
     Args:
         systems: closed loops: one, or a sweep.
-        swept: name of what differs between them.
+        swept: name of the swept quantity.
         ax: axes for the eigenvalues and for the rates; default: a figure of its own.
     """
     angle = np.linspace(0, TURN, 400)
@@ -362,10 +362,10 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None,
 
 
 def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None) -> Figure:
-    """Margins against the amplitude of the speed error; at its left end the Jacobian's. None where it is unstable.
+    """Margins against the amplitude of the speed error, with the Jacobian's at the left end; gaps where unstable.
 
     Args:
-        points: of `simulation.analysis.describing_function.amplitude_sweep`.
+        points: result of `simulation.analysis.describing_function.amplitude_sweep`.
         ax: axes for the gain margins and for the delay margin; default: a figure of its own.
     """
     system, margins = points[0].system, [point.margins for point in points]

@@ -1,4 +1,4 @@
-"""The page of a figure, its headings, and files of it."""
+"""Layout of a figure's page with headings and legend, and its files."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,7 +23,7 @@ from dualwinch.simulation.plots.style import GREY, LIGHT, SHADE, house_style
 
 
 def case_number(experiment: Experiment) -> int | None:
-    """The paper's case whose reference and disturbance an experiment has; ``None`` for another."""
+    """Number of the paper's case with the reference and disturbance of an experiment; ``None`` for any other."""
     for number in CASES:
         paper = case(number)
         if (paper.reference, paper.disturbance) == (experiment.reference, experiment.disturbance):
@@ -54,29 +54,29 @@ WIDTH = 7.0
 """Width of every figure in inches: a page, or half a screen."""
 
 LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
-"""Characters a legend below a figure has room for, and those its line samples take."""
+"""Width of a legend below a figure in characters, and that of its line samples."""
 
 STEADY_PATCH = Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
 """Legend entry of the shaded steady-state window."""
 
 GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
-"""Argument `ax` of a figure: axes to draw its panels into, in their order; where there are fewer, only the first panels
-are drawn. ``None``: a figure of its own."""
+"""Argument `ax` of a figure: axes for its panels, in their order; with fewer axes, only the first panels are drawn.
+``None``: a figure of its own."""
 
 
 @contextmanager
 def new_page(ax: GivenAxes, height: float, title: str, subtitle: str, gap: float = 0.05) -> Iterator["Page"]:
-    """The page of a figure, to be drawn in the house style; at the end the names of its axes are aligned.
+    """The page of a figure, drawn in the house style; axis labels are aligned at the end.
 
     Args:
         ax: a caller's axes, which get neither title nor subtitle.
-        height: of a new figure, in inches.
+        height: height of a new figure in inches.
         title: its first line.
         subtitle: its second line.
         gap: half the vertical space between two of its panels, in inches.
 
     Raises:
-        ConfigurationError: `ax` contains something else than axes, or nothing.
+        ConfigurationError: `ax` contains anything but axes, or nothing.
     """
     with house_style():
         page = Page(_new_figure(height, title, subtitle, gap)) if ax is None else _page_of(ax)
@@ -88,7 +88,7 @@ def _new_figure(height: float, title: str, subtitle: str, gap: float) -> Figure:
     engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
     figure = Figure(figsize=(WIDTH, height), layout=engine)
     left = 0.06 / WIDTH
-    # the heading's room is reserved by an invisible suptitle of two lines, its text drawn over it in two weights
+    # an invisible suptitle of two lines reserves the space of the heading, which is drawn over it in two weights
     figure.suptitle(" \n ", x=left, ha="left", fontsize=10, linespacing=1.35)
     figure.text(left, 1 - 0.06 / height, title, ha="left", va="top", fontsize=10.5, fontweight="bold")
     figure.text(left, 1 - 0.25 / height, subtitle, ha="left", va="top", fontsize=8.5, color=GREY)
@@ -108,7 +108,7 @@ class Page:
 
     Attributes:
         figure: the figure.
-        drawn: the panels that are seen: all, or the caller's axes.
+        drawn: the visible panels: all, or the caller's axes.
     """
 
     def __init__(self, figure: Figure, given: list[Axes] | None = None) -> None:
@@ -118,7 +118,7 @@ class Page:
     def panels(self, rows: int = 1, columns: int = 1, order: Literal["C", "F"] = "F", **layout: Any) -> list[Axes]:
         """The panels of a grid, column by column (`order` "C": row by row); `layout` as for `Figure.subplots`.
 
-        Panels that a caller has no axes for are drawn as well, and thrown away.
+        Panels without axes of the caller are drawn into a figure that is discarded.
         """
         if self._given is None:
             self.drawn = list(self.figure.subplots(rows, columns, squeeze=False, **layout).ravel(order))
@@ -142,12 +142,12 @@ class Page:
         return [*self.drawn, *(Figure().subplots() for _ in range(missing))]
 
     def time_axes(self, panels: Sequence[Axes], experiment: Experiment, *, shaded: bool = True) -> None:
-        """Limit panels above each other to the run's duration in s, and name their axis (`name_x`).
+        """Limit stacked panels to the run's duration in s, and label their time axis (`name_x`).
 
         Args:
-            panels: from the top downwards.
-            experiment: gives duration and steady state.
-            shaded: whether the steady-state window is.
+            panels: from top to bottom.
+            experiment: source of duration and steady state.
+            shaded: whether to shade the steady-state window.
         """
         start, end = experiment.steady_window
         for axes in panels:
@@ -157,15 +157,15 @@ class Page:
         self.name_x(panels, "time (s)")
 
     def name_x(self, panels: Sequence[Axes], name: str) -> None:
-        """Name the horizontal axis of panels above each other: of the lowest, and of each of a caller's."""
+        """Label the horizontal axis of stacked panels: only the lowest, or each of a caller's axes."""
         for axes in panels if self._given else panels[-1:]:
             axes.set_xlabel(name)
 
     def legend(self, *others: Line2D | Patch) -> None:
-        """One legend for all panels, where it covers nothing; in a caller's axes inside the first.
+        """One legend for all panels, below them; with a caller's axes, inside the first.
 
         Args:
-            others: entries behind those of the lines and areas that have a label.
+            others: further entries, after those of labelled lines and areas.
         """
         found: dict[str, Any] = {}
         for axes in self.drawn:
@@ -186,14 +186,14 @@ RESOLUTION = 200
 """Dots per inch of a PNG."""
 
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-"""Suffix → metadata left out of the file: they change from day to day or machine to machine."""
+"""Suffix → metadata left out of the file, as they vary with date or machine."""
 
 
 def encode(figure: Figure, suffix: str) -> bytes:
     """A figure as the content of a file.
 
     Args:
-        figure: to be written.
+        figure: the figure.
         suffix: ``.png`` (200 dots per inch), ``.svg`` or ``.pdf``.
 
     Raises:
@@ -212,8 +212,8 @@ def save(figure: Figure, path: str | PathLike[str]) -> None:
     """Write a figure to a file, which appears whole or not at all.
 
     Args:
-        figure: to be written.
-        path: its suffix chooses the format: png, svg, pdf.
+        figure: the figure.
+        path: file; its suffix selects the format: png, svg, pdf.
 
     Raises:
         ConfigurationError: another suffix.

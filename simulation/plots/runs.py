@@ -1,4 +1,4 @@
-"""Figures of runs: the paper's Figures 5 to 20 over time, Figure 21 of steady-state errors, and one run at a glance."""
+"""Figures of runs: the paper's Figures 5 to 20 over time, Figure 21 of steady-state errors, overview of one run."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -49,15 +49,15 @@ from dualwinch.simulation.plots.traces import Floats, between_samples, drawable,
 from dualwinch.simulation.results.result import Result
 
 Runs: TypeAlias = Mapping[Any, Result] | Iterable[Result] | Result
-"""Label → run, runs that are labelled by their position laws, or one run."""
+"""Label → run, runs labelled by their position laws, or one run."""
 
 PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
-"""Colours of runs whose law's own is taken; colours of no law come first."""
+"""Colours of runs whose law's colour is already used; colours that belong to no law come first."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A run as every panel draws it.
+    """A run with its label and line style, the same in every panel.
 
     Attributes:
         label: its name.
@@ -77,13 +77,13 @@ class Curve:
 
     @property
     def title(self) -> str:
-        """Its name in legends, with the run's end where it ended early."""
+        """Its name in legends, with outcome and time if it ended early."""
         if self.result.outcome == "completed":
             return self.label
         return f"{self.label} ({self.result.outcome.replace('_', ' ')} at {self.result.end_time:.3g} s)"
 
     def draw(self, axes: Axes, column: str, unit: float = 1.0, rows: slice = slice(None), **style: Any) -> None:
-        """Draw a column over time, in a unit that is `unit` of its own."""
+        """Draw a column over time, divided by `unit`."""
         self.line(axes, self.result["t"][rows], self.result[column][rows] / unit, **style)
 
     def line(self, axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
@@ -92,16 +92,16 @@ class Curve:
 
 
 def curves(runs: Runs) -> list[Curve]:
-    """Runs as a figure draws them, in the order given; none is left out.
+    """The curves of all runs, in the given order.
 
-    A run has its position law's own colour and line style, where no run before it has them; else others. A label that
-    is the name of the run's law in configurations stands for that law's name in figures.
+    A run has the colour and line style of its position law unless an earlier run has them. A label that is the `kind`
+    of the run's law is replaced by the law's name in figures.
 
     Args:
         runs: label → run, runs, or one run.
 
     Raises:
-        ConfigurationError: there is none, or one keeps no rows.
+        ConfigurationError: there are no runs, or one kept no rows.
     """
     labelled = _labelled(runs)
     if not labelled:
@@ -138,7 +138,7 @@ def _named(label: str, result: Result) -> str:
 
 
 def _looks(own: Sequence[Look]) -> list[Look]:
-    """Colour and line style of every run: its law's own, or the first free one, of a free colour if there is one."""
+    """Colour and line style of every run: its law's, or the first free one, preferably of a free colour."""
     turns = [DASHES[turn:] + DASHES[:turn] for turn in (*range(1, len(DASHES)), 0)]
     every: list[Look] = [
         (PALETTE[place % len(PALETTE)], dashes[place % len(dashes)])
@@ -159,33 +159,33 @@ def _looks(own: Sequence[Look]) -> list[Look]:
 
 
 PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
-"""Units of length an error is shown in, the largest first."""
+"""Units of length for errors, the largest first."""
 
 COMPARABLE = 10.0
-"""Errors up to this many times the smallest controller's share a panel; a larger one is given in words."""
+"""Errors up to this multiple of the smallest one share a panel; larger ones are stated in words."""
 
 ZOOM = 0.4
-"""Length in s of the stretch of a trajectory shown enlarged."""
+"""Length in s of the enlarged part of a trajectory."""
 
 INTERVALS = 200
-"""Intervals of a run whose largest |e| is drawn on the logarithmic panel."""
+"""Number of intervals of a run, each drawn with its largest |e| in the logarithmic panel."""
 
 REFERENCE = {"color": INK, "linestyle": ":", "linewidth": 1.0, "label": "reference"}
-"""How a reference is drawn."""
+"""Line style of a reference."""
 
 
 def length_unit(largest: float) -> tuple[float, str]:
-    """The unit (in m) and its name that show a length in m with few digits."""
+    """Size in m and name of the unit that shows a length in m with few digits."""
     return next((prefix for prefix in PREFIXES if largest >= prefix[0]), PREFIXES[-1])
 
 
 def longest(runs: Iterable[Curve]) -> Experiment:
-    """The experiment that lasts longest: a time axis has room for it."""
+    """The experiment with the longest duration, for the time axis."""
     return max((run.experiment for run in runs), key=lambda experiment: experiment.duration)
 
 
 def _headings(runs: Sequence[Curve], content: str) -> tuple[str, str]:
-    """Title and subtitle of a figure of one of the `paper.CONTENTS`; its number, where all are of one paper's case."""
+    """Title and subtitle of a figure of one of the `paper.CONTENTS`; with its number if all runs are of one case."""
     words, numbers = CONTENTS[content], {case_number(run.experiment) for run in runs}
     title = words[0].upper() + words[1:]
     for figure in FIGURES:
@@ -195,10 +195,10 @@ def _headings(runs: Sequence[Curve], content: str) -> tuple[str, str]:
 
 
 def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Position and speed against the reference, with a zoom on where they part most (Figures 5, 9, 13, 17).
+    """Position and speed against the reference, with an enlarged part of the position (Figures 5, 9, 13, 17).
 
     Args:
-        results: label → result, or results that are labelled by their position laws.
+        results: label → result, or results labelled by their position laws.
         ax: axes for the position and the speed; default: a figure of its own.
 
     Raises:
@@ -222,7 +222,7 @@ def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
 
 
 def _zoom(axes: Axes, lines: Iterable[tuple[Curve, str, dict[str, Any]]], window: tuple[float, float]) -> None:
-    """Enlarge a stretch of the position, where the lags that stay are seen."""
+    """Enlarge a part of the position where the steady lags are visible."""
     inset = axes.inset_axes((0.69, 0.13, 0.29, 0.42))
     for run, kind, style in lines:
         run.draw(inset, f"x{kind}", rows=within(run.result["t"], *window), **{"linewidth": 1.0} | style)
@@ -240,7 +240,7 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Tracking error: whole run, largest magnitude on a logarithmic axis, steady state (Figures 6, 10, 14, 18).
 
     Args:
-        results: label → result, or results that are labelled by their position laws.
+        results: label → result, or results labelled by their position laws.
         ax: axes for these three; default: a figure of its own.
 
     Raises:
@@ -299,24 +299,24 @@ def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
 KILO = 1e3
 
 START_UP = 0.06
-"""Seconds of a uniform reference's start that are shown enlarged: the speed step sets the ropes ringing."""
+"""Enlarged part of a uniform reference's start in s, where the speed step makes the ropes ring."""
 
 BRAKING = (-0.03, 0.12)
-"""Seconds around the start of a profile's braking that are shown enlarged: its acceleration jumps there."""
+"""Enlarged part around the start of a profile's braking in s, where its acceleration jumps."""
 
 SMALLEST_SPAN = 0.4
-"""Smallest height in kN of an enlarged panel, so that fractions of a newton do not look like an event."""
+"""Smallest height of an enlarged panel in kN, so that fractions of a newton do not look significant."""
 
 OVERSHOOT = 1.02
-"""A tension this many times its limit is worth a word."""
+"""Ratio of a tension to its limit beyond which it is mentioned."""
 
 
 def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Tension commands of the coordination, a panel a rope, with their limits (Figures 7, 11, 15, 19).
+    """Tension commands of the coordination, one panel per rope, with their limits (Figures 7, 11, 15, 19).
 
     Args:
-        results: label → result, or results that are labelled by their position laws.
-        ax: axes for rope 1 and rope 2, and for their enlarged stretches; default: a figure of its own.
+        results: label → result, or results labelled by their position laws.
+        ax: axes for rope 1 and rope 2, and for their enlarged parts; default: a figure of its own.
 
     Raises:
         ConfigurationError: there is nothing to draw.
@@ -325,11 +325,11 @@ def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
 
 
 def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Rope tensions, a panel a rope, with the limits of the commands, the peak and the slack (Figures 8, 12, 16, 20).
+    """Rope tensions, one panel per rope, with command limits, peak and slack (Figures 8, 12, 16, 20).
 
     Args:
-        results: label → result, or results that are labelled by their position laws.
-        ax: axes for rope 1 and rope 2, and for their enlarged stretches; default: a figure of its own.
+        results: label → result, or results labelled by their position laws.
+        ax: axes for rope 1 and rope 2, and for their enlarged parts; default: a figure of its own.
 
     Raises:
         ConfigurationError: there is nothing to draw.
@@ -338,10 +338,10 @@ def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
 
 
 def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
-    """The stretch of a run that deserves a zoom.
+    """The part of a run to enlarge.
 
     Returns:
-        Its start and end in s, the time in s its axis counts from, and what happens there.
+        Its start and end in s, the origin of its time axis in s, and the event in it.
     """
     if experiment.reference.kind == "uniform":
         return 0.0, START_UP, 0.0, "start-up"
@@ -351,11 +351,11 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
 
 
 LIMIT = {"color": INK, "linestyle": (0, (2, 2)), "linewidth": 0.8, "zorder": 1.5}
-"""How a limit is drawn."""
+"""Line style of a limit."""
 
 
 def draw_limits(axes: Axes, experiment: Experiment, *, label: str | None = "limits") -> None:
-    """Draw the limits of the tension commands on an axis in kN; `label` begins their entry in a legend."""
+    """Draw the limits of the tension commands in kN; `label` begins their legend entry."""
     limits = experiment.controller.limits
     low, high = limits.tension_min / KILO, limits.tension_max / KILO
     axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} kN")
@@ -387,7 +387,7 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
 
 
 def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
-    """Commands as they are held from sample to sample, tensions as they ring between samples."""
+    """Draw commands held from sample to sample, and tensions with their ringing between samples."""
     experiment = runs[0].experiment
     start, end, origin, _event = enlarged(experiment)
     for run in runs:
@@ -405,7 +405,7 @@ def _enlarged_run(axes: Axes, runs: Sequence[Curve], column: str) -> None:
 
 
 def _extremes(runs: Sequence[Curve], column: str) -> str:
-    """Say in words what a line of a few milliseconds cannot show at this width."""
+    """Peaks or slack in words, as events of a few milliseconds are invisible at this width."""
     drawn = [run for run in runs if np.isfinite(run.result[column]).any()]
     slack = {run.label: _slack_time(run.result["t"], run.result[column]) for run in drawn}
     if any(slack.values()):
@@ -429,18 +429,18 @@ def _moment(seconds: float) -> str:
 
 
 FORCE_REACH = 1.25
-"""How far, in limits, the force panel reaches; a command beyond is given in words."""
+"""Range of the force panel over the limits; commands beyond are stated in words."""
 
 
 def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
-    """Trajectory, error, tensions with commands, force and, where there is an observer, the disturbance.
+    """Overview of a run: trajectory, error, tensions with commands, force and, with an observer, disturbance.
 
     Args:
         result: one run.
         ax: axes for these; default: a figure of its own.
 
     Raises:
-        ConfigurationError: the run keeps no rows.
+        ConfigurationError: the run kept no rows.
     """
     run = replace(curves(result)[0], dashes="-")
     draw = [
@@ -512,15 +512,15 @@ def _disturbance_panel(axes: Axes, run: Curve) -> None:
 PAPER_COLOUR = "#BDBDBD"
 
 BAR_ROOM = 0.2
-"""A change this large has room for its number inside its bar."""
+"""Smallest change whose number fits inside its bar."""
 
 
 def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Steady-state errors with and without the observer, and their change beside the paper's (Figure 21).
+    """Steady-state errors with and without the observer, and their change compared with the paper's (Figure 21).
 
     Args:
-        results: label → result, or results, of one case, the paper's Case 4; the first by `fando-nftsm` and the first
-            by `nftsm` are compared.
+        results: label → result, or results, of one case (in the paper Case 4); the first of `fando-nftsm` and the first
+            of `nftsm` are compared.
         ax: axes for the three errors and for their changes; default: a figure of its own.
 
     Raises:

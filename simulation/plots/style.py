@@ -28,7 +28,7 @@ DASHES: tuple[LineStyleType, ...] = (
     (0, (3, 1, 1, 1, 1, 1)),
     (0, (2, 1.5)),
 )
-"""Line styles to tell runs apart, so that lines lying on each other are both seen, also in print."""
+"""Line styles of runs, so that coinciding lines are both visible, also in print."""
 
 ROPE_COLOURS = (WINE, GOLD)
 """Rope 1 and rope 2, where one panel shows both."""
@@ -49,7 +49,7 @@ STYLE = {
     "axes.axisbelow": True,
     "axes.prop_cycle": cycler(color=[BLUE, VERMILION, GREEN, GOLD, WINE]),
     "axes.formatter.useoffset": False,
-    "axes.formatter.min_exponent": 3,  # logarithmic axes say 6, not 6 x 10^0
+    "axes.formatter.min_exponent": 3,  # logarithmic axes show 6, not 6 x 10^0
     "grid.color": LIGHT,
     "grid.linewidth": 0.5,
     "xtick.color": GREY,
@@ -68,12 +68,12 @@ STYLE = {
     "svg.hashsalt": "dualwinch",
     "svg.fonttype": "path",
 }
-"""Matplotlib settings, applied while a figure is made and while it is written, never for the whole process."""
+"""Matplotlib settings, applied only while a figure is drawn and written."""
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's defaults with `STYLE`, whatever the user's own settings are."""
+    """Matplotlib's defaults with `STYLE`, regardless of the user's settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
@@ -82,7 +82,7 @@ def house_style() -> Iterator[None]:
 
 
 def plain(text: str) -> str:
-    r"""A user's name, for matplotlib: ``$`` begins no formula, a leading ``_`` leaves no label out."""
+    r"""A user's name escaped for Matplotlib: ``$`` starts no formula, a leading ``_`` does not hide a label."""
     shown = one_line(text).replace("$", r"\$")
     return f"\u200b{shown}" if shown.startswith("_") else shown
 
@@ -100,27 +100,27 @@ def law_look(experiment: Experiment) -> Look:
 
 
 def looks(names: Iterable[str], colours: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Name → colour and line style: the colours in turn, then again with other dashes."""
+    """Name → colour and line style: the colours in order, then again with other dashes."""
     styles = ({"color": colour, "linestyle": dashes} for dashes in DASHES for colour in colours)
     return dict(zip(names, cycle(styles), strict=False))
 
 
 def aside(axes: Axes, words: str) -> None:
-    """Say something in small words at the right above a panel."""
+    """Write a small remark above a panel, on the right."""
     axes.set_title(words, loc="right", fontsize=7.5, color=GREY)
 
 
 def zero_line(axes: Axes) -> None:
-    """A thin line at zero, behind the signals."""
+    """Draw a thin line at zero, behind the signals."""
     axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
 
 
 FEW_DECADES = 300
-"""Ratio of an axis's ends up to which numbers between powers of ten have room."""
+"""Ratio of an axis's ends up to which numbers between powers of ten fit."""
 
 
 def logarithmic(axes: Axes, between: tuple[int, ...]) -> None:
-    """A logarithmic x axis with plain numbers, at those multiples of powers of ten where it is short, else at these."""
+    """Make the x axis logarithmic with plain numbers at powers of ten and, if it is short, multiples `between` them."""
     axes.set_xscale("log")
     low, high = axes.get_xlim()
     axes.xaxis.set_major_locator(LogLocator(subs=between if high < FEW_DECADES * low else (1,)))

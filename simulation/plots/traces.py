@@ -1,4 +1,4 @@
-"""Points of the lines of a run: every peak of long traces, and the tensions between two samples."""
+"""Points of a run's lines: long traces thinned without losing peaks, and tensions between two samples."""
 
 import casadi as ca
 import numpy as np
@@ -12,10 +12,10 @@ from dualwinch.simulation.results.result import Result
 Floats = NDArray[np.float64]
 
 PIXEL_COLUMNS = 900
-"""Pixel columns of the widest panel on a screen; each keeps its smallest and its largest value."""
+"""Pixel columns of the widest panel on a screen; for each, the smallest and the largest value are kept."""
 
 LARGEST_DRAWN = 1e12
-"""Values beyond this, of runs that diverged, are not drawn: no axis could show them."""
+"""Magnitude beyond which values, of diverged runs, are not drawn."""
 
 
 def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Floats, Floats]:
@@ -24,10 +24,10 @@ def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Float
     Args:
         t: (rows,) times in ascending order.
         values: (rows,) signal; NaN where it has none.
-        columns: pixel columns the line will span.
+        columns: number of pixel columns spanned by the line.
 
     Returns:
-        Times and values of the points kept, in their order; all of them where they are few.
+        Times and values of the kept points, in their order; all of them if they are few.
     """
     drawn = drawable(values)
     if len(t) <= 4 * columns:
@@ -45,27 +45,27 @@ def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Float
 
 
 def drawable(values: Floats) -> Floats:
-    """A signal with NaN in place of what no axis could show."""
+    """A signal with NaN in place of values beyond `LARGEST_DRAWN`."""
     return np.where(np.abs(values) <= LARGEST_DRAWN, values, np.nan)
 
 
 def largest(values: Floats) -> float:
-    """The largest magnitude of a signal that can be drawn; 0 where there is none."""
+    """The largest drawable magnitude of a signal; 0 if there is none."""
     return float(np.nanmax(np.abs(drawable(values)), initial=0.0))
 
 
 def within(t: Floats, start: float, end: float) -> slice:
-    """The rows whose time lies from `start` to `end`, both in the unit of `t`."""
+    """The rows with times from `start` to `end`, both in the unit of `t`."""
     return slice(int(np.searchsorted(t, start, "left")), int(np.searchsorted(t, end, "right")))
 
 
 def peaks(t: Floats, values: Floats, width: float) -> tuple[Floats, Floats]:
-    """Largest magnitude in each interval of a `width`, at the interval's middle; NaN where it is zero or missing.
+    """Largest magnitude in each interval, at the interval's middle; NaN where it is zero or missing.
 
     Args:
         t: (rows,) times in ascending order.
         values: (rows,) signal.
-        width: of an interval, in the unit of `t`.
+        width: width of an interval, in the unit of `t`.
     """
     if not len(t):
         return t, values
@@ -76,25 +76,24 @@ def peaks(t: Floats, values: Floats, width: float) -> tuple[Floats, Floats]:
 
 
 POINTS_A_SAMPLE = 20
-"""Points a sample."""
+"""Points per sample between rows."""
 
 CONSISTENT, SAME = 1e-4, 1.0
-"""How far a drum may be from its next row in rad/s, and a tension from its own in N, where the rows say it all."""
+"""Tolerances with which interpolation reproduces the rows: drum speed in rad/s, tension in N."""
 
 DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
 
 
 def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floats]]:
-    """Times and tensions of both ropes in a stretch of a run, `POINTS_A_SAMPLE` a sample.
+    """Times and tensions of both ropes in a part of a run, with `POINTS_A_SAMPLE` points per sample.
 
-    From each row on the drums are integrated once more (Runge–Kutta, fourth order) under the torques of the row; the
-    vehicle, ten tonnes that no rope shakes within a millisecond, moves along the cubic Hermite spline through its rows.
-    Where that does not lead to the next row (motors with a lag, jittering samples, rows left out), the rows themselves
-    are returned.
+    From each row on, the drums are integrated again (fourth-order Runge–Kutta) under the torques of the row; the
+    vehicle, ten tonnes that no rope moves noticeably within a millisecond, follows the cubic Hermite spline through
+    its rows. If that does not lead to the next row (motors with lag, jitter, omitted rows), the rows are returned.
 
     Args:
         result: a run.
-        rows: of its stretch.
+        rows: rows of the part.
 
     Returns:
         Times in s, and the tensions ``F1`` and ``F2`` in N, each (points,).
@@ -121,10 +120,10 @@ def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floa
 
 
 def _drum_motion(plant: Plant) -> tuple[ca.Function, ca.Function]:
-    """A step of the drums' motion, and the tensions, amid a sample.
+    """Functions for a step of the drums' motion and for the tensions within a sample.
 
-    Both take the drums' states and the time since the row in s, and the coefficients of the vehicle's cubic and the
-    torques.
+    Arguments of both are the drums' states and the time since the row in s, the coefficients of the vehicle's cubic,
+    and the torques.
     """
     at, given = ca.SX.sym("at", len(DRUMS) + 1), ca.SX.sym("given", 6)
     *drums, time = ca.vertsplit(at)

@@ -1,1 +1,1 @@
-"""A plant that runs by the clock on the wall, for controllers in other processes and on other machines."""
+"""A plant that runs in real time, for controllers in other processes and on other machines."""

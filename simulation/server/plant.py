@@ -1,4 +1,4 @@
-"""The plant with ropes and sensors, a sample a period of the clock on the wall, under torques from other processes."""
+"""The plant with ropes and sensors in real time, one sample per period, under torques from other processes."""
 
 import json
 import math
@@ -39,26 +39,24 @@ from dualwinch.simulation.stepper.stepper import result_of
 Floats: TypeAlias = NDArray[np.float64]
 
 SIGNALS = ("t", *READINGS, "x_ref", "v_ref", "a_ref", "tau_1", "tau_2")
-"""Columns that clients are sent: what sensors say, the reference, and the torques in force until now."""
+"""Columns sent to clients: sensor readings, the reference, and the torques applied until now."""
 
 PORT = 47800
-"""Where datagrams are received unless another port is asked for."""
+"""Default port for datagrams."""
 
 TORQUE_COMMANDS = ("tau_1_cmd", "tau_2_cmd")
-"""Inputs that are torques."""
+"""Inputs that are torque commands."""
 
 REFERENCE = ("reference.x", "reference.v", "reference.a")
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What clients may write. Torques count while no controller sends them by datagram."""
+    """Values that clients may write. Torques apply while no controller sends them by datagram."""
 
     tau_1_cmd: Annotated[float, Quantity("N m", "motor torque command of winch 1")] = 0.0
     tau_2_cmd: Annotated[float, Quantity("N m", "motor torque command of winch 2")] = 0.0
-    target: Annotated[
-        float, at.Ge(0), Quantity("m", "where the reference goes from now on, braking first, from rest to rest")
-    ] = 0.0
+    target: Annotated[float, at.Ge(0), Quantity("m", "target of the reference, which first brakes to rest")] = 0.0
     force: Annotated[
         float, at.Ge(-1e5), at.Le(1e5), Quantity("N", "disturbance force on the vehicle along the track")
     ] = 0.0
@@ -71,27 +69,25 @@ class Inputs:
         float, at.Ge(0), at.Le(1), Quantity("1", "1 while motor 2 gives no torque, so that rope 2 slackens")
     ] = 0.0
     start: Annotated[float, at.Ge(0), at.Le(1), Quantity("1", "1 starts the run")] = 0.0
-    stop: Annotated[float, at.Ge(0), at.Le(1), Quantity("1", "1 ends the run, and keeps what happened")] = 0.0
+    stop: Annotated[float, at.Ge(0), at.Le(1), Quantity("1", "1 ends the run and keeps its result")] = 0.0
 
 
 @dataclass(frozen=True)
 class Status:
-    """What clients may read beside the signals."""
+    """Values that clients may read in addition to the signals."""
 
-    running: Annotated[float, Quantity("1", "1 while a run is under way")]
-    safe: Annotated[float, Quantity("1", "1 while the safe torques are in force, as no command came")]
+    running: Annotated[float, Quantity("1", "1 during a run")]
+    safe: Annotated[float, Quantity("1", "1 while the safe torques are applied, for lack of commands")]
     controller: Annotated[float, Quantity("1", "1 while a client sends datagrams")]
-    silences: Annotated[float, Quantity("1", "how often the safe torques came into force")]
+    silences: Annotated[float, Quantity("1", "number of times the safe torques took effect")]
     missed: Annotated[float, Quantity("1", "samples that began more than a period late")]
 
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """How a plant is served."""
+    """Settings of a served plant."""
 
-    rate: Annotated[
-        Positive, at.Le(1000), Quantity("1", "how much faster than the clock on the wall the plant's own is")
-    ] = 1.0
+    rate: Annotated[Positive, at.Le(1000), Quantity("1", "speed of the plant's clock relative to real time")] = 1.0
     lockstep: Annotated[
         bool, Quantity("", "each sample waits for the client's answer, so that runs can be repeated bit for bit")
     ] = False
@@ -99,7 +95,7 @@ class ServerSettings:
         False
     )
     watchdog: Annotated[
-        Positive, at.Le(10), Quantity("s", "time without a command after which the safe torques are in force")
+        Positive, at.Le(10), Quantity("s", "time without a command after which the safe torques are applied")
     ] = 0.05
     safe: Annotated[
         tuple[float, ...],
@@ -116,20 +112,20 @@ class ServerSettings:
     release: Annotated[
         Positive,
         at.Le(3600),
-        Quantity("s", "time of the wall without a datagram after which another client is admitted"),
+        Quantity("s", "real time without a datagram after which another client is admitted"),
     ] = 1.0
     priority: Annotated[
         int,
         at.Ge(0),
         at.Le(99),
-        Quantity("1", "real-time priority of the thread that keeps time (SCHED_FIFO); 0: the usual scheduling"),
+        Quantity("1", "real-time priority of the thread that keeps time (SCHED_FIFO); 0: normal scheduling"),
     ] = 0
     ahead: Annotated[
-        Positive, at.Le(1), Quantity("s", "time of the wall from a new target to the motion towards it, to work it out")
+        Positive, at.Le(1), Quantity("s", "real time between a new target and the motion towards it, for planning")
     ] = 0.05
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where a value is of the wrong type or out of its range."""
+        """Raise `ConfigurationError` for a value of the wrong type or out of its range."""
         object.__setattr__(self, "safe", numbers_of(self.safe))
         check_values(self)
         if len(self.safe) not in {0, 2}:
@@ -137,41 +133,41 @@ class ServerSettings:
 
 
 LATENESS_US = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000, 50000)
-"""Upper ends in µs of the bins of the histogram of lateness."""
+"""Upper ends of the bins of the lateness histogram in µs."""
 
 
 class ServedPlant:
-    """A plant that is served to other processes, one run after the other.
+    """A plant served to other processes, one run after the other.
 
-    Every sample goes like this: the datagrams that have come are read, the readings are sent, and the plant moves on
-    under the last valid command, so that a command acts one sample after the readings that it answers. All of that is
-    compiled code in which Python's lock is not held (`codegen.drivers.realtime`).
+    In every sample, received datagrams are read, the readings are sent, and the plant advances under the last valid
+    command, so that a command acts one sample after the readings that it responds to. All of this is compiled code that
+    does not hold Python's lock (`codegen.drivers.realtime`).
 
     Attributes:
-        experiment: what is run; commands from outside take the place of its controller. Results name it, so that
+        experiment: the experiment, whose controller is replaced by external commands. Results refer to it, so that
             files can be read anywhere.
-        settings: how.
-        port: of the datagrams.
-        safe: torques in N m while no command comes.
+        settings: settings of the server.
+        port: port of the datagrams.
+        safe: torques in N m for lack of commands.
         closed: whether no further run is served.
-        inputs: name → what clients may write, with its range.
-        outputs: name → what they may read.
+        inputs: name → metadata of values that clients may write.
+        outputs: name → metadata of values that they may read.
     """
 
     def __init__(
         self, experiment: Experiment, settings: ServerSettings | None = None, *, host: str = "127.0.0.1", port: int = 0
     ) -> None:
-        """Compile (or find in the cache) what moves the plant on, and open the port.
+        """Compile the plant, or load it from the cache, and open the port.
 
         Args:
             experiment: plant, sensors, disturbances, reference and duration of a run.
-            settings: how it is served.
-            host: address to listen at; by default this machine's own.
-            port: for datagrams (UDP); 0: any that is free.
+            settings: settings of the server.
+            host: address to listen at; default: only this machine.
+            port: for datagrams (UDP); 0: any free port.
 
         Raises:
-            ConfigurationError: values that do not fit together, or an address that cannot be used.
-            DualwinchError: no compiler, or no POSIX system.
+            ConfigurationError: inconsistent values, or an address that cannot be used.
+            DualwinchError: no compiler or no POSIX system.
         """
         self.settings = settings or ServerSettings()
         self.experiment = replace(experiment, simulation=replace(experiment.simulation, readings=True))
@@ -217,7 +213,7 @@ class ServedPlant:
         return inputs, outputs | describe(Status)
 
     def _reset(self) -> None:
-        """Make a new run ready."""
+        """Prepare a new run."""
         (lane,), _ = self._scenarios.started(self._scenarios.drawn([0], 0), 1)
         self._runs = SteppedRuns(self._code, 1, self._samples, shared=True)
         self._runs.start(np.zeros(1, np.int64), lane.state[np.newaxis], lane.parameters[np.newaxis])
@@ -241,14 +237,14 @@ class ServedPlant:
     # ---- a run ----
 
     def serve(self) -> Result | None:
-        """Wait for the start of a run, and run it, until it ends or is stopped.
+        """Wait for the start of a run, and run it until it ends or is stopped.
 
         Returns:
-            What happened, as `simulate` gives runs; one that was stopped has the outcome ``running``. None: it was
-            closed before a run began.
+            The result, as from `simulate`; a stopped run has the outcome ``running``. None: the plant was closed before
+            a run began.
 
         Raises:
-            ConfigurationError: the system grants no real-time priority.
+            ConfigurationError: the system does not grant real-time priority.
         """
         with _prioritised(self.settings.priority):
             self._run.serve()
@@ -263,18 +259,18 @@ class ServedPlant:
 
     @property
     def notes(self) -> dict[str, str]:
-        """Of the last run, as texts for `results.file_formats.save`: what clients wrote, and how time was kept."""
+        """Notes on the last run for `results.file_formats.save`: values written by clients, and timing."""
         run, _, events = self._finished
         return {"events": json.dumps(events), "timing": json.dumps(_timing(run, self.experiment))}
 
     @property
     def timing(self) -> dict[str, Any]:
-        """How the last run kept time: counts, histogram of lateness and mean delay of commands."""
+        """Timing of the last run: counts, histogram of lateness and mean delay of commands."""
         return _timing(self._finished[0], self.experiment)
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Name → number of what has been counted in the present run."""
+        """Event counts of the present run by name."""
         return self._run.counts
 
     @property
@@ -283,7 +279,7 @@ class ServedPlant:
         return int(self._runs.done[0]) * self.experiment.simulation.sample_time
 
     def rows(self, start: int, stride: int) -> tuple[int, dict[str, Floats]]:
-        """Every so many rows from a sample on, of the present run as far as it is, else of the last one.
+        """Every `stride`-th row from sample `start` on, of the present run so far, else of the last one.
 
         Returns:
             Number of the run, and its rows: name → column.
@@ -296,23 +292,23 @@ class ServedPlant:
         return number, dict(zip(self._loop.columns, rows.T.copy(), strict=True))
 
     def close(self) -> None:
-        """End the run that is under way, and serve no other."""
+        """End the present run, and serve no other."""
         self.closed = True
         self._run.shared.quit = 1
 
     def release(self) -> None:
-        """Give the port back; nothing may be served meanwhile."""
+        """Close the port; no run may be served meanwhile."""
         self._socket.close()
 
-    # ---- what clients read and write ----
+    # ---- values that clients read and write ----
 
     @property
     def signals(self) -> int:
-        """How many of the outputs are in datagrams, the first ones."""
+        """Number of outputs in datagrams; these come first."""
         return len(SIGNALS)
 
     def read(self) -> dict[str, float]:
-        """All outputs as they are, by name."""
+        """Present values of all outputs, by name."""
         shared = self._run.shared
         values = {
             signal_name(name): float(value) for name, value in zip(SIGNALS, self._runs.observation[:, 0], strict=True)
@@ -322,7 +318,7 @@ class ServedPlant:
 
     @property
     def written(self) -> dict[str, float]:
-        """All inputs as they were written last in this run, by name."""
+        """Values of all inputs as last written in this run, by name."""
         return dict(self._written)
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -346,7 +342,7 @@ class ServedPlant:
         shared, added = self._run.shared, self._run.added
         self._written |= values
         for name, value in values.items():
-            if name not in TORQUE_COMMANDS:  # of those there may be many, and rows hold them
+            if name not in TORQUE_COMMANDS:  # there may be many torques, and the rows contain them
                 self.events.append({"t": self.time, "input": name, "value": value})
             if name in {"slack_1", "slack_2"}:
                 shared.share[name == "slack_2"] = 1.0 - value
@@ -365,7 +361,7 @@ class ServedPlant:
             shared.quit = 1
 
     def _go_to(self, target: float) -> None:
-        """Let the reference brake to rest and go to a place from there."""
+        """Let the reference brake to rest and then move to a position."""
         simulation, reference = self.experiment.simulation, self.experiment.reference
         ahead = (
             2
@@ -380,14 +376,14 @@ class ServedPlant:
 
 
 def approach(t: Floats, x: float, v: float, target: float, reference: Reference) -> Floats:
-    """A motion that brakes to rest and goes to a place: position, speed, acceleration, (3, samples).
+    """A motion that brakes to rest and then moves to a target: position, speed, acceleration, (3, samples).
 
     Args:
         t: (samples,) time in s since its beginning.
-        x: where it begins, in m.
-        v: how fast, in m/s.
-        target: where it ends, in m.
-        reference: gives cruising speed, acceleration and jerk limit; it brakes without one.
+        x: initial position in m.
+        v: initial speed in m/s.
+        target: final position in m.
+        reference: source of cruising speed, acceleration and jerk limit; braking ignores the jerk limit.
     """
     braking = abs(v) / reference.acceleration
     rest = x + v * braking / 2
@@ -406,14 +402,14 @@ def approach(t: Floats, x: float, v: float, target: float, reference: Reference)
 
 
 def signal_name(column: str) -> str:
-    """Name of a signal as exported controllers call it: ``x`` for the column ``x_read``."""
+    """Name of a signal in exported controllers: ``x`` for the column ``x_read``."""
     return column.removesuffix(READ)
 
 
 def _served(experiment: Experiment) -> Experiment:
-    """An experiment under torques from outside whose code takes a force and outages, also where there are none.
+    """An experiment under external torques, with a force and outages in its code even if they are zero.
 
-    Nothing estimates, as nothing listens.
+    Measurements are not filtered, as nothing would use the estimates.
     """
     sea, sensors = experiment.disturbance, experiment.sensors
     if not sea.force.given:
@@ -443,7 +439,7 @@ def _prioritised(priority: int) -> Iterator[None]:
     """Real-time scheduling of the calling thread.
 
     Raises:
-        ConfigurationError: the system grants none.
+        ConfigurationError: the system does not grant it.
     """
     if not priority:
         yield
@@ -468,10 +464,10 @@ def _bound(host: str, port: int) -> socket.socket:
         ConfigurationError: the address cannot be used.
     """
     if not 0 <= port <= 65535:
-        raise ConfigurationError(f"UDP port = {port}: must be 0 to 65535 (0: any that is free)")
+        raise ConfigurationError(f"UDP port = {port}: must be 0 to 65535 (0: any free port)")
     try:
         family, kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        if port == 0:  # to be asked for by its number: Linux takes any other away when a client is let go
+        if port == 0:  # bind again by number: Linux releases an automatic port when a client is disconnected
             with socket.socket(family, kind) as any_free:
                 any_free.bind(address)
                 address = any_free.getsockname()

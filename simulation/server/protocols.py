@@ -1,4 +1,4 @@
-"""Ways to a served plant beside datagrams, OPC UA and Modbus TCP: each a server in the event loop of one thread."""
+"""Protocols of a served plant in addition to datagrams, OPC UA and Modbus TCP: servers in one thread's event loop."""
 
 import asyncio
 import contextlib
@@ -27,20 +27,20 @@ class Protocol(ABC):
     """A server of one protocol, whose clients read and write a plant's registers.
 
     Attributes:
-        host, port: where it listens.
+        host, port: address at which it listens.
     """
 
     name: str
-    """What it is called."""
+    """Name of the protocol."""
 
     library: str
-    """The library it needs; it comes with the extra ``serve``."""
+    """The library it needs, included in the extra ``serve``."""
 
     def __init__(self, host: str, port: int) -> None:
-        """Say where it is to listen.
+        """Set the address to listen at.
 
         Raises:
-            ConfigurationError: a port that there is not.
+            ConfigurationError: an invalid port.
             MissingExtraError: its library is not installed.
         """
         if not 1 <= port <= 65535:
@@ -49,20 +49,20 @@ class Protocol(ABC):
             __import__(self.library)
         except ImportError:
             raise MissingExtraError(self.library, "serve") from None
-        logging.getLogger(self.library).setLevel(logging.CRITICAL)  # what clients do wrong is answered to them
+        logging.getLogger(self.library).setLevel(logging.CRITICAL)  # errors of clients are reported to the clients
         self.host, self.port = host, port
 
     @property
     @abstractmethod
     def address(self) -> str:
-        """What clients connect to."""
+        """Address to which clients connect."""
 
     @abstractmethod
     async def open(self, plant: ServedPlant) -> None:
-        """Begin to serve.
+        """Start serving.
 
         Raises:
-            OSError, RuntimeError: it cannot listen there.
+            OSError, RuntimeError: it cannot listen at its address.
         """
 
     @abstractmethod
@@ -72,10 +72,10 @@ class Protocol(ABC):
 
 @contextmanager
 def served(plant: ServedPlant, protocols: Sequence[Protocol]) -> Iterator[None]:
-    """Serve a plant by some protocols, in a thread of their own.
+    """Serve a plant over some protocols, in a separate thread.
 
     Raises:
-        ConfigurationError: one cannot listen at its address.
+        ConfigurationError: a protocol cannot listen at its address.
     """
     if not protocols:
         yield
@@ -108,7 +108,7 @@ def _end(loop: asyncio.AbstractEventLoop, thread: threading.Thread) -> None:
 
 
 READ_FUNCTIONS, WRITE_FUNCTION = (3, 4), 16
-"""Read holding and input registers, the same here; write multiple registers, as no float is half written."""
+"""Function codes: read holding or input registers (identical here); write multiple registers, for whole floats."""
 
 
 def words_of(value: float) -> tuple[int, int]:
@@ -122,10 +122,10 @@ def number_of(words: Sequence[int]) -> float:
 
 
 class Modbus(Protocol):
-    """Modbus TCP, every unit the same. A request that is refused changes nothing, and is answered by an exception.
+    """Modbus TCP, identical for every unit. A refused request changes nothing and is answered by an exception.
 
-    Its codes: 1 for functions there are not, and for writing where it is not allowed; 2 for registers there are not,
-    and for half a number; 3 for a number that is out of its range.
+    Exception codes: 1 for unknown functions, and for writing where it is not allowed; 2 for unknown registers, and for
+    half a number; 3 for a number out of its range.
     """
 
     name = "Modbus"
@@ -134,7 +134,7 @@ class Modbus(Protocol):
 
     @property
     def address(self) -> str:
-        """What clients connect to."""
+        """Address to which clients connect."""
         return f"{self.host}:{self.port} (Modbus TCP)"
 
     async def open(self, plant: ServedPlant) -> None:
@@ -152,7 +152,7 @@ class Modbus(Protocol):
         self._server = ModbusTcpServer(device, address=(self.host, self.port))
         try:
             await self._server.serve_forever(background=True)
-        except RuntimeError as error:  # it says no more
+        except RuntimeError as error:  # the library gives no reason
             raise OSError("the port is in use, needs privileges, or the address is not this machine's") from error
 
     async def close(self) -> None:
@@ -168,7 +168,7 @@ class Modbus(Protocol):
         current: list[int],
         given: list[int] | list[bool] | None,
     ) -> "ExcCodes | None":
-        """Answer a request: fill in what is read, take over what is written."""
+        """Answer a request: return values to read, accept values to write."""
         from pymodbus.constants import ExcCodes
 
         if given is None:
@@ -192,7 +192,7 @@ class Modbus(Protocol):
         return None
 
     def _values(self, address: int, count: int) -> list[tuple[int, float]]:
-        """First register and value of every number that some registers belong to."""
+        """First register and value of every number in a range of registers."""
         wanted = [self._at[place] for place in range(address - 1, address + count) if place in self._at]
         outputs, inputs = self._plant.read(), self._plant.written
 
@@ -203,29 +203,29 @@ class Modbus(Protocol):
 
 
 def node_at(space: int, name: str) -> "ua.NodeId":
-    """The node of a name in a namespace."""
+    """The node of a name in a namespace, by its index."""
     from asyncua import ua
 
     return ua.NodeId.from_string(f"ns={space};s={name}")
 
 
 class OpcUa(Protocol):
-    """OPC UA without encryption; any client that reaches the port may read, and write where that is allowed.
+    """OPC UA without encryption; any client that reaches the port may read, and write if writing is allowed.
 
-    A write that is refused changes nothing, and is answered with ``BadOutOfRange``, ``BadUserAccessDenied`` or
+    A refused write changes nothing and is answered with ``BadOutOfRange``, ``BadUserAccessDenied`` or
     ``BadTypeMismatch``.
     """
 
     name = "OPC UA"
     library = "asyncua"
     period = 0.05
-    """Time in s between two updates of what is read."""
+    """Time in s between two updates of the outputs."""
 
     _server: "Server"
 
     @property
     def address(self) -> str:
-        """What clients connect to."""
+        """Address to which clients connect."""
         return f"opc.tcp://{self.host}:{self.port}/dualwinch"
 
     async def open(self, plant: ServedPlant) -> None:
@@ -265,7 +265,7 @@ class OpcUa(Protocol):
             )
 
     def _written(self, name: str, data: Any, attribute: "AttributeIds", value: "ua.DataValue") -> None:
-        """Take over what a client writes."""
+        """Accept or refuse a value that a client writes."""
         from asyncua import ua
 
         if value.Value is None or not isinstance(value.Value.Value, float):

@@ -1,6 +1,6 @@
-"""Where clients find the values of a served plant: one map for datagrams, Modbus and OPC UA, as CSV or a page.
+"""Register map of a served plant for datagrams, Modbus and OPC UA, as CSV or Markdown; a C client of it.
 
-An exported controller is such a client, with a C program around it.
+The client runs an exported controller.
 """
 
 import csv
@@ -19,24 +19,24 @@ from dualwinch.model.quantities.quantity import Leaf
 from dualwinch.simulation.server.plant import PORT, SIGNALS, ServedPlant, signal_name
 
 FIRST_INPUT = 1000
-"""Modbus register of the first input; outputs begin at 0. Each is a 32-bit float, high word first: two registers."""
+"""Modbus register of the first input; outputs begin at 0. Each value takes two: a 32-bit float, high word first."""
 
 NAMESPACE = "urn:dualwinch:serve"
-"""Of the nodes of OPC UA."""
+"""Namespace of OPC UA nodes."""
 
 HEADER = 16
-"""Bytes of a datagram before its numbers."""
+"""Length of a datagram's header in bytes."""
 
 
 @dataclass(frozen=True)
 class Register:
-    """One value that clients read or write.
+    """A value that clients read or write.
 
     Attributes:
         leaf: name, quantity and range.
         writable: whether it is an input.
         modbus: its first register.
-        offset: bytes into a datagram from the server; None: it is not in there.
+        offset: offset in bytes in a datagram from the server; None: not in datagrams.
     """
 
     leaf: Leaf
@@ -67,7 +67,7 @@ MAP_COLUMNS = ("name", "access", "unit", "meaning", "range", "modbus", "opc_ua",
 
 
 def register_rows(plant: ServedPlant) -> list[tuple[str, ...]]:
-    """A row of `MAP_COLUMNS` for each register."""
+    """Rows of the map: the `MAP_COLUMNS` of each register."""
     return [
         (
             register.name,
@@ -102,11 +102,11 @@ def map_as_page(plant: ServedPlant) -> str:
 
 
 FORMATS = {".csv": map_as_csv, ".md": map_as_page}
-"""Suffix of a file → what writes it."""
+"""Suffix → function that formats the map."""
 
 
 def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
-    """Write the map to a file, whose suffix chooses the format: ``.csv``, or ``.md`` for a page.
+    """Write the map to a file, whose suffix selects the format: ``.csv`` or ``.md``.
 
     Raises:
         ConfigurationError: another suffix.
@@ -119,19 +119,19 @@ def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
 
 
 COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"
-"""First bytes of the datagrams from clients, and of those to them; as in codegen/drivers/realtime.c."""
+"""First bytes of datagrams from and to clients, as in codegen/drivers/realtime.c."""
 
 
 def udp_client(block: Block, name: str, provenance: Provenance) -> str:
-    """C99 program that runs a controller of `codegen.export.package.c_package` against ``dualwinch serve``.
+    """A C99 program that runs a controller of `codegen.export.package.c_package` against ``dualwinch serve``.
 
     Args:
         block: the controller.
-        name: of the package.
-        provenance: goes into a comment.
+        name: name of the package.
+        provenance: provenance for a comment.
 
     Raises:
-        CodegenError: the controller has an input that a served plant does not send, such as a reference ahead of time.
+        CodegenError: the controller has an input that a served plant does not send, such as a previewed reference.
     """
     signals = [signal_name(column) for column in SIGNALS]
     for variable in block.inputs:

@@ -107,9 +107,7 @@ def test_what_cannot_be_drawn_is_told() -> None:
     with pytest.raises(UnknownNameError, match=r"^unknown metric 'msee'; did you mean 'mse'\?"):
         made({GAIN: [1]}, [1.0]).plot("msee")
     three = made({GAIN: [1], LAW: ["nftsm"], "x": [1]}, [[[1.0]]])
-    with pytest.raises(
-        ConfigurationError, match=r"^a sweep of 3 keys cannot be drawn; at\(key, value\) takes one away"
-    ):
+    with pytest.raises(ConfigurationError, match=r"^a sweep of 3 keys cannot be drawn; at\(key, value\) removes one"):
         three.plot("mse")
 
 
