@@ -53,37 +53,35 @@ class Simulation:
     ] = 0
     torque_step: Annotated[
         NonNegative,
-        Quantity("N m", "step of torque commands on their way to the motors; 0: none", "0.1 % of rated, CiA 402"),
+        Quantity("N m", "quantisation step of torque commands; 0: none", "0.1 % of rated, CiA 402"),
         Mark.OFF_AT_ZERO,
         Mark.READS_IN_STEPS,
     ] = 0.0
     jitter: Annotated[
         NonNegative,
         at.Le(0.05),
-        Quantity("s", "largest time a sample is early or late, drawn evenly; no controller knows it", "assumption"),
+        Quantity("s", "largest time a sample is early or late, drawn uniformly; unknown to controllers", "assumption"),
         Mark.OFF_AT_ZERO,
         Mark.SCALES_DRAWS,
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     integrator: Annotated[
         IntegratorName,
-        Quantity("", "method between two samples; adaptive: exponential, in one step where that is enough", ""),
+        Quantity("", "integration method; adaptive: exponential, in one step per sample where that is enough", ""),
     ] = "adaptive"
     substeps: Annotated[
         int,
         at.Ge(1),
         at.Le(256),
-        Quantity("1", "steps of the integrator in a sample (adaptive: where one step is not enough)", ""),
+        Quantity("1", "integration steps per sample (adaptive: where one step is not enough)", ""),
         Mark.SHAPES_CODE,
     ] = 5
     engine: Annotated[
         EngineName,
-        Quantity(
-            "", "what runs: C by our emitter, C as CasADi's code generator writes it, or CasADi's interpreter", ""
-        ),
+        Quantity("", "C by dualwinch's emitter, C by CasADi's code generator, or CasADi's interpreter", ""),
     ] = "compiled"
     readings: Annotated[
-        bool, Quantity("", "rows hold what the sensors say, too (x_read, F1_read, ...), as a logger would", "")
+        bool, Quantity("", "whether rows include sensor readings (x_read, F1_read, ...), as a logger's do", "")
     ] = False
     seed: Annotated[
         int, at.Ge(0), at.Lt(2**64), Quantity("", "seed of every random signal of the run", ""), Mark.DRAWN_AHEAD
@@ -109,13 +107,13 @@ class Experiment:
     sensors: Sensors = field(default_factory=Sensors)
     actuator: Annotated[
         Actuator,
-        Quantity("", "what stands between a torque command and the torque of the motor", "assumption"),
+        Quantity("", "model between torque command and motor torque", "assumption"),
         PartChoice("actuator.kind", ACTUATORS, "actuator"),
     ] = field(default_factory=Ideal)
     simulation: Simulation = field(default_factory=Simulation)
     metrics: Annotated[
         Sequence[Metric],
-        Quantity("", "figures of merit beside the built-in ones"),
+        Quantity("", "figures of merit in addition to the built-in ones"),
         PartChoice("metrics", METRICS, "metrics", several=True),
     ] = ()
 

@@ -35,16 +35,14 @@ class Sensors:
     ] = 0.0
     position_drift: Annotated[
         NonNegative,
-        Quantity(
-            "m", "drift of the position since the run's beginning, standard deviation in the long run", "assumption"
-        ),
+        Quantity("m", "drift of the position since the run's beginning, long-term standard deviation", "assumption"),
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
         Mark.SCALES_DRAWS,
     ] = 0.0
     position_drift_time: Annotated[
         Positive,
-        Quantity("s", "how long a drift lasts (first-order Gauss–Markov)", "assumption"),
+        Quantity("s", "correlation time of the drift (first-order Gauss–Markov)", "assumption"),
         Mark.DRAWN_AHEAD,
         Mark.COURSE,
     ] = 600.0
@@ -56,7 +54,7 @@ class Sensors:
     ] = 0.0
     outage_period: Annotated[
         Positive,
-        Quantity("s", "time in which one outage occurs, at a moment that is drawn", "assumption"),
+        Quantity("s", "period in which one outage occurs, at a random time", "assumption"),
         Mark.DRAWN_AHEAD,
         Mark.COURSE,
     ] = 5.0
@@ -126,7 +124,7 @@ class Sensors:
         float,
         at.Ge(-1),
         at.Le(1),
-        Quantity("m", "rope by which the zero of drum encoder 1 is off", "assumption"),
+        Quantity("m", "zero error of drum encoder 1, in length of rope", "assumption"),
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
@@ -134,7 +132,7 @@ class Sensors:
         float,
         at.Ge(-1),
         at.Le(1),
-        Quantity("m", "rope by which the zero of drum encoder 2 is off", "assumption"),
+        Quantity("m", "zero error of drum encoder 2, in length of rope", "assumption"),
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
