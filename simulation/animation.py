@@ -234,11 +234,11 @@ def _rope(
     tension, sags = frames[f"F{number}"], frames.get(f"sag_{number}", np.zeros(len(ends)))
     drawn = sags * machine.scale * sag_enlargement(machine, frames)
     rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
-    move(rope, "d", [_hung(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play)
+    move(rope, "d", [_rope_svg(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play)
     move(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
 
 
-def _hung(machine: Machine, drum: float, end: float, sag: float) -> str:
+def _rope_svg(machine: Machine, drum: float, end: float, sag: float) -> str:
     """The line of a rope from drum to vehicle in pixels: straight to the rail's end, then a parabola per span.
 
     The sag of the span at the vehicle, which may be shorter, is proportional to its length squared.

@@ -219,7 +219,7 @@ class MarginSurvey:
         """Margins of the drum resonances of all machines, at the worst amplitude, for each of the n sets."""
         given, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
         machines = np.tile(np.arange(count), len(given))
-        parameters = self._with(np.repeat(given, count, axis=0), machines)
+        parameters = self._parameters_with(np.repeat(given, count, axis=0), machines)
         middle = parameters[:, self._length] / 2
         terms = resonance_terms(self._structure, parameters, middle)
         terms = terms.reshape(len(machines), -1, terms.shape[-1])
@@ -230,7 +230,7 @@ class MarginSurvey:
             found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, cut, omega))
         return [found[first : first + count] for first in range(0, len(found), count)]
 
-    def _with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
+    def _parameters_with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
         """Parameters (n, parameters) of machines with values (n, names) of the varied numbers."""
         parameters = self._parameters[machines]
         parameters[:, self._columns] = values
@@ -288,7 +288,7 @@ class MarginSurvey:
             Row, group and its smallest margins.
         """
         rows, machines, _ = np.array(places).T
-        parameters = self._with(values[rows], machines)
+        parameters = self._parameters_with(values[rows], machines)
         x, v = np.array([self._points[machine][point] for _, machine, point in places]).T
         near = np.array([self._near[machine, point] for _, machine, point in places])
         loops = [(place, *each) for place, (_, *of) in enumerate(places) for each in asked[of[0], of[1]]]

@@ -366,17 +366,17 @@ def loop_operating_points(
     found = _newton(sample, start, ITERATIONS)
     away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
     if len(away):
-        known, amid = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
-        middle = _first_guesses(structure, sample, parameters[away], amid, v[away], known)
+        known, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
+        middle = _first_guesses(structure, sample, parameters[away], mid_track, v[away], known)
         middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
         away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
         there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
         found[away[there.steady]] = there[np.flatnonzero(there.steady)]
     found = _completed_by_least_squares(sample, start, found)
-    beside = (
+    nearby = (
         sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
     )
-    found.slopes = without_round_off(found.slopes, *beside)
+    found.slopes = without_round_off(found.slopes, *nearby)
     return found
 
 
@@ -404,7 +404,7 @@ def _completed_by_least_squares(
         if not len(again):
             break
         begun = start[again] if limited else _without_limits(sample, start[again])
-        found[again] = _in_turns(sample, begun, LEAST_SQUARES_ITERATIONS, least_squares=True)
+        found[again] = _alternating(sample, begun, LEAST_SQUARES_ITERATIONS, least_squares=True)
     return found
 
 
@@ -577,15 +577,15 @@ def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOper
     A law whose integrals are far off would start at its limits, where its slope is zero. An estimator with gated
     measurements accepts all of them; the initial guess is then the solution with limits but without gates.
     """
-    loose = _in_turns(sample, start.having(sample.loop, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
+    loose = _alternating(sample, start.having(sample.loop, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
     begun = replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
     if UNGATED.keys().isdisjoint(sample.loop.parameters):
         return begun
-    found = _in_turns(sample, begun.having(sample.loop, UNGATED), LEAST_SQUARES_ITERATIONS, least_squares=True)
+    found = _alternating(sample, begun.having(sample.loop, UNGATED), LEAST_SQUARES_ITERATIONS, least_squares=True)
     return replace(found, parameters=start.parameters)
 
 
-def _in_turns(
+def _alternating(
     sample: _OpenSample, start: LoopOperatingPoints, iterations: int, *, least_squares: bool = False
 ) -> LoopOperatingPoints:
     """Newton's method, alternating between learnt states and all others.

@@ -216,7 +216,7 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     energy = step * ca.dot(pulled, absolute(pace))
     smooth = step * ca.dot(pulled, ca.sqrt(pace**2 + STANDING**2)) if free else energy
     goal = {"load": square / 100, "peak": top, "energy": smooth / 1e5}[least]
-    ends = [tension[end] - tension[beside] for tension in (F1, F2) for end, beside in ((0, 1), (-1, -2))]
+    ends = [tension[end] - tension[inner] for tension in (F1, F2) for end, inner in ((0, 1), (-1, -2))]
     changes = [torque[:, 1:] - torque[:, :-1] for torque in torques]
     above = (F1 - top, F2 - top)
     held = [KILONEWTONS * needed - (F1 - F2)[:, 1:-1]]
@@ -319,7 +319,7 @@ def preloads(
     bound = least_preload(experiment, least, error=error, torque_rate=torque_rate)
     progress(0.3)
     scheduled = simulate(experiment)
-    constant = _with(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
+    constant = _with_coordination(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
     as_it_is = simulate(constant)
     progress(0.5)
     preload = _best_constant(constant, scheduled, MEASURE[least], lambda share: progress(0.5 + 0.4 * share))
@@ -331,7 +331,7 @@ def preloads(
     return Preloads(MEASURE[least], as_it_is, best, scheduled, bound)
 
 
-def _with(experiment: Experiment, coordination: Coordination) -> Experiment:
+def _with_coordination(experiment: Experiment, coordination: Coordination) -> Experiment:
     return replace(experiment, controller=replace(experiment.controller, coordination=coordination))
 
 

@@ -257,7 +257,7 @@ def _batch(
         (ParameterScenarioGrid(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress, alike=alike)
     ]
-    found = _not_begun(parts[0][0], len(scenarios), stride)
+    found = _empty_result(parts[0][0], len(scenarios), stride)
     if isinstance(workers, Executor):
         grids = [(pairs, places) for pairs, places, _ in parts]
         return replace(found, interrupted=not _spread(workers, grids, found, stride, most_slack, progress))
@@ -266,7 +266,7 @@ def _batch(
     return replace(found, interrupted=not whole)
 
 
-def _not_begun(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> BatchResult:
+def _empty_result(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> BatchResult:
     """An empty result for all sets of a grid in a number of scenarios."""
     shape, kept = (pairs.shape[0], scenarios), kept_rows(pairs.shared.samples, stride)
     none = not_run(shape, metric_quantities(pairs.structure.metrics))
@@ -312,7 +312,7 @@ def rollout_portion(
 ) -> BatchResult:
     """Run a part of a grid on one thread of a worker; arguments as in `rollout` and `ParameterScenarioGrid`."""
     pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
-    found = _not_begun(pairs, len(scenarios), stride)
+    found = _empty_result(pairs, len(scenarios), stride)
     _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, no_progress)
     return found
 
@@ -331,7 +331,7 @@ def _rollout(
     slack = loop.states.index("metrics.slack")
     most = np.inf if most_slack is None else most_slack * samples
     compiled = simulation.engine == "compiled"
-    run = compile_batch(loop) if compiled else partial(_alone, engine_of(loop, simulation.engine))
+    run = compile_batch(loop) if compiled else partial(_single_run, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)
     final = np.full((len(kept_states), *pairs.shape), np.nan)
     summed = [loop.states.index(name) for name in kept_states]
@@ -365,7 +365,7 @@ LOOK_EVERY = 64
 """Approximate number of samples between two checks of the slack, as in compiled batches."""
 
 
-def _alone(
+def _single_run(
     run: Engine,
     parameters: Floats,
     signals: Sequence[Floats],

@@ -91,7 +91,7 @@ def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
         ConfigurationError: a value of these is out of its range; the message names the scenario.
     """
     found: list[ScenarioGroup] = []
-    for places in _grouped(range(len(scenarios)), map(_likeness, scenarios)):
+    for places in _grouped(range(len(scenarios)), map(_group_key, scenarios)):
         first = scenarios[places[0]]
         if isinstance(first, Experiment):
             found.append(ScenarioGroup(np.array(places), first, None, frozenset(), {}))
@@ -117,14 +117,14 @@ def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
         )
 
 
-def _grouped(places: Iterable[int], likeness: Iterable[Hashable]) -> Iterable[list[int]]:
+def _grouped(places: Iterable[int], keys: Iterable[Hashable]) -> Iterable[list[int]]:
     groups: dict[Hashable, list[int]] = {}
-    for place, like in zip(places, likeness, strict=True):
-        groups.setdefault(like, []).append(place)
+    for place, key in zip(places, keys, strict=True):
+        groups.setdefault(key, []).append(place)
     return groups.values()
 
 
-def _likeness(given: Experiment | Scenario) -> Hashable:
+def _group_key(given: Experiment | Scenario) -> Hashable:
     if isinstance(given, Experiment):
         return id(given)
     draws = (key if _is_number(value) else (key, value) for key, value in given.draws.items())

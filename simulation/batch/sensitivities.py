@@ -254,7 +254,7 @@ def sensitivities(
         (TangentSeeds(names, parameters, together), places, report)
         for places, together, report in by_structure(scenarios, progress)
     ]
-    found = _not_begun(parts[0][0], len(scenarios), asked, stride)
+    found = _empty_result(parts[0][0], len(scenarios), asked, stride)
     if isinstance(workers, Executor):
         whole = all(_spread(workers, seeds, places, found, stride, report) for seeds, places, report in parts)
         return replace(found, interrupted=not whole)
@@ -306,7 +306,7 @@ def sensitivities_portion(
 ) -> Sensitivities:
     """Every set of values in some scenarios, on one thread of a worker; arguments as in `sensitivities`."""
     seeds = TangentSeeds(names, parameters, scenarios, zeros)
-    found = _not_begun(seeds, len(scenarios), columns, stride)
+    found = _empty_result(seeds, len(scenarios), columns, stride)
     for i, j in seeds.pairs.indices.tolist():
         _differentiate_pair(_compiled(seeds, columns), seeds, (i, j), stride, found, (i, j))
     return found
@@ -341,7 +341,7 @@ def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
     )
 
 
-def _not_begun(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], stride: int) -> Sensitivities:
+def _empty_result(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...], stride: int) -> Sensitivities:
     """An empty result for all sets in a number of scenarios.
 
     Raises:

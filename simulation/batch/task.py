@@ -174,7 +174,7 @@ def run_task(task: WorkerTask) -> Any:
     for name, wanted in task.versions.items():
         if (here := versions().get(name)) != wanted:
             raise WorkerError(f"{where}: has {name} {here}, must be {wanted}; install the same on all machines")
-    _provide(where, task.sources)
+    _import_missing(where, task.sources)
     _compare(where, task.digests)
     try:
         work, arguments = pickle.loads(task.payload)  # noqa: S301  from the client whose worker this is
@@ -203,7 +203,7 @@ def _address() -> str:
         return ""
 
 
-def _provide(where: str, sources: Sequence[ModuleSource]) -> None:
+def _import_missing(where: str, sources: Sequence[ModuleSource]) -> None:
     """Import missing modules from their sources, and register the parts they define.
 
     Raises:

@@ -249,7 +249,7 @@ class _Spreading:
             future = self._executor.submit(self._work, *arguments)
         else:
             task = WorkerTask.of(self._work, *arguments)
-            future = self._executor.submit(run_task, task, **_elsewhere(self._executor))
+            future = self._executor.submit(run_task, task, **_allowed_workers(self._executor))
         self.waiting[future] = number, arguments, key
         future.add_done_callback(self._done.put)
 
@@ -269,7 +269,7 @@ class _Spreading:
         try:
             result = future.result()
         except WorkerCompileError as error:
-            _leave_out(self._executor, error)
+            _exclude(self._executor, error)
             self._send(number, arguments, key)
             return None
         if self._keeping:
@@ -277,7 +277,7 @@ class _Spreading:
         return number, result
 
 
-def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
+def _exclude(executor: Executor, error: WorkerCompileError) -> None:
     """Exclude a worker that cannot compile, with one warning.
 
     Raises:
@@ -287,11 +287,11 @@ def _leave_out(executor: Executor, error: WorkerCompileError) -> None:
         raise error
     unable = UNABLE.setdefault(executor, {})
     known, unable[error.worker] = error.worker in unable, error
-    if _elsewhere(executor) and not known:
+    if _allowed_workers(executor) and not known:
         warnings.warn(f"{error}; its tasks go to other workers", WorkerWarning, stacklevel=3)
 
 
-def _elsewhere(executor: Executor) -> dict[str, Any]:
+def _allowed_workers(executor: Executor) -> dict[str, Any]:
     """Arguments with which Dask sends a task to workers that can compile, or to any worker once these have gone.
 
     Raises:
@@ -365,7 +365,7 @@ def cluster_client(where: str) -> Iterator["Client"]:
             why = one_line(error)
             raise WorkerError(f"{where}: no Dask scheduler answers ({why}); start `dask scheduler` there") from None
     elif file.endswith(".py") and function.isidentifier():
-        client = _made(Path(file), function, where)
+        client = _returned_by(Path(file), function, where)
         if not isinstance(client, Client):
             raise ConfigurationError(f"{where}: returned {type(client).__name__}; must return a distributed.Client")
         if client.status != "running":
@@ -400,7 +400,7 @@ def _check_address(where: str) -> None:
         )
 
 
-def _made(file: Path, function: str, where: str) -> Any:
+def _returned_by(file: Path, function: str, where: str) -> Any:
     """Call a function of a file."""
     if not file.is_file():
         raise ConfigurationError(f"{where}: there is no file {file}; {WANTED}")

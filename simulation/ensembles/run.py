@@ -182,7 +182,7 @@ def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> Ensem
     finished, sampled = len(scenarios), max(0, SAMPLED - scenarios[0].index)
     return EnsemblePortion(
         draws=[tuple(scenario.draws.values()) for scenario in scenarios],
-        runs=[_taken(run, finished) for run in ran],
+        runs=[_outcomes_of(run, finished) for run in ran],
         traces=[_traces(run, finished, sampled) for run in ran],
     )
 
@@ -204,7 +204,7 @@ def _finished(run: BatchResult) -> int:
     return int(left_out.argmax()) if left_out.any() else len(left_out)
 
 
-def _taken(run: BatchResult, finished: int) -> RunOutcomes:
+def _outcomes_of(run: BatchResult, finished: int) -> RunOutcomes:
     """Outcomes of a portion's finished scenarios, without traces."""
     return RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished))
 

@@ -450,13 +450,13 @@ def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
         _force_panel,
         *([_disturbance_panel] if "d_hat" in result else []),
     ]
-    beside = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
+    placement = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
     with new_page(ax, 0.75 + 1.45 * len(draw), run.title, scenario(run.experiment).capitalize()) as page:
         panels = page.panels(len(draw), sharex=True)
         for axes, panel in zip(panels, draw, strict=True):
             panel(axes, run)
             axes.locator_params(axis="y", nbins=5)
-            axes.legend(**beside, ncols=4, handlelength=1.8, columnspacing=1.2)
+            axes.legend(**placement, ncols=4, handlelength=1.8, columnspacing=1.2)
         page.time_axes(panels, run.experiment)
     return page.figure
 

@@ -142,8 +142,8 @@ def _csv_metadata(content: FileContent, name: str) -> dict[str, Any]:
     columns = []
     for column, quantity in content.quantities.items():
         kind = {"datatype": "double"} if content.columns[column].dtype.kind == "f" else {}
-        said = {f"{CSV_OURS}{key}": text for key, text in about(quantity).items() if key != "meaning"}
-        columns.append({"name": column, "titles": quantity.meaning, **kind, **said})
+        entries = {f"{CSV_OURS}{key}": text for key, text in about(quantity).items() if key != "meaning"}
+        columns.append({"name": column, "titles": quantity.meaning, **kind, **entries})
     return {
         "@context": "http://www.w3.org/ns/csvw",
         "url": name,
@@ -263,7 +263,7 @@ def _read_parquet(path: Path) -> FileContent:
     from pyarrow import parquet
 
     table = parquet.read_table(path)
-    said = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
+    entries = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
     quantities = {
         field.name: Quantity(
             **{key.decode(): value.decode() for key, value in field.metadata.items() if key in FIELD_METADATA}
@@ -273,7 +273,7 @@ def _read_parquet(path: Path) -> FileContent:
     return FileContent(
         columns={name: table[name].to_numpy().copy() for name in quantities},
         quantities=quantities,
-        facts={key.removeprefix(OURS): value for key, value in said.items() if key.startswith(OURS)},
+        facts={key.removeprefix(OURS): value for key, value in entries.items() if key.startswith(OURS)},
     )
 
 

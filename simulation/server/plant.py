@@ -246,7 +246,7 @@ class ServedPlant:
         Raises:
             ConfigurationError: the system does not grant real-time priority.
         """
-        with _prioritised(self.settings.priority):
+        with _real_time_priority(self.settings.priority):
             self._run.serve()
         with self._lock:
             samples = int(self._runs.done[0])
@@ -435,7 +435,7 @@ def _timing(run: PacedRun, experiment: Experiment) -> dict[str, Any]:
 
 
 @contextmanager
-def _prioritised(priority: int) -> Iterator[None]:
+def _real_time_priority(priority: int) -> Iterator[None]:
     """Real-time scheduling of the calling thread.
 
     Raises:
