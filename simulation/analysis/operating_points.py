@@ -89,7 +89,7 @@ def position_in(experiment: Experiment, x: float | None) -> float:
     Raises:
         ConfigurationError: `experiment` is no experiment.
     """
-    instance("experiment", experiment, Experiment, hint=", which has limits and preload beside the plant")
+    instance("experiment", experiment, Experiment, hint=", which includes plant, limits and preload")
     return experiment.plant.track.length / 2 if x is None else x
 
 

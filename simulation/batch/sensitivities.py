@@ -41,7 +41,7 @@ def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
             continue
         reason = _reason(known[name])
         if not reason and name not in taken and not shaped_by(name):
-            reason = "it has no value" if values[name] is None else "no run changes with it alone"
+            reason = "it has no value" if values[name] is None else "it affects no run by itself"
         if reason:
             raise ConfigurationError(f"no sensitivity to '{name}': {reason}")
 
@@ -67,7 +67,7 @@ def described(experiment: Experiment) -> dict[str, Leaf]:
 
 
 BY_MARK = {
-    Mark.READS_IN_STEPS: "it rounds what is read",
+    Mark.READS_IN_STEPS: "it quantises a reading",
     Mark.TIMING: "it sets the instants of the samples",
     Mark.SHAPES_CODE: "it is written into the compiled code",
 }
@@ -77,10 +77,10 @@ BY_TYPE = {int: "it is a whole number", bool: "it is a switch", str: "it is a ch
 """The same, by the type of a value."""
 
 BY_PREFIX = {
-    "metrics.": "no run changes with it, only a figure of merit",
-    "reference.": "the reference is laid out ahead of a run",
+    "metrics.": "it affects no run, only a figure of merit",
+    "reference.": "the reference is computed before a run",
     "sensors.outage": "outages begin and end with samples",
-    "controller.nominal.": "it sets what the controller believes; ask for nominal.*",
+    "controller.nominal.": "it sets the controller's nominal plant; use nominal.*",
 }
 """The same, by what a key begins with."""
 

@@ -217,7 +217,7 @@ def _import_missing(where: str, sources: Sequence[ModuleSource]) -> None:
         for source in sources:
             module = importlib.import_module(source.name)
             if text_of(module) != source.text:
-                raise WorkerError(f"{where}: has another version of {Path(source.file).name}; start the workers anew")
+                raise WorkerError(f"{where}: has another version of {Path(source.file).name}; restart the workers")
             for part in vars(module).values():
                 if isinstance(part, type) and issubclass(part, Part) and part.__module__ == source.name:
                     _register(part)

@@ -312,11 +312,11 @@ def _reason(error: BaseException) -> str:
         return "a worker ran out of memory"
     if isinstance(error, CancelledError):
         return (
-            "the scheduler has dropped a task: it was stopped or started anew, or the client lost it; start scheduler "
-            "and workers, and call the same again"
+            "the scheduler has dropped a task: it was stopped or restarted, or lost the client; start scheduler "
+            "and workers, and repeat the call"
         )
     if type(error).__name__ in {"KilledWorker", "BrokenProcessPool"}:
-        return "each worker that began a task died of it: killed, or out of memory (their logs say which)"
+        return "every worker that started a task died: killed, or out of memory (see its log)"
     return one_line(f"{type(error).__name__}: {error}")
 
 

@@ -23,7 +23,7 @@ class Motion:
 
     plant: PlantState
     phase: Annotated[Scalar, Quantity("rad", "integral of the vortex frequency"), Mark.BOOKKEEPING] = 0.0
-    slow: Annotated[Scalar, Quantity("m/s^2", "acceleration by all but the ropes amid the last step")] = 0.0
+    slow: Annotated[Scalar, Quantity("m/s^2", "acceleration due to all but the ropes at the last mid-step")] = 0.0
 
 
 @dataclass(frozen=True)

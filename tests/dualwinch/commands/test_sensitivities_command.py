@@ -96,9 +96,9 @@ def test_everything_at_once_runs() -> None:
     ("words", "message"),
     [
         ((), "give keys to differentiate by"),
-        (("sensors.encoder_counts",), "no sensitivity to 'sensors.encoder_counts': it rounds what is read"),
+        (("sensors.encoder_counts",), "no sensitivity to 'sensors.encoder_counts': it quantises a reading"),
         (("disturbance.seed",), "no sensitivity to 'simulation.seed': it is a whole number"),
-        (("reference.speed",), "no sensitivity to 'reference.speed': the reference is laid out ahead of a run"),
+        (("reference.speed",), "no sensitivity to 'reference.speed': the reference is computed before a run"),
         (("plant.vehicle.mas",), "unknown parameter 'plant.vehicle.mas'; did you mean 'plant.vehicle.mass'?"),
         ((MASS, "--metric", "msq"), "--metric msq: unknown metric 'msq'; did you mean 'mse'?"),
         ((MASS, "--column", "F3"), "columns: unknown column 'F3'; did you mean 'F2'?"),

@@ -250,16 +250,16 @@ def test_what_ends_early_leaves_the_rest_open() -> None:
 
 
 REFUSED = {
-    "sensors.encoder_counts": "it rounds what is read",
-    "sensors.position_resolution": "it rounds what is read",
+    "sensors.encoder_counts": "it quantises a reading",
+    "sensors.position_resolution": "it quantises a reading",
     "sensors.outage_length": "outages begin and end with samples",
     "sensors.outage": "it is a choice or a text",
     "controller.kind": "it is a choice or a text",
     "controller.nftsm.p": "it is a whole number",
-    "controller.nominal.mass": "it sets what the controller believes; ask for nominal.*",
+    "controller.nominal.mass": "it sets the controller's nominal plant; use nominal.*",
     "disturbance.vortex": "it is a switch",
     "disturbance.force.times": "it is a list",
-    "reference.cruise_until": "the reference is laid out ahead of a run",
+    "reference.cruise_until": "the reference is computed before a run",
     "simulation.sample_time": "it sets the instants of the samples",
     "simulation.seed": "it is a whole number",
     "simulation.delay_samples": "it is written into the compiled code",

@@ -231,7 +231,7 @@ def test_another_version_of_the_product_or_of_a_part_is_refused(
     assert name in [source.name for source in carried.sources]
     assert run_task(carried) == 1
     changed = [replace(source, text=source.text + "\n") for source in carried.sources]
-    with pytest.raises(WorkerError, match=r"has another version of mine\.py; start the workers anew"):
+    with pytest.raises(WorkerError, match=r"has another version of mine\.py; restart the workers"):
         run_task(replace(carried, sources=tuple(changed)))
     monkeypatch.delitem(sys.modules, name)  # as on a worker that has never seen it
     assert run_task(carried) == 1
