@@ -199,10 +199,10 @@ def _check_substeps(experiment: Experiment) -> None:
     integrator = solver_of(experiment).integrator
     needed = math.ceil(substeps_for(fastest, simulation, integrator))
     if simulation.substeps < needed:
-        swings = "vehicle on its bristles" if fastest == bristle_swing_rate(plant.vehicle) else "shortest rope"
+        part = "vehicle on its bristles" if fastest == bristle_swing_rate(plant.vehicle) else "shortest rope"
         raise ConfigurationError(
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {integrator} at "
-            f"simulation.sample_time = {simulation.sample_time:g} s (the {swings} swings at {fastest:.4g} rad/s)"
+            f"simulation.sample_time = {simulation.sample_time:g} s (the {part} oscillates at {fastest:.4g} rad/s)"
         )
 
 

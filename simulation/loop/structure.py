@@ -87,7 +87,7 @@ def solver_of(experiment: Experiment) -> Solver:
     if substeps > MOST_SUBSTEPS:
         raise ConfigurationError(
             f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
-            f'for plant.rope_{number}.kind = "{ropes[number][0].kind}", which swings at {fastest:.4g} rad/s'
+            f'for plant.rope_{number}.kind = "{ropes[number][0].kind}", which oscillates at {fastest:.4g} rad/s'
         )
     return Solver(integrator, substeps)
 

@@ -97,7 +97,7 @@ def test_progress_ends_at_all() -> None:
             {"simulation.integrator": ["rk4"], "simulation.substeps": [5, 1]},
             (
                 "simulation.substeps = 1: must be >= 2 for rk4 "
-                "at simulation.sample_time = 0.001 s (the shortest rope swings at"
+                "at simulation.sample_time = 0.001 s (the shortest rope oscillates at"
             ),
         ),
     ],

@@ -54,7 +54,7 @@ def test_a_rope_too_stiff_for_the_sample_time_is_an_error() -> None:
         prepare(case(4, rope=Stiffening(soft=1e12)))
     message = str(caught.value)
     assert message.startswith("simulation.sample_time = 0.001: must be <= ")
-    assert 'for plant.rope_1.kind = "stiffening", which swings at ' in message
+    assert 'for plant.rope_1.kind = "stiffening", which oscillates at ' in message
 
 
 @dataclass(frozen=True)
