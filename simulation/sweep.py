@@ -129,7 +129,7 @@ def sweep(
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
     grid = {current(key): _listed(key, given) for key, given in values.items()}
     if "metrics" in grid:
-        raise ConfigurationError("metrics: are the same for all runs of a sweep; add every metric to the experiment")
+        raise ConfigurationError("metrics: is the same for all runs of a sweep; add every metric to the experiment")
     if not grid:
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
