@@ -490,8 +490,8 @@ def _tensions_panel(axes: Axes, run: Curve) -> None:
 
 def _force_panel(axes: Axes, run: Curve) -> None:
     limit = float(run.experiment.controller.limits.force) / KILO
-    run.draw(axes, "u", KILO, color=GREY, linestyle="--", linewidth=1.0, label="requested, $u$")
-    run.draw(axes, "u_sat", KILO, label="limited, sat $u$")
+    run.draw(axes, "u", KILO, color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
+    run.draw(axes, "u_sat", KILO, label="given, sat $u$")
     words = "force"
     if largest(run.result["u"]) > limit * KILO:
         share = 100 * run.result.metrics.saturated_share
