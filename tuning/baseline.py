@@ -1,4 +1,4 @@
-"""What a search in an ensemble begins with, beyond the paper's gains."""
+"""Baseline controller of an ensemble: estimator, coordination and gains that a search starts from."""
 
 import math
 from collections.abc import Collection
@@ -12,7 +12,7 @@ from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 
 KNOWN = ("drum_radius", "layer_thickness")
-"""Numbers of a winch that a controller knows, unless they are drawn."""
+"""Parameters of a winch that a controller knows, unless they are drawn."""
 
 POSITIONS = frozenset(
     (
@@ -22,7 +22,7 @@ POSITIONS = frozenset(
         *(f"sensors.{name}" for name in ("position_bias", "position_drift", "outage_length")),
     )
 )
-"""Keys of what an estimator is misled by that takes drums and encoder zeros for exact."""
+"""Keys of imperfections that bias an estimator which assumes exact drums, encoder zeros and position sensor."""
 
 FORCES = frozenset(
     (
@@ -30,7 +30,7 @@ FORCES = frozenset(
         *(f"sensors.load_cell_{name}_{i}" for i in (1, 2) for name in ("error", "zero")),
     )
 )
-"""Keys of what makes tensions others than torques and load cells say."""
+"""Keys of imperfections that make tensions differ from commanded torques and load cells."""
 
 CALIBRATING = "calibrating-kalman"
 """The estimator for noisy sensors and inexact ropes, where drums, encoder zeros and position sensor are exact."""
@@ -41,20 +41,20 @@ SMOOTHING = "controller.nftsm.smoothing"
 
 
 def default_estimator(ensemble: Ensemble) -> str:
-    """The kind of filter for noisy sensors and inexact ropes, and maybe drums that nobody knows exactly."""
+    """The kind of filter for noisy sensors and uncertain ropes, and for uncertain drums where there are such."""
     return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else CALIBRATING
 
 
 def default_coordination(ensemble: Ensemble) -> str | None:
-    """The kind that shares fast forces in proportion to the tensions, where ropes sag; ``None``: as it is."""
+    """The kind that shares fast forces in proportion to the tensions, where ropes sag; else ``None``: no change."""
     sags = any(present(side.rope.submerged_weight) for side in ensemble.experiment.plant.sides)
     return ProportionalTension.kind if sags else None
 
 
 def default_reserve(ensemble: Ensemble) -> float:
-    """What tensions near their limit may be off by, in N, as far as torques and load cells are uncertain.
+    """Error in N that uncertain torques and load cells cause in a tension near its limit.
 
-    Where drums swing, more, for what the tensions overshoot (`SWING`).
+    Times `SWING` where drums swing, for the overshoot of the tensions.
     """
     if not _uncertain(ensemble, FORCES):
         return 0.0
@@ -66,16 +66,16 @@ def default_reserve(ensemble: Ensemble) -> float:
 
 
 def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
-    """Key → what the controller of an ensemble begins with beyond the paper, where its machines ask for more.
+    """Key → start value of a gain for which the paper's own does not suit the machines of an ensemble.
 
-    Where ropes have mass, gears give or winches are heavy: damping of the drums that matches the wave impedance of
-    the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), more preload, and the
-    filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain stands
-    in the loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, which measured tensions
-    drive, sees no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed
-    error where its odd powers are smoothed they damp in proportion to the speed. Unsmoothed they damp small motions
-    so much that an error of half a millimetre takes a second to fade. Beside these, deviations for what the
-    self-calibrating filter learns.
+    Where ropes have mass, gears are elastic or winches are heavy: damping of the drums that matches the wave impedance
+    of the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), a higher preload, and the
+    filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain enters the
+    loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, driven by measured tensions,
+    sees no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below
+    the speed error where its odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small
+    motions so much that an error of half a millimetre takes a second to decay. The remaining values are prior
+    deviations of the parameters that the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
@@ -102,17 +102,17 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
 
 
 DRIVE, LEAD = "actuator.motor.time_constant", 0.4
-"""Lag of the drives, and the share of it by which damping leads.
+"""Key of the drives' lag, and the damping's lead as a share of it.
 
-It doubles the delay that the loop tolerates at a motor's torque, at the resonance of rotor and gearbox. A longer lead
-amplifies what is faster than that resonance: less delay is tolerated on short ropes.
+The lead doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
+frequencies above that resonance: the delay margin on short ropes shrinks.
 """
 
 STEEL_ROPE = 2.36
-"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes that are modelled without mass."""
+"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes modelled without mass."""
 
 MORE_PRELOAD = 1.8
-"""Factor on the preload with which ropes of swinging drums stay taut, so that a search starts with feasible gains."""
+"""Factor on the preload that keeps ropes of swinging drums taut, so that a search starts from feasible gains."""
 
 STIFF = {
     "controller.kalman.compensation": 1.0,
@@ -126,39 +126,40 @@ STIFF = {
 }
 """Gains of a stiff and smooth law whose filter compensates the disturbance, where drums swing.
 
-Wheel and encoders are believed less than their own noise says: they see the vehicle through ropes that stretch and sag.
+The noise of wheel and encoders is set higher than their own: they observe the vehicle through ropes that stretch and
+sag.
 """
 
 TENSION_LOOP = {"kp": 0.009, "ki": 0.45}
-"""Gains of the tension loops over the lever of torque to tension: stronger ones make swinging drums swing more."""
+"""Gains of the tension loops over the lever from tension to torque: higher ones make swinging drums swing more."""
 
 SWING = 1.6
-"""Factor on the reserve for what the tensions of swinging drums overshoot."""
+"""Factor on the reserve for the overshoot of the tensions of swinging drums."""
 
 SAG_DEVIATION = 0.7
-"""Share by which sags are believed to differ: spacings of rollers by a third."""
+"""Prior relative deviation of the sags: a deviation of a third in the rollers' spacing."""
 
 HEAVY = 20.0
-"""Inertia of a winch over its drum's radius squared, in kg, from which on it swings on its rope."""
+"""Inertia of a winch over its drum's radius squared, in kg, above which the drum swings on its rope."""
 
 
 def swings(plant: Plant) -> bool:
-    """Whether drums swing on their ropes as those of light drums on ropes without mass do not."""
+    """Whether drums swing on their ropes: the plant is distributed, or a winch is heavier than `HEAVY`."""
     return is_distributed(plant) or any(
         total_inertia(side.winch) > HEAVY * side.winch.drum_radius**2 for side in plant.sides
     )
 
 
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
-    """Gains to search for beside the standard ones, as entries of a space.
+    """Gains to search for besides the standard ones, as entries of a space.
 
-    Where drums swing on their ropes, the smoothing of the law is searched for. The damping of the winches is not:
-    it is the wave impedance of the ropes. Searches raise it to twice that and more, for less error, and the loop
-    then tolerates less than a sample of further delay.
+    Where drums swing on their ropes, the smoothing of the law is tuned. The damping of the winches stays at the wave
+    impedance of the ropes: searches raise it to more than twice that, for less error, and the delay margin of the loop
+    then falls below a sample.
 
-    Where tensions are uncertain, commands keep off their limit: by up to what tensions may be off there, and half of it
-    again for what they swing. More of it is missing where the reference asks for nearly all the force there is, which
-    is too seldom for a search to see.
+    Where tensions are uncertain, commands keep a reserve to their limit: up to 1.5 times the error of a tension there,
+    the half for its overshoot. A larger reserve lacks force where the reference needs nearly all of it, which is too
+    rare for a search to see.
     """
     off, known = default_reserve(ensemble), leaves(ensemble.experiment)
     reserve = {RESERVE: {"lower": 0.0, "upper": 1.5 * off}} if off else {}
@@ -167,14 +168,14 @@ def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:
 
 
 def _largest(ensemble: Ensemble, key: str) -> float:
-    """Largest magnitude that a key has in any scenario."""
+    """Largest magnitude of a key over all scenarios."""
     given = leaves(ensemble.experiment)[key]
     drawn = ensemble.distributions.get(key)
     return max(abs(float(value)) for value in (drawn.ends(given) if drawn else (given,)))
 
 
 def assumptions(ensemble: Ensemble | None) -> str:
-    """What has to be true of a machine for gains tuned in an ensemble to be worth what they are there, in words."""
+    """Conditions, in words, under which gains tuned in an ensemble perform on a machine as they do there."""
     if ensemble is None:
         return "this assumes that machine and sensors match the model exactly"
     if _uncertain(ensemble, POSITIONS):
@@ -186,6 +187,6 @@ def assumptions(ensemble: Ensemble | None) -> str:
 
 
 def _uncertain(ensemble: Ensemble, keys: Collection[str]) -> bool:
-    """Whether one of these is drawn, or is not zero, beside what a controller knows."""
+    """Whether one of the keys is drawn, or is not zero and not one of `KNOWN`."""
     given = leaves(ensemble.experiment)
     return any(key in ensemble.distributions or (given[key] and not key.endswith(KNOWN)) for key in keys)

@@ -1,4 +1,4 @@
-"""Objectives and constraints: statistics of runs and stability margins, by name and in units."""
+"""Objectives and constraints on statistics of runs and on stability margins, parsed from text with units."""
 
 import math
 import re
@@ -21,7 +21,7 @@ from dualwinch.simulation.metrics.metric import Metric
 
 
 def measured(statistic: Statistic, values: NDArray[np.float64]) -> float:
-    """A statistic over the figure of merit of completed scenarios (n,); NaN without any that is finite."""
+    """A statistic over a metric of completed scenarios (n,); NaN if none is finite."""
     found = float(statistic.over(values))
     return found if math.isfinite(found) else math.nan
 
@@ -38,7 +38,7 @@ MARGINS = {
 
 @dataclass(frozen=True)
 class MarginStatistic:
-    """The least of a margin.
+    """The smallest value of a stability margin.
 
     Attributes:
         metric: one of `MARGINS`.
@@ -51,7 +51,7 @@ class MarginStatistic:
 
     @property
     def margin(self) -> str:
-        """Which margin, as `simulation.analysis.margin_survey.MarginSurvey` calls it."""
+        """Kind of margin, a key of `simulation.analysis.margin_survey.MarginSurvey`."""
         return MARGINS[self.metric][0]
 
     @property
@@ -70,26 +70,26 @@ class MarginStatistic:
         return self.quantity.unit
 
     def of(self, worst: Mapping[str, WorstMargin]) -> float:
-        """Its value; infinite where nothing of the kind makes the loop unstable."""
+        """Its value; infinite if no such change makes the loop unstable."""
         return worst[self.margin].value
 
 
 def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic | None:
-    """The statistic of a name; ``None`` where it is not about a margin.
+    """The statistic of a name; ``None`` if it names no margin.
 
     Args:
         text: the name.
-        own: the experiment's own metrics, which may be called as they like.
+        own: the experiment's own metrics; their names take precedence.
 
     Raises:
-        ConfigurationError: a margin other than the worst, or one that there is not.
+        ConfigurationError: a statistic of a margin other than the worst, or an unknown margin.
     """
     kind, _, metric = text.strip().rpartition(".")
     if metric in {part.table() for part in own}:
         return None
     if metric in MARGINS:
         if kind != MarginStatistic.kind:
-            raise ConfigurationError(f"'{text.strip()}': a margin is the worst one, {MarginStatistic(metric).name}")
+            raise ConfigurationError(f"'{text.strip()}': a margin must be bounded as {MarginStatistic(metric).name}")
         return MarginStatistic(metric)
     if metric.endswith("_margin"):
         raise ConfigurationError(f"'{text.strip()}': {unknown('margin', metric, MARGINS)}")
@@ -97,10 +97,10 @@ def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic |
 
 
 ANGLES = {"deg": 1.0, "rad": 180 / math.pi}
-"""Units of a phase margin, and what brings them to degrees."""
+"""Unit of a phase margin → its factor to degrees."""
 
 DECIBEL, PER_CENT = "dB", "%"
-"""Units of a gain margin beside the plain factor, and of a share."""
+"""Units of a gain margin besides the plain factor, and of a share."""
 
 
 def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
@@ -108,11 +108,11 @@ def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> fl
 
     Args:
         text: the number, with or without a unit.
-        statistic: what it bounds; ``None``: it is a factor, which may be in per cent.
+        statistic: that it bounds; ``None``: the number is a factor, possibly in per cent.
 
     Raises:
         ValueError: no number.
-        ConfigurationError: a unit that the statistic does not come in.
+        ConfigurationError: a unit that does not suit the statistic.
     """
     parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z%].*)", text.strip())
     if not parts or re.fullmatch(r"[eE][-+]?\d+", parts[2]):
@@ -135,7 +135,7 @@ def _refused(unit: str, allowed: list[str]) -> float:
 
 
 NONE = "none"
-"""What is said for no constraint."""
+"""Text for no constraint."""
 
 NO_SLACK = "worst.min_tension>=0.4*controller.coordination.tension_min"
 NO_PEAK = "worst.peak_tension<=controller.coordination.tension_max"
@@ -144,23 +144,23 @@ NO_LOUDER = "mean.chatter<=1*paper"
 NO_MORE_SATURATED = "mean.saturated_share<=1*paper"
 NO_HEAVIER = "mean.continuous_load<=1.05*paper"
 STIFFER = "mean.continuous_load<=1.2*paper"
-"""Where drums swing: the stiffness of a rope that sags goes with the cube of its tension (Ernst), so preload pays."""
+"""Where drums swing: a sagging rope's stiffness grows with the cube of its tension (Ernst), so preload pays."""
 LATE = 5e-3
-"""Least delay margin in s, by default where margins are bounded; below it others are told."""
+"""Least delay margin in s: the default bound where margins are bounded; elsewhere a remark reports smaller ones."""
 ROBUST = ("worst.disk_margin>=0.4", f"worst.delay_margin>={1e3 * LATE:g}ms")
 DAMPED = "worst.resonance_margin>=1"
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """A statistic that is to stay on one side of a bound.
+    """A bound on a statistic.
 
     Attributes:
-        text: as it was asked for.
-        statistic: what is bounded.
+        text: as given.
+        statistic: that is bounded.
         at_least: whether the bound is a lower one.
         bound: in the statistic's unit, or a factor.
-        of_paper: whether the bound is a factor on what the paper's controller reaches.
+        of_paper: whether the bound is a factor on the statistic's value with the paper's controller.
     """
 
     text: str
@@ -170,9 +170,9 @@ class Constraint:
     of_paper: bool = False
 
     def given(self, reached: float) -> "Constraint":
-        """The constraint with its bound as a number, given what the paper's controller reaches.
+        """The constraint with its bound as a number, given the statistic's value with the paper's controller.
 
-        What that does not reach, as it completes no run (NaN), bounds nothing: the bound is infinite.
+        If that completes no run (NaN), the bound is infinite.
         """
         if not self.of_paper:
             return self
@@ -185,11 +185,11 @@ class Constraint:
         return self.bound == (-math.inf if self.at_least else math.inf)
 
     def violation(self, value: float, margin: float = 0.0) -> float:
-        """How far beyond its bound a value is, as a share of the bound (of 1 where that is 0); <= 0: it is satisfied.
+        """Excess of a value beyond the bound, as a share of the bound (of 1 for the bound 0); <= 0: it is satisfied.
 
         Args:
-            value: of the statistic. One that no run has (NaN) violates all of the bound, an infinite one all or none.
-            margin: distance to keep from the bound, as the same share.
+            value: of the statistic. NaN, a statistic that no run has, is a violation of 1; infinity is one of 1 or -1.
+            margin: distance to keep from the bound, as a share of it.
         """
         if not math.isfinite(value):
             return -1.0 if value == (math.inf if self.at_least else -math.inf) else 1.0
@@ -213,23 +213,24 @@ class Constraint:
 def default_constraints(
     ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False
 ) -> tuple[str, ...]:
-    """No slack rope, no peak beyond the limit, quieter than the paper's, stability margins, and a damped resonance.
+    """No slack rope, no peak beyond the limit, less chatter than the paper's, stability margins, a damped resonance.
 
-    Without an ensemble it is the paper's own question, the least error subject to saturation: commands are at their
-    limits no longer than the paper's.
+    Without an ensemble this is the paper's own problem, the least error subject to saturation: commands are saturated
+    no longer than the paper's.
 
-    By far quieter, where sensors are noisy and motors pass on all the chatter that they are asked for. Where they are
-    late, motors have to bear hardly more load than with the paper's gains: there a higher preload gains next to
-    nothing, and gains that rest on one fail on kinder machines. Where drums swing on ropes that sag, more load is
-    allowed, for a preload that makes the ropes stiff. Margins are bounded in an ensemble alone: in a run without noise
-    they would be those of infinitely small motions. Where drums swing that of the drums' resonance stands for them: at
-    rest and at the reference's largest speed no steady motion of every machine is found there yet.
+    In an ensemble, sensors are noisy, and motors without lag pass on all the chatter of their commands: it is bounded
+    to a quarter of the paper's. Motors with lag may bear hardly more load than with the paper's gains: a higher preload
+    gains almost nothing there, and gains that rely on it fail on other machines. Where drums swing on ropes that sag,
+    more load is allowed, for a preload that stiffens the ropes. Margins are bounded in an ensemble only: in a run
+    without noise they would be those of infinitely small motions. Where drums swing, the margin of the drums' resonance
+    replaces the others, which need a steady motion at rest and at the reference's largest speed: it is not yet found
+    for every machine.
 
     Args:
-        ensemble: whether the tuning is in one.
-        lag: whether torques follow their commands late.
+        ensemble: whether scenarios are drawn from an ensemble.
+        lag: whether torques lag behind their commands.
         swinging: whether drums swing on their ropes.
-        resonance: whether they do, and the law is one that the rule for it is about.
+        resonance: whether they do, and the resonance rule applies to the law.
     """
     damped = (*(ROBUST if ensemble and not swinging else ()), *((DAMPED,) if resonance else ()))
     if ensemble and lag:
@@ -240,11 +241,11 @@ def default_constraints(
 
 
 def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
-    """The constraints of some texts.
+    """Parse constraints.
 
     Args:
-        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which bounds nothing.
-        experiment: where configuration keys are looked up, and metrics beside the built-in ones.
+        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which is skipped.
+        experiment: has the configuration keys, and metrics besides the built-in ones.
 
     Raises:
         ConfigurationError: anything else, or an unknown name.
@@ -260,12 +261,12 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
 def constraints_with(
     texts: Sequence[str] | None, defaults: Sequence[str], experiment: Experiment
 ) -> tuple[Constraint, ...]:
-    """The default constraints and those of some texts, which replace a default one on the same side of a statistic.
+    """Parse constraints and add the default ones, except those replaced: with the same statistic and side.
 
     Args:
-        texts: as of `constraints_from`; `NONE` among them, or an empty list, leaves the default ones out.
-        defaults: the default ones.
-        experiment: as of `constraints_from`.
+        texts: as in `constraints_from`; `NONE` among them, or an empty list, drops the default ones.
+        defaults: texts of the default constraints.
+        experiment: as in `constraints_from`.
     """
     found = constraints_from(texts or (), experiment)
     if texts is not None and (NONE in texts or not texts):
@@ -302,12 +303,12 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
 
 
 def _checked(constraint: Constraint) -> Constraint:
-    """A constraint that bounds the bad end of its statistic, and that something satisfies.
+    """The constraint, if it bounds the bad end of its statistic and can be satisfied.
 
-    A metric of one's own may be bounded at both ends: `Metric.small_is_bad` only says which of many runs is the worst.
+    An own metric may be bounded at both ends: `Metric.small_is_bad` only determines which of many runs is the worst.
 
     Raises:
-        ConfigurationError: it is none.
+        ConfigurationError: it does not.
     """
     text, statistic = constraint.text, constraint.statistic
     sign, wanted = (">=" if constraint.at_least else "<="), _sign(statistic)
@@ -347,14 +348,14 @@ DEFAULT_OBJECTIVES = ("mean.mse",)
 
 
 def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[Statistic, ...]:
-    """The statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one makes a Pareto front.
+    """Parse the statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one make a Pareto front.
 
     Args:
         texts: their names.
         own: the experiment's own metrics.
 
     Raises:
-        ConfigurationError: an unknown name, one named twice, or one whose small values are the bad ones.
+        ConfigurationError: an unknown name, one named twice, or a statistic with bad small values.
     """
     for text in texts:
         if margin := margin_statistic(text, own):

@@ -1,4 +1,4 @@
-"""Figures of a search: its history, its best candidates, and the best beside the paper's gains."""
+"""Figures of a search: its history, its best candidates, and the best compared with the paper's gains."""
 
 import math
 import warnings
@@ -30,24 +30,24 @@ from dualwinch.tuning.storage.record import finished_trial
 
 
 def axis_title(statistic: Statistic) -> str:
-    """Statistic with its unit, as on an axis."""
+    """Label of an axis: statistic and unit."""
     unit = readable_unit(statistic.unit)
     return f"{statistic.words} ({unit})" if unit else statistic.words
 
 
 def short(name: str) -> str:
-    """A dimension's name without what all of them share."""
+    """A dimension's name without the common prefix."""
     return name.removeprefix("controller.")
 
 
 SHOWN_CANDIDATES = 40
-"""Candidates in parallel coordinates."""
+"""Largest number of candidates in parallel coordinates."""
 
 CHATTER = "mean.chatter"
-"""What the objective is drawn against where there is only one."""
+"""Statistic that a single objective is drawn against."""
 
 MANY = 3000
-"""Points that a figure shows of a kind, at most, evenly thinned."""
+"""Largest number of points of a kind in a figure, evenly thinned."""
 
 
 def history(problem: TuningProblem, trials: Sequence[Evaluation], *, ax: GivenAxes = None) -> Figure:
@@ -74,9 +74,9 @@ def history(problem: TuningProblem, trials: Sequence[Evaluation], *, ax: GivenAx
 
 
 def importance(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure | None:
-    """How much each gain decides whether a candidate is among the best tenth; ``None`` for too few trials.
+    """Importance of each gain for a candidate's being among the best tenth; ``None`` for too few trials.
 
-    PED-ANOVA (Watanabe, Bansal and Hutter, IJCAI 2023, 4389), by the first objective.
+    PED-ANOVA (Watanabe, Bansal and Hutter, IJCAI 2023, 4389), on the first objective.
     """
     shares = importances(problem, trials)
     if not shares:
@@ -93,7 +93,7 @@ def importance(problem: TuningProblem, trials: Sequence[Evaluation]) -> Figure |
 
 
 def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[str, float]:
-    """Name of a dimension → its importance, all of them 1 together; empty for fewer than 20 trials."""
+    """Name of a dimension → its importance, with the sum 1; empty for fewer than 20 trials."""
     import optuna
 
     whole = [trial for trial in trials if not trial.pruned and math.isfinite(trial.objectives[0])]
@@ -110,7 +110,7 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
 
 
 def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], verdict: SelectionResult) -> Figure:
-    """Where the best candidates lie in every dimension, with the chosen gains, the start and the bounds."""
+    """The best candidates in every dimension, with the selected gains, the start and the bounds."""
     order = [index for index in feasibility_first(trials) if not trials[index].pruned][:SHOWN_CANDIDATES]
     dimensions = problem.space.dimensions
     words = f"The {len(order)} best trials in every searched gain, best darkest"
@@ -142,11 +142,11 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], v
 
 
 def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Sequence[Evaluation]) -> Figure:
-    """Two figures of merit against each other: the objectives, or the one objective and the chatter.
+    """Two statistics against each other: the first two objectives, or a single objective and the chatter.
 
     Args:
-        problem: what was tuned.
-        constraints: bounds as numbers; those on the second figure of merit are drawn.
+        problem: the tuning problem.
+        constraints: bounds as numbers; those on the second statistic are drawn.
         trials: finished trials.
     """
     across = problem.objectives[0]
@@ -183,7 +183,7 @@ def _single(trial: Evaluation) -> Evaluation:
 
 
 def _lower_edge(points: np.ndarray) -> list[int]:
-    """Indices of the points that no other dominates, by the first coordinate."""
+    """Indices of the non-dominated points, in order of the first coordinate."""
     order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
     for index in order:
         if points[index, 1] < lowest:
@@ -202,11 +202,11 @@ def _thinned(indices: np.ndarray) -> np.ndarray:
 
 
 START: dict[str, Any] = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 0.9, "label": "start"}
-"""How the gains that a search starts from are drawn."""
+"""Style of the start of a search."""
 
 
 def _by_feasibility(feasible: np.ndarray) -> tuple[tuple[np.ndarray, str, str], ...]:
-    """Which trials are infeasible and which feasible, each with colour and name."""
+    """Masks of infeasible and of feasible trials, each with colour and label."""
     return (~feasible, LIGHT, "violates some"), (feasible, SKY, "satisfies the constraints")
 
 
@@ -216,10 +216,10 @@ def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str) -> 
 
 
 ROWS = 2500
-"""Rows of a run that are drawn, at most."""
+"""Largest number of drawn rows of a run."""
 
 COLOURS = {"paper": VERMILION, "best": BLUE}
-"""Name of a score in a verdict that is drawn → its colour."""
+"""Name of a drawn score in a verdict → its colour."""
 
 
 def _named(verdict: SelectionResult) -> dict[str, str]:
@@ -228,7 +228,7 @@ def _named(verdict: SelectionResult) -> dict[str, str]:
 
 
 DISTRIBUTED = ("mse", "chatter", "peak_tension", "min_tension")
-"""Figures of merit whose distribution is shown."""
+"""Metrics in the figure of distributions."""
 
 BINS = 40
 
@@ -258,7 +258,7 @@ def before_and_after(problem: TuningProblem, verdict: SelectionResult) -> Figure
 
 
 def distributions(verdict: SelectionResult) -> Figure | None:
-    """Distribution of figures of merit over the test scenarios; ``None`` without an ensemble."""
+    """Distributions of metrics over the test scenarios; ``None`` without an ensemble."""
     if not verdict.has_test_set:
         return None
     words = f"Distribution over {verdict.scored.scenarios} scenarios that took no part in search and choice"
@@ -286,7 +286,7 @@ def _completed(verdict: SelectionResult, name: str, metric: str) -> np.ndarray:
 
 
 def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, dict[str, np.ndarray]], str]:
-    """Rows of the paper's controller and of the best in one scenario, and which one it is in words."""
+    """Rows of a run with the paper's controller and one with the best, and their scenario in words."""
     experiments = {"paper": problem.paper_experiment, "best": problem.tuned(verdict.best.point)}
     index, words = 0, "The tuned experiment"
     if verdict.has_test_set:

@@ -1,6 +1,6 @@
 """A tuning problem: search space, scenarios, objectives and constraints.
 
-It is data and runs nothing; `tuning.scoring.training_set` makes it ready for evaluation.
+It is data only; `tuning.scoring.training_set` prepares it for evaluation.
 """
 
 from collections.abc import Iterator
@@ -21,10 +21,10 @@ from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
 TRAINING, VALIDATION, CHANCE, TEST, SEARCH = "training", "validation", "chance constraint", "test", "search"
-"""Names of the random streams of a study; no two share a draw, whatever the seed (`TuningProblem.stream`)."""
+"""Names of a study's random streams; no two share a draw, for any seed (`TuningProblem.stream`)."""
 
 STEADY_PREFIX = "steady_"
-"""What the names of figures of merit of the steady state begin with."""
+"""Prefix of the names of steady-state metrics."""
 
 REPORTED = (
     "mean.mse",
@@ -35,7 +35,7 @@ REPORTED = (
     "mean.saturated_share",
     "mean.continuous_load",
 )
-"""Statistics kept of every candidate, beside objectives, constraints and the means of the experiment's own metrics."""
+"""Statistics kept for every candidate, besides objectives, constraints and means of the experiment's own metrics."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class TuningProblem:
     """A tuning problem.
 
     Attributes:
-        experiment: structure and values of everything that is not tuned; its gains are where the search starts.
-        ensemble: what scenarios are drawn from; ``None``: the experiment is the only one.
-        space: what varies.
-        objectives: what is minimised.
-        constraints: on candidates; some bounds may be factors on what the paper's controller reaches.
-        scenarios: number of training scenarios that every candidate is run in.
+        experiment: structure, and values of everything that is not tuned; its gains are the start of the search.
+        ensemble: distribution of the scenarios; ``None``: the experiment is the only one.
+        space: the gains to tune, with their bounds.
+        objectives: statistics to minimise.
+        constraints: on candidates; a bound may be a factor on the value with the paper's controller.
+        scenarios: number of training scenarios in which every candidate is run.
         seed: of all random streams (`stream`).
-        selection: hyper-parameters of training set, ranking and choice.
-        choices: what was chosen where nothing was asked for, and why, in words.
+        selection: hyper-parameters of training set, ranking and selection.
+        choices: the defaults chosen for this problem, each with its reason, in words.
     """
 
     experiment: Experiment
@@ -65,15 +65,15 @@ class TuningProblem:
     choices: tuple[str, ...] = field(default=(), compare=False)
 
     def stream(self, name: str) -> int:
-        """The seed of a named random stream: `TRAINING` to `SEARCH`, maybe with a number."""
+        """The seed of a named random stream: `TRAINING` to `SEARCH`, possibly with a number."""
         return named_seed(self.seed, name)
 
     def check(self) -> None:
-        """Find out now whether the start makes sense.
+        """Check the start and the bounds.
 
         Raises:
-            ConfigurationError: values that do not fit together, a figure of merit that no run has, a start outside of
-                the bounds, or bounds that do not fit together.
+            ConfigurationError: inconsistent values, a metric that no run has, a start outside the bounds, or
+                inconsistent bounds.
         """
         prepare(self.experiment)
         begin, end = self.experiment.steady_window
@@ -101,10 +101,10 @@ class TuningProblem:
             try:
                 prepare(self.tuned(point))
             except ConfigurationError as error:
-                raise ConfigurationError(f"space: bounds that do not go together: {error}") from error
+                raise ConfigurationError(f"space: inconsistent bounds: {error}") from error
 
     def _limits(self) -> Iterator[Point]:
-        """The start with every combination of bounds of the gains that have to fit together."""
+        """The start with every combination of bounds of the gains that a rule relates."""
         bound = {table + field for table, _, rule in rules(self.experiment) for field in rule.fields}
         dimensions = [
             dimension
@@ -126,7 +126,7 @@ class TuningProblem:
 
     @property
     def paper_point(self) -> Point | None:
-        """The paper's gains, as near as the space allows; ``None`` where another law is tuned, for it has no such."""
+        """The point of the space nearest to the paper's gains; ``None`` where another law is tuned."""
         if self.experiment.controller.law.kind != self.paper_experiment.controller.law.kind:
             return None
         return self.space.nearest(self.space.start(leaves(self.experiment) | leaves(self.paper_experiment)))
@@ -137,7 +137,7 @@ class TuningProblem:
 
     @property
     def reported(self) -> tuple[Statistic, ...]:
-        """Every statistic of runs that is kept of a candidate, without repetition."""
+        """Every statistic of runs that is kept for a candidate, without repetition."""
         bounded = (constraint.statistic for constraint in self.constraints)
         used = (*self.objectives, *(statistic for statistic in bounded if isinstance(statistic, Statistic)))
         own = [Statistic("mean", metric.table(), metric) for metric in self.experiment.metrics]
@@ -150,13 +150,13 @@ class TuningProblem:
 
     @property
     def margins(self) -> tuple[MarginStatistic, ...]:
-        """The stability margins that are bounded."""
+        """The bounded stability margins."""
         bounded = (constraint.statistic for constraint in self.constraints)
         return tuple(dict.fromkeys(statistic for statistic in bounded if isinstance(statistic, MarginStatistic)))
 
     @property
     def margin_amplitudes(self) -> tuple[float, ...]:
-        """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small ones."""
+        """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small."""
         return tuple(sorted({self.experiment.sensors.speed_noise, *self.selection.margin_amplitudes}))
 
     def margin(self, constraint: Constraint) -> float:
@@ -164,12 +164,12 @@ class TuningProblem:
         return self.selection.back_off if self.ensemble and constraint.statistic.kind == "worst" else 0.0
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
-        """Scenarios of the ensemble as it is, or the experiment alone.
+        """Scenarios drawn from the ensemble, or the experiment alone.
 
         Args:
-            count: how many.
+            count: number of scenarios.
             seed: of the draws.
-            experiment: other nominal values than the problem's, such as those of the paper's controller.
+            experiment: nominal values in place of the problem's, such as those with the paper's controller.
         """
         nominal = experiment or self.experiment
         if self.ensemble is None:

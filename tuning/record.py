@@ -1,4 +1,4 @@
-"""What a study leaves: ``best.toml`` to simulate with, and ``study.json`` with every trial and score."""
+"""Files of a study: ``best.toml`` for simulation, and ``study.json`` with every trial and score."""
 
 import json
 import math
@@ -34,17 +34,17 @@ from dualwinch.tuning.scoring.test_set import ControllerScore
 from dualwinch.tuning.space import space_to_record
 
 BEST = "--config best.toml"
-"""Options that choose the best gains in the folder of the two files."""
+"""Options that select the best gains, in the folder of the two files."""
 
 
 def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any]) -> None:
-    """Write the best as a configuration file, with where it comes from as comments.
+    """Write the best as a configuration file, with its provenance in comments.
 
     Args:
         path: the file.
         tuned: the study.
         toml: the experiment with the best's gains.
-        facts: name → value of what else belongs to its provenance, such as code version and date.
+        facts: name → value of further provenance, such as code version and date.
     """
     problem, verdict = tuned.problem, tuned.verdict
     best, scored = verdict.best, verdict.scored
@@ -85,7 +85,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
 
 
 def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
-    """Write everything a report needs: the problem, every trial as columns, the best and the test scores.
+    """Write the content of a report: the problem, every trial as columns, the best and the test scores.
 
     Args:
         path: the file, JSON.
@@ -159,7 +159,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
 
 
 def trial_columns(tuned: TuningResult) -> dict[str, Any]:
-    """The trials as columns, JSON-ready: each a list with an entry a trial, some of them in named groups."""
+    """The trials as columns for JSON: each a list with one entry per trial, some in named groups."""
     problem, trials = tuned.problem, tuned.trials
     return {
         "number": [trial.number for trial in trials],
@@ -192,7 +192,7 @@ def _scores(evaluation: Evaluation | None) -> dict[str, Any] | None:
 
 
 def _attained(score: ControllerScore) -> dict[str, Any]:
-    """Name of a stability margin that is bounded → its worst and where that is, null where it is nowhere (SI, Hz)."""
+    """Name of a bounded stability margin → its worst value and place, null if there is none (SI, Hz)."""
     return {
         name: {
             "value": _finite(attained.worst.value),
@@ -213,7 +213,7 @@ def _finite(value: float) -> float | None:
 
 
 def _table(result: BatchResult) -> dict[str, Any]:
-    """One row of a result: outcome and figures of merit of every scenario, null where not measured."""
+    """One row of a result: outcome and metrics of every scenario, null where not measured."""
     metrics = {
         name: [value if math.isfinite(value) else None for value in values[0].tolist()]
         for name, values in result.metrics.items()

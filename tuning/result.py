@@ -1,4 +1,4 @@
-"""The result of a tuning study, as data and in sentences, the same on the terminal and in the report."""
+"""The result of a tuning study, as data and as the sentences that terminal and report share."""
 
 import math
 from dataclasses import dataclass
@@ -33,16 +33,16 @@ from dualwinch.tuning.space import ContinuousDimension, Point
 
 @dataclass(frozen=True)
 class TuningCost:
-    """What a study took.
+    """Rollouts and wall times of a study.
 
     Attributes:
-        rollouts: of this process, choice and score included.
-        judging_rollouts: those of choice and score.
-        rollout_seconds: wall time in s they took.
-        preparing, searching, judging: wall time in s of the parts.
-        overhead: share of the search's time that was not spent in rollouts.
-        margin_seconds: wall time in s that stability margins took, in all parts.
-        compiling: wall time in s of sources and compilers, in all parts; next to none once they are in the cache.
+        rollouts: of this process, selection and scoring included.
+        judging_rollouts: of selection and scoring.
+        rollout_seconds: wall time in s of the rollouts.
+        preparing, searching, judging: wall time in s of the phases; judging is selection and scoring.
+        overhead: share of the search's time outside of rollouts.
+        margin_seconds: wall time in s of stability margins, in all phases.
+        compiling: wall time in s of code generation and compilation, in all phases; almost none with a warm cache.
     """
 
     rollouts: int
@@ -57,13 +57,13 @@ class TuningCost:
 
     @property
     def mostly_judging(self) -> str:
-        """How many rollouts choice and score took, where those are more than the search's; else empty."""
+        """Number of rollouts of selection and scoring, in words, if they are the majority; else empty."""
         judging = self.judging_rollouts
         return f"{judging} of them for choosing and scoring" if 2 * judging > self.rollouts else ""
 
     @property
     def seconds(self) -> float:
-        """Wall time in s of all parts."""
+        """Wall time in s of all phases."""
         return self.preparing + self.searching + self.judging
 
 
@@ -72,14 +72,14 @@ class TuningResult:
     """The result of a tuning study; it has a representation for a prompt and for a notebook.
 
     Attributes:
-        training: what was tuned, with training scenarios and bounds.
+        training: the problem with its training scenarios and bounds.
         method: name of the optimiser.
         trials: every finished trial, in order.
-        verdict: the chosen gains and their score beside that of the start and of the paper's gains.
+        verdict: the selected gains, and the scores of these, the start and the paper's gains.
         progress: of the search.
         cost: number of rollouts and times.
         interrupted: whether an interrupt (Ctrl-C) ended the search.
-        seconds: time of the search that was asked for, in s; ``None``: none was.
+        seconds: time budget of the search in s; ``None``: it had none.
     """
 
     training: TrainingSet
@@ -93,12 +93,12 @@ class TuningResult:
 
     @property
     def problem(self) -> TuningProblem:
-        """What was tuned."""
+        """The tuning problem."""
         return self.training.problem
 
     @property
     def repaired(self) -> dict[str, tuple[float, float]]:
-        """Gains of the best that were repaired in validation → their values in the search, and now."""
+        """Name of a gain that was repaired in validation → its value in the search, and in the best."""
         best = self.verdict.best
         was = next((trial.point for trial in self.trials if trial.number == best.number), best.point)
         return {name: (float(was[name]), float(now)) for name, now in best.point.items() if now != was[name]}
@@ -110,14 +110,14 @@ class TuningResult:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What is wrong with the best's loop on the nominal machine: instabilities, and too little further delay."""
+        """Deficiencies of the best's loop on the nominal machine: instabilities, and too small a delay margin."""
         return *self.instabilities, *self._late
 
     @cached_property
     def instabilities(self) -> tuple[str, ...]:
-        """How the best's loop is unstable on the nominal machine, in motion, too, if no margin is bounded.
+        """Instabilities of the best's loop on the nominal machine; also of its motion, if no margin is bounded.
 
-        Where drums swing none can be bounded on every machine yet, and none is advised.
+        The advice to bound a margin is left out where drums swing: no margin can be bounded on every such machine yet.
         """
         found = list(loop_remarks(self.best))
         if amplitudes := self._amplitudes:
@@ -131,15 +131,15 @@ class TuningResult:
 
     @property
     def _amplitudes(self) -> tuple[float, ...]:
-        """Amplitudes in m/s at which a loop without a bounded margin is looked at."""
+        """Amplitudes in m/s at which a loop without a bounded margin is checked."""
         bounded = {statistic.margin for statistic in self.problem.margins} - {RESONANCE}
         return () if bounded else self.problem.selection.margin_amplitudes
 
     @cached_property
     def idle(self) -> frozenset[str]:
-        """Gains at a bound that change nothing: with each amid its range the training runs come to the same figures.
+        """Gains at a bound without effect: training runs have the same metrics with the gain amid its range.
 
-        They are looked for around the best; where the start is kept, around the best that was searched for.
+        Evaluated at the best point; where the start is kept, at the best point of the search.
         """
         space, searched = self.problem.space, _searched(self)
         point = searched[0] if searched and not self.verdict.improved else self.verdict.best.point
@@ -166,7 +166,7 @@ class TuningResult:
         """Draw the history of the search: the first objective of every trial, and the best so far.
 
         Args:
-            ax: axes for it; default: a figure of its own.
+            ax: axes to draw in; default: a new figure.
         """
         return history(self.problem, self.trials, ax=ax)
 
@@ -174,7 +174,7 @@ class TuningResult:
         return f"TuningResult({'; '.join(filter(None, (worth(self), headline(self), authority(self))))})"
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         headings, rows = statistics_table(self)
         words = [
             headline(self),
@@ -197,20 +197,20 @@ class TuningResult:
 
 
 EDGE = 0.02
-"""Share of a range at either end in which a gain is said to lie at its bound."""
+"""A gain lies at a bound within this share of its range."""
 
 NOTHING = 1e-3
-"""Change of a figure of merit, as a share of it, that is none."""
+"""Relative change of a metric below which it counts as unchanged."""
 
 LEADING = 3
-"""Trials that tell whether a gain lies at its bound."""
+"""Number of best trials that must all lie at a gain's bound."""
 
 SCORE_NAMES = {"best": "best", "start": "start", "paper": "paper"}
-"""Name of a score in a verdict → what it is called."""
+"""Name of a score in a verdict → its name in text."""
 
 
 def headings(tuned: TuningResult) -> dict[str, str]:
-    """Name of each score that says something different → its heading in a table."""
+    """Name of each distinct score → its heading in a table."""
     verdict = tuned.verdict
     names = {name: SCORE_NAMES[name] for name in verdict.shown}
     if not verdict.improved:
@@ -221,7 +221,7 @@ def headings(tuned: TuningResult) -> dict[str, str]:
 
 
 def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of every statistic: the best's, the start's and the paper's, and the best over the paper's."""
+    """Headings and rows of all statistics: the best's, the start's, the paper's, and the ratio of best to paper."""
     verdict, columns = tuned.verdict, headings(tuned)
     compared = ["best / paper"] if "paper" in columns else []
     rows = []
@@ -234,12 +234,12 @@ def statistics_table(tuned: TuningResult) -> tuple[list[str], list[list[str]]]:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """A number in so many digits; a dash where no run has it."""
+    """A number to `digits` significant digits; a dash for NaN."""
     return "–" if np.isnan(value) else f"{value:.{digits}g}"
 
 
 def where(tuned: TuningResult) -> str:
-    """Where the best was scored; how many scenarios that were."""
+    """Where the best was scored: the number of test scenarios, or the tuned experiment."""
     if not tuned.verdict.has_test_set:
         return "in the tuned experiment"
     all_sizes, sizes = tuned.problem.selection.sizes, tuned.verdict.sizes
@@ -248,7 +248,7 @@ def where(tuned: TuningResult) -> str:
 
 
 def headline(tuned: TuningResult) -> str:
-    """Which trial is the best, or why the start is kept; and where that was scored."""
+    """The number of the best trial, or why the start is kept; and where it was scored."""
     best, trials = tuned.verdict.best, len(tuned.trials)
     count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
@@ -260,13 +260,13 @@ def headline(tuned: TuningResult) -> str:
 
 
 def instability(tuned: TuningResult) -> str:
-    """How the best's loop is unstable on the nominal machine, in a few words; empty where it is stable."""
+    """The best's first instability on the nominal machine, in a few words; empty if it is stable."""
     words = next(iter(tuned.instabilities), "").partition(":")[0]
     return f"the loop with these gains is {words}" if words.startswith("unstable") else words
 
 
 def worth(tuned: TuningResult) -> str:
-    """What was gained, whether the loop is unstable, what is violated, with which probability, on which assumptions."""
+    """The gain over the paper and the start, instability, violated bounds, their probability, and the assumptions."""
     verdict = tuned.verdict
     gained = comparison(tuned)
     if not verdict.improved:
@@ -286,7 +286,7 @@ def worth(tuned: TuningResult) -> str:
 
 
 def tested(tuned: TuningResult) -> str:
-    """The test set's mean of the first objective, and its share of violations, with intervals; empty without one."""
+    """Mean of the first objective and share of violations on the test set, with intervals; empty without a test set."""
     verdict, objective = tuned.verdict, tuned.problem.objectives[0]
     if not verdict.has_test_set:
         return ""
@@ -304,7 +304,7 @@ def tested(tuned: TuningResult) -> str:
 
 
 def contenders(tuned: TuningResult) -> list[str]:
-    """What the best is compared with: what stands under each heading."""
+    """The controllers that the best is compared with, as explanations of the headings."""
     start = controller_in_words(tuned.problem.experiment.controller)
     paper = controller_in_words(tuned.problem.paper_experiment.controller)
     own = adapted(tuned.problem.paper_experiment.controller)
@@ -313,7 +313,7 @@ def contenders(tuned: TuningResult) -> list[str]:
 
 
 def margin_places(tuned: TuningResult) -> list[str]:
-    """Where each bounded stability margin is the worst: the best's, and the paper's."""
+    """Where each bounded stability margin is smallest, with each score's controller."""
     verdict, words = tuned.verdict, headings(tuned)
     return [
         f"{statistic.name} ({words[name]}): {attained.words}"
@@ -324,7 +324,7 @@ def margin_places(tuned: TuningResult) -> list[str]:
 
 
 def endings(tuned: TuningResult) -> str:
-    """How the best's runs ended where it is scored."""
+    """Outcomes of the best's scored runs, with their counts."""
     scored = tuned.verdict.scored
     if scored.scenarios == 1:
         return next(iter(scored.outcomes)).replace("_", " ")
@@ -341,9 +341,9 @@ def controller_in_words(controller: Controller) -> str:
 
 
 def comparison(tuned: TuningResult) -> str:
-    """How the first objective of the best compares with the paper's, and with the start's.
+    """The best's first objective in comparison with the paper's and the start's.
 
-    Where test scenarios are infeasible, first in the feasible ones, by which the best was chosen.
+    If test scenarios are infeasible, first over the feasible ones, by which the best was chosen.
     """
     verdict, objective = tuned.verdict, tuned.problem.objectives[0]
     others = {"paper": "the paper's"} | ({"start": "the start's"} if "start" in verdict.shown else {})
@@ -361,7 +361,7 @@ def comparison(tuned: TuningResult) -> str:
 
 
 def times(ratio: float, whose: str) -> str:
-    """A ratio of theirs to ours in words: how many times lower ours is, or how many times theirs, if that is worse."""
+    """A ratio of theirs to ours in words: the factor by which ours is lower, or its multiple of theirs if worse."""
     if not (ratio > 0 and np.isfinite(ratio)):
         return f"not comparable with {whose}"
     if f"{ratio:.3g}" == "1":
@@ -370,19 +370,19 @@ def times(ratio: float, whose: str) -> str:
 
 
 def _digits(ratio: float) -> str:
-    """Three digits, without an exponent, thousands apart."""
+    """Three digits, without an exponent, thousands separated by a space."""
     rounded = float(f"{ratio:.3g}")
     return f"{rounded:,.0f}".replace(",", " ") if rounded >= 100 else f"{rounded:.3g}"
 
 
 def authority(tuned: TuningResult) -> str:
-    """How many of the test scenarios are infeasible; empty for none."""
+    """Number of infeasible test scenarios, in words; empty for none."""
     beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible
     return infeasible_words(beyond) if beyond and tuned.verdict.has_test_set else ""
 
 
 def advice(tuned: TuningResult) -> list[str]:
-    """What would help where the start is kept or the best breaks a constraint; empty where there is no need."""
+    """Remedies if the start is kept or the best violates a constraint; else empty."""
     verdict, problem = tuned.verdict, tuned.problem
     if verdict.improved and verdict.scored.feasible:
         return []
@@ -400,7 +400,7 @@ def advice(tuned: TuningResult) -> list[str]:
 
 
 def too_short(tuned: TuningResult) -> str:
-    """What the search lacks, where it had fewer trials than so many gains need; empty where it had enough."""
+    """Remark on a search with fewer trials than its gains need, with the budget it needs; else empty."""
     config, gains = tuned.problem.selection, len(tuned.problem.space.dimensions)
     rollouts = tuned.progress.spent if tuned.progress.share else None
     return short_of(len(tuned.trials), gains, config, tuned.cost.searching if tuned.seconds else None, rollouts)
@@ -409,14 +409,14 @@ def too_short(tuned: TuningResult) -> str:
 def short_of(
     trials: int, gains: int, config: SelectionConfig, seconds: float | None, rollouts: int | None = None
 ) -> str:
-    """What a search lacks, in words.
+    """Remark on a search with fewer trials than its gains need, with the budget it needs; else empty.
 
     Args:
-        trials: that it had.
-        gains: that it searched for.
-        config: says how many trials a gain needs.
-        seconds: time in s that it took, where that was its budget.
-        rollouts: that it had, where that was its budget.
+        trials: number of trials of the search.
+        gains: number of gains.
+        config: has the number of trials that a gain needs.
+        seconds: time of the search in s, if that was its budget.
+        rollouts: number of rollouts of the search, if that was its budget.
     """
     wanted = config.trials_needed(gains)
     if trials >= wanted:
@@ -430,12 +430,12 @@ def short_of(
 
 
 def _duration(seconds: float) -> str:
-    """A time that `--time` takes, rounded up."""
+    """A time in the format of `--time`, rounded up."""
     return f"{math.ceil(seconds / 60):.0f}min" if seconds >= 90 else f"{math.ceil(seconds / 5) * 5:.0f}s"
 
 
 def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:
-    """Gains of the best that lie at a bound of the search and do something there, and that bound."""
+    """Gains of the best that lie at a bound of the search and have an effect, each with that bound."""
     return [
         (dimension.name, bound)
         for dimension in tuned.problem.space.dimensions
@@ -447,25 +447,25 @@ def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:
 
 
 def _bound(dimension: ContinuousDimension, point: Point) -> float:
-    """The bound at which a gain lies; 0 where it lies at none, or at 0, where nothing can be wider."""
+    """The bound at which a gain lies; 0 if it lies at none, or at the bound 0, which cannot be widened."""
     share = dimension.encoded(point[dimension.name])
     return dimension.upper if share >= 1 - EDGE else dimension.lower if share <= EDGE else 0.0
 
 
 def _searched(tuned: TuningResult) -> list[Point]:
-    """The points that the search has found, the best first."""
+    """The points of the search, the best first."""
     searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
     return [searched[index].point for index in feasibility_first(searched)]
 
 
 def widen(tuned: TuningResult) -> str:
-    """Gains of the best that end at a bound of the search, by name and bound; empty where there are none."""
+    """Remark on gains of the best at a bound of the search, with those bounds; empty if there are none."""
     at_bounds = ", ".join(f"{name} ({bound:.4g})" for name, bound in gains_at_bounds(tuned))
     return f"gains end at a bound of the search (--space); widen: {at_bounds}" if at_bounds else ""
 
 
 def _hardest(tuned: TuningResult) -> str:
-    """The constraint that most of the complete trials break, where hardly any satisfies all."""
+    """The constraint that most complete trials violate, if at most one in ten satisfies all; else empty."""
     whole = [trial for trial in tuned.trials if not trial.pruned]
     if sum(trial.feasible for trial in whole) > len(whole) // 10:
         return ""
@@ -478,7 +478,7 @@ def _hardest(tuned: TuningResult) -> str:
 
 
 def _at_bounds(tuned: TuningResult) -> list[str]:
-    """Gains that lie at a bound in all of the best trials that the search has found, and do something there."""
+    """Gains with an effect that lie at a bound in all of the search's `LEADING` best trials."""
     points = _searched(tuned)[:LEADING]
     return [
         short(dimension.name)

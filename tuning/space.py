@@ -1,4 +1,4 @@
-"""The search space: which gains vary, between which bounds, and how a candidate becomes parameters of a rollout."""
+"""The search space: the tuned gains with their bounds, and the map from a candidate to parameters of a rollout."""
 
 import math
 import re
@@ -23,7 +23,7 @@ from dualwinch.simulation.settings import known_keys
 
 Value: TypeAlias = float | str
 Point: TypeAlias = dict[str, Value]
-"""A candidate: name of a dimension → its value (a number, or a word for a pair)."""
+"""A candidate: name of a dimension → its value (a number, or the text of a pair)."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class ContinuousDimension:
     """A number between two bounds.
 
     Attributes:
-        name: of the dimension: a configuration key, or the name of tied ones such as ``controller.winch.kp``.
-        keys: configuration keys that get its value.
+        name: of the dimension: a configuration key, or the name of tied keys such as ``controller.winch.kp``.
+        keys: configuration keys set to its value.
         lower, upper: bounds, in `unit`.
-        log: whether factors count, not differences.
+        log: whether the scale is logarithmic.
         unit: of the value.
     """
 
@@ -66,7 +66,7 @@ class ContinuousDimension:
         return (float(value),) * len(self.keys)
 
     def start(self, values: Mapping[str, Any]) -> float:
-        """The value that an experiment's values amount to; the mean of tied ones."""
+        """The value in an experiment, from its values by key; the mean of tied keys."""
         return float(np.mean([values[key] for key in self.keys]))
 
     def holds(self, value: Value) -> bool:
@@ -74,7 +74,7 @@ class ContinuousDimension:
         return self.lower <= float(value) <= self.upper
 
     def nearest(self, value: Value) -> float:
-        """The value within the bounds that is nearest."""
+        """The nearest value within the bounds."""
         return min(max(float(value), self.lower), self.upper)
 
     @property
@@ -85,7 +85,7 @@ class ContinuousDimension:
 
 @dataclass(frozen=True)
 class RatioDimension:
-    """The power p/q of the sliding surface, one of some pairs of odd numbers.
+    """The power p/q of the sliding surface, one of a list of pairs of odd numbers.
 
     Attributes:
         name: of the dimension.
@@ -103,7 +103,7 @@ class RatioDimension:
         return self.choices[min(max(int(share * len(self.choices)), 0), len(self.choices) - 1)]
 
     def encoded(self, value: Value) -> float:
-        """The share of the list in whose middle a pair lies."""
+        """The share of the list at the middle of a pair's interval."""
         return (self.choices.index(str(value)) + 0.5) / len(self.choices)
 
     def parameters(self, value: Value) -> tuple[float, float]:
@@ -112,7 +112,7 @@ class RatioDimension:
         return float(p), float(q)
 
     def start(self, values: Mapping[str, Any]) -> str:
-        """The pair of an experiment's values."""
+        """The pair in an experiment, from its values by key."""
         return "/".join(f"{int(values[key])}" for key in self.keys)
 
     def holds(self, value: Value) -> bool:
@@ -120,7 +120,7 @@ class RatioDimension:
         return value in self.choices
 
     def nearest(self, value: Value) -> str:
-        """The pair in the list whose ratio is nearest."""
+        """The pair in the list with the nearest ratio."""
         return min(self.choices, key=lambda choice: abs(Fraction(choice) - Fraction(str(value))))
 
     @property
@@ -134,7 +134,7 @@ Dimension: TypeAlias = ContinuousDimension | RatioDimension
 
 @dataclass(frozen=True)
 class Space:
-    """The dimensions that are searched."""
+    """The dimensions of a search."""
 
     dimensions: tuple[Dimension, ...]
 
@@ -161,19 +161,19 @@ class Space:
         return {key: int(value) if key in whole else value for key, value in values}
 
     def start(self, values: Mapping[str, Any]) -> Point:
-        """The point of an experiment's own values, by their keys; it may lie outside of the bounds."""
+        """The point of an experiment, from its values by key; it may lie outside the bounds."""
         return {dimension.name: dimension.start(values) for dimension in self.dimensions}
 
     def nearest(self, point: Mapping[str, Value]) -> Point:
-        """The point within the bounds that is nearest."""
+        """The nearest point within the bounds."""
         return {dimension.name: dimension.nearest(point[dimension.name]) for dimension in self.dimensions}
 
     def encoded(self, point: Mapping[str, Value]) -> NDArray[np.float64]:
-        """(dimensions,) the point in the unit cube."""
+        """(dimensions,) the point's coordinates in the unit cube."""
         return np.array([dimension.encoded(point[dimension.name]) for dimension in self.dimensions])
 
     def decoded(self, shares: Sequence[float] | NDArray[np.float64]) -> Point:
-        """The point of the unit cube whose shares these are, in the order of the dimensions."""
+        """The point at given coordinates (dimensions,) in the unit cube."""
         return {d.name: d.decoded(float(share)) for d, share in zip(self.dimensions, shares, strict=True)}
 
     def without(self, keys: Collection[str]) -> "Space":
@@ -181,7 +181,7 @@ class Space:
         return Space(tuple(dimension for dimension in self.dimensions if not set(dimension.keys) & set(keys)))
 
     def difference(self, other: "Space") -> str:
-        """How another space differs, in words; empty where it does not."""
+        """Differences from another space, in words; empty if there are none."""
         ours, theirs = ({d.name: d.allowed for d in space.dimensions} for space in (self, other))
         words = [f"{name} only here" for name in ours if name not in theirs]
         words += [f"{name} only there" for name in theirs if name not in ours]
@@ -194,15 +194,15 @@ class Space:
 
 
 def own_bounds(keys: Sequence[str], tunable: Tunable, experiment: Experiment) -> tuple[float, float]:
-    """Lower and upper bound of a gain: in proportion to what they follow, and wide enough for the gain's own value.
+    """Lower and upper bound of a gain: proportional to the values they follow, widened to the gain's own value.
 
     Args:
-        keys: of the gain; several where gains alike are tuned as one.
-        tunable: its bounds where what they follow has its default value.
+        keys: of the gain; several for tied gains.
+        tunable: its bounds at the default of the values they follow.
         experiment: the machine, and the gain's own value.
 
     Raises:
-        ConfigurationError: the bounds follow what is no number of the experiment, or has no default.
+        ConfigurationError: the bounds follow a key that is no number of the experiment, or has no default.
     """
     values, known = leaves(experiment), describe_parts(experiment)
     lower, upper = (
@@ -216,7 +216,7 @@ def own_bounds(keys: Sequence[str], tunable: Tunable, experiment: Experiment) ->
 
 
 def _scale(gain: str, followed: str, values: Mapping[str, float], known: Mapping[str, Leaf]) -> float:
-    """How many times its default a product of values is."""
+    """Ratio of a product of values to its default."""
     table = gain.rpartition(".")[0]
     scale = 1.0
     for sign, name in re.findall(r"([*/]?)([^*/]+)", followed.format(table=table.rpartition(".")[2])):
@@ -236,21 +236,21 @@ def _scale(gain: str, followed: str, values: Mapping[str, float], known: Mapping
 
 
 def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mapping[str, Any] | None = None) -> Space:
-    """The space that some entries describe.
+    """Make a space from its entries.
 
     Args:
-        entries: name → what to search: ``{}`` for the gain's own bounds, a table with any of ``lower``, ``upper``,
-            ``log``, or a list of pairs for ``controller.nftsm.p/q``. A table's name stands for all standard gains
-            below it. Without entries: every standard gain that has an effect, both winches tied.
-        experiment: its structure says which gains have an effect.
-        further: entries beside the standard gains, where there are no others.
+        entries: name → range of the gain: ``{}`` for its own bounds, a table with any of ``lower``, ``upper``, ``log``,
+            or a list of pairs for ``controller.nftsm.p/q``. A table's name stands for all standard gains below it.
+            Without entries: every standard gain that has an effect, both winches tied.
+        experiment: its structure determines which gains have an effect.
+        further: entries added to the standard gains if `entries` is empty.
 
     Raises:
-        ConfigurationError: an unknown gain, one without effect or without bounds, or bounds that are no range.
+        ConfigurationError: an unknown gain, one without effect or without bounds, or an invalid range.
     """
     gains = _Gains(experiment)
     standard = gains.standard()
-    for name, entry in entries.items():  # what is wrong with the words, before the closed loop is made
+    for name, entry in entries.items():  # wrong texts fail before the closed loop is built
         if not any(known.startswith(f"{name}.") for known in standard):
             gains.keys(name)
         _check_entry(name, entry)
@@ -276,7 +276,10 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mappin
 
 
 def entry_from(text: str) -> tuple[str, Any]:
-    """Name and entry of ``NAME``, ``NAME=LOWER:UPPER``, ``NAME=LOWER:UPPER:log`` (or ``:linear``), ``p/q=5/3,7/5``.
+    """Parse ``NAME``, ``NAME=LOWER:UPPER``, ``NAME=LOWER:UPPER:log`` (or ``:linear``) or ``p/q=5/3,7/5``.
+
+    Returns:
+        The name and its entry for `space_of`.
 
     Raises:
         ConfigurationError: it is none of these.
@@ -299,10 +302,9 @@ def entry_from(text: str) -> tuple[str, Any]:
 
 
 class _Gains:
-    """The gains of an experiment and of every registered part, by the names that a search space may use.
+    """The gains of an experiment and of every registered part, by their names in a search space.
 
-    Beside their own keys these are those of tied ones (``controller.winch.kp`` for both winches) and of ratios
-    (``controller.nftsm.p/q``).
+    Names are keys, tied names (``controller.winch.kp`` for both winches) and ratios (``controller.nftsm.p/q``).
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -323,13 +325,13 @@ class _Gains:
                 self.ratios[f"{key}/{denominator}"] = key, f"{key.rpartition('.')[0]}.{denominator}"
 
     def standard(self) -> list[str]:
-        """What is searched where nobody says what to search; gains alike are tied."""
+        """Names of the gains that are searched by default; equal gains of both winches are tied."""
         own = [key for key, leaf in self.leaves.items() if not leaf.tied and leaf.tunable and leaf.tunable.standard]
         alike = {name: self.leaves[keys[0]].tunable for name, keys in self.tied.items()}
         return own + [name for name, tunable in alike.items() if tunable and tunable.standard]
 
     def keys(self, name: str) -> tuple[str, ...]:
-        """Configuration keys that a name stands for.
+        """Configuration keys of a name.
 
         Raises:
             ConfigurationError: it names no gain.
@@ -346,18 +348,18 @@ class _Gains:
 
 @GRAPHS.cached
 def _effective(structure: Experiment) -> frozenset[str]:
-    """Parameters that the closed loop of a structure depends on."""
+    """Parameters on which the closed loop of a structure depends."""
     loop = closed_loop(structure)
     read = set().union(*(elements_read(function, "parameters") for function in loop.functions))
     return frozenset(loop.parameters[element] for element in read)
 
 
 LARGEST_BOUND = 1e30
-"""Bounds are of at most this magnitude, and on a log scale at least its inverse: beyond, searches lose their way."""
+"""Largest magnitude of a bound; its inverse is the least on a log scale. Beyond, searches fail numerically."""
 
 
 def _check_entry(name: str, entry: Any) -> None:
-    """Raise `ConfigurationError` where an entry's bounds or pairs are none."""
+    """Raise `ConfigurationError` for an entry with invalid bounds or pairs."""
     if "/" in name:
         if isinstance(entry, Mapping) and not entry:
             return
@@ -398,7 +400,7 @@ def _interval(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> Cont
 
 
 def _own(keys: Sequence[str], tunable: Tunable | None, experiment: Experiment) -> dict[str, Any]:
-    """The bounds that stand beside a gain, as an entry."""
+    """A gain's own bounds, as an entry."""
     if tunable is None:
         return {}
     lower, upper = own_bounds(keys, tunable, experiment)
@@ -406,7 +408,7 @@ def _own(keys: Sequence[str], tunable: Tunable | None, experiment: Experiment) -
 
 
 MOST_DIGITS = 9
-"""Digits of the numbers of a pair."""
+"""Largest number of digits of p and q."""
 
 
 def _pairs(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> RatioDimension:
@@ -444,7 +446,7 @@ def space_to_record(space: Space) -> list[dict[str, Any]]:
 
 
 def space_from(records: Sequence[dict[str, Any]]) -> Space:
-    """The space that `space_to_record` took apart."""
+    """The space of a record from `space_to_record`."""
     dimensions = list[Dimension]()
     for record in records:
         values: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""A study: batches of candidates are proposed, evaluated side by side, kept and reported, until the budget is spent."""
+"""A study: propose batches of candidates, evaluate them in parallel and store them, until the budget is spent."""
 
 import math
 import time
@@ -17,13 +17,13 @@ from dualwinch.tuning.storage.record import first_candidates
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 
 BATCH = 16
-"""Candidates of a batch: one for each vector lane."""
+"""Candidates in a batch: one per vector lane."""
 
 PAUSE = 0.3
-"""Time in s between two looks at whether other workers are done."""
+"""Polling period in s while other workers finish their trials."""
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # of matrices this small threads take more than they bring
+@threadpool_limits.wrap(limits=1, user_api="blas")  # threads slow down algebra with matrices this small
 def search(
     method: str,
     optimiser: Optimiser,
@@ -34,21 +34,21 @@ def search(
 ) -> SearchStatus:
     """Search until the budget is spent.
 
-    The first trials are the paper's gains, where its law is tuned, and the experiment's own where those differ.
+    The first trials are the paper's gains, if its law is tuned, and the experiment's own if they differ.
 
     Args:
         method: name of the optimiser, kept as the origin of its candidates.
-        optimiser: proposes candidates; it first learns what the storage has.
-        store: where trials are kept.
+        optimiser: proposes candidates; first it is told the trials in the storage.
+        store: storage of the trials.
         evaluator: evaluates them.
         watch: shows the progress after each batch.
-        progress: where to count; what is in there stands after an interrupt too.
+        progress: updated in place, so that its counts survive an interrupt.
 
     Returns:
-        Where the study stands at the end.
+        The status of the search at its end.
 
     Raises:
-        KeyboardInterrupt: interrupted; every finished batch is kept, and what was under way is given back.
+        KeyboardInterrupt: interrupted; every finished batch is kept, and the claims of the unfinished one are released.
     """
     progress = SearchStatus() if progress is None else progress
     began, ran, built = clock.now(), evaluator.seconds, build_seconds()
@@ -88,14 +88,14 @@ def search(
 
 
 def _batch(budget: SearchBudget, spent: int, problem: TuningProblem) -> int:
-    """Number of candidates of the next batch: fewer where the rollouts that are left are enough for fewer."""
+    """Number of candidates in the next batch: `BATCH`, or as many as the remaining rollouts allow."""
     if budget.rollouts is None:
         return BATCH
     return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
 
 
 def _share(budget: SearchBudget, spent: int) -> float:
-    """Share of the rollouts that there may be; 0 where the budget does not say."""
+    """Share of the budget of rollouts that is spent; 0 without such a budget."""
     return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
 
 

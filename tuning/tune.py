@@ -1,4 +1,4 @@
-"""Tune in one call: prepare, search, choose and score."""
+"""Tune in one call: prepare, search, select and score."""
 
 from dataclasses import replace
 
@@ -20,13 +20,13 @@ from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudySto
 from dualwinch.tuning.study import search
 
 WORTH_COMPILING = 20.0
-"""Time in s of a search from which on all that it may call is compiled before, and takes nothing of that time."""
+"""Time budget in s from which everything a search may call is compiled beforehand, outside the budget."""
 
 
 def trials_of(problem: TuningProblem, trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
-    """Number of trials of a search with a budget; ``None``: no limit.
+    """Largest number of trials of a search; ``None``: limited by another budget only.
 
-    Where there is none: `TRIALS`, or as many as the gains need (`SelectionConfig.trials_needed`) if that is more.
+    Without any budget: `TRIALS`, or the number that the gains need (`SelectionConfig.trials_needed`) if that is larger.
     """
     if not trials is seconds is rollouts is None:
         return trials
@@ -47,31 +47,31 @@ def tune(
     keep: bool = True,
     watch: TuningProgress = NO_PROGRESS,
 ) -> TuningResult:
-    """Search for gains, choose the best by validation, and score it in a test set.
+    """Search for gains, select the best candidate by validation, and score it on a test set.
 
-    An interrupt (Ctrl-C) ends the search; the best so far is chosen and scored, unless `keep` is false.
+    An interrupt (Ctrl-C) ends the search; the best candidate so far is selected and scored, unless `keep` is false.
 
     Args:
-        problem: what is tuned, from `dualwinch.tuning_problem`.
+        problem: from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
-        trials: number of trials; default: that of `trials_of` without `seconds` and `rollouts`, else no limit.
-        seconds: wall time of the search in s. Preparing, choosing and scoring come on top, and end with it within 1.3
-            times that and 10 s (`SelectionConfig.time_of_all`): the latter two are made in fewer scenarios, and the
-            search is shorter, where there is no time for more. Compiling comes on top.
-        rollouts: number of rollouts of the search, those of trials that were given up early with what they ran, and a
-            gradient with as many as differences would take; the last batch may go beyond it by a few.
-        test_scenarios: number of test scenarios, at most; default: that of the problem's `SelectionConfig`.
-        workers: of this machine, or an executor; default: one thread a core.
-        store: where trials are kept, open; the study in it is gone on with. Default: in memory.
-        afterwards: time in s of that which the caller needs for what comes after it.
-        keep: whether an interrupt keeps the best so far; else it is raised.
-        watch: shows every phase (`tuning.scoring.progress.PHASES`), and of each batch of the search.
+        trials: number of trials; default: from `trials_of` without `seconds` and `rollouts`, else no limit.
+        seconds: wall time of the search in s. With preparation, selection and scoring, the study takes at most 1.3
+            times that plus 10 s (`SelectionConfig.time_of_all`); where time is short, selection and scoring use fewer
+            scenarios and the search is shorter. Compilation comes on top.
+        rollouts: number of rollouts of the search. A pruned trial counts the rollouts it ran, a gradient as many as
+            finite differences would take; the last batch may exceed the number by a few.
+        test_scenarios: largest number of test scenarios; default: from the problem's `SelectionConfig`.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        store: open storage of the trials; a study in it is continued. Default: in memory.
+        afterwards: part of the study's time, in s, that is left for the caller's work after the call.
+        keep: whether an interrupt keeps the best candidate so far; else it is raised.
+        watch: shows every phase (`tuning.scoring.progress.PHASES`) and each batch of the search.
 
     Raises:
-        ConfigurationError: an unknown method, or a budget that is none.
+        ConfigurationError: an unknown method, or an invalid budget.
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted before the first trial, or again while choosing, or where `keep` is false; what
-            the store holds is kept.
+        KeyboardInterrupt: interrupted before the first trial, during selection, or with `keep` false; the store keeps
+            its trials.
     """
     instance("problem", problem, TuningProblem, hint=" (tuning_problem makes one)")
     trials = trials_of(problem, trials, seconds, rollouts)
@@ -106,7 +106,7 @@ def tune(
             raise
         interrupted = True
     judged = clock.now()
-    store.set_budget(SearchBudget(store.count(), judged))  # the other workers end too
+    store.set_budget(SearchBudget(store.count(), judged))  # ends the other workers' searches too
     finished = store.finished()
     if not finished:
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""A tuning problem from the words of the command line, and as text that a study keeps for its workers."""
+"""A tuning problem from command-line arguments, and as a record that a study keeps for its workers."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -59,34 +59,34 @@ def tuning_problem(
     confidence: float | None = None,
     selection: SelectionConfig | None = None,
 ) -> TuningProblem:
-    """A tuning problem for `dualwinch.tune`, in the words of the command ``dualwinch tune``.
+    """Make a tuning problem for `dualwinch.tune` from the arguments of the command ``dualwinch tune``.
 
-    With an ensemble the calibrating Kalman filter is used unless an experiment, a file or a setting names an estimator:
-    sensors there are noisy and ropes are not quite the nominal ones. Where drums, encoder zeros or the position sensor
-    are not what they should be, as in ``rig``, it is the self-calibrating one. `TuningProblem.choices` says so.
+    With an ensemble the estimator is the calibrating Kalman filter, since sensors are noisy and ropes differ from the
+    nominal ones, unless an experiment, a file or a setting names another. Where drums, encoder zeros or the position
+    sensor are uncertain, as in ``rig``, it is the self-calibrating filter. `TuningProblem.choices` names the choice.
 
     Args:
-        experiment: an experiment to start from, maybe with parts of your own.
+        experiment: an experiment to start from, possibly with parts of your own.
         case: one of the paper's cases to start from.
         config: a configuration file to start from.
         settings: such as ``controller.estimator=none``.
-        ensemble: name or file of an ensemble, whose nominal values are set on what is started from; or an ensemble
-            of your own as it is, with the experiment's controller; ``None``: the experiment is the only scenario.
+        ensemble: name or file of an ensemble, whose nominal values replace those of the experiment, case or file; or an
+            ensemble of your own, with the experiment's controller; ``None``: the experiment is the only scenario.
         space: such as ``controller.nftsm.beta`` or ``controller.observer.l0=1:50:log``; default: every gain in use.
         objectives: statistics to minimise; default: ``mean.mse``.
-        constraints: such as ``mean.chatter<=0.25*paper``, beside the default ones, which are no slack, no peak,
-            little chatter and, in an ensemble, stability margins, or in place of one on the same statistic. ``none``
-            among them, or an empty list, leaves the default ones out.
-        scenarios: of the training set, drawn from the ensemble.
+        constraints: such as ``mean.chatter<=0.25*paper``. They add to the default ones (no slack, no peak, little
+            chatter and, in an ensemble, stability margins); one on the same statistic replaces it. ``none`` among them,
+            or an empty list, drops the default ones.
+        scenarios: number of training scenarios drawn from the ensemble.
         seed: of scenarios and search.
-        held: keys that are left out of the space, so that they keep the values that settings give them.
-        violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: that of
+        held: keys excluded from the space; they keep the values of `settings`.
+        violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: from
             `selection`.
-        confidence: with which the choice supports that; likewise.
-        selection: hyper-parameters of training set, ranking and choice.
+        confidence: of the statement that candidates stay below `violation`; default: from `selection`.
+        selection: hyper-parameters of training set, ranking and selection.
 
     Raises:
-        ConfigurationError: anything wrong with a key, a value, the space, objectives or constraints.
+        ConfigurationError: an invalid key, value, space, objective or constraint.
     """
     instance("experiment", experiment, Experiment, optional=True)
     values = dict(map(parse_assignment, texts("settings", settings)))
@@ -140,7 +140,7 @@ def tuning_problem(
 
 
 def _chance_constrained(config: SelectionConfig, violation: float | None, confidence: float | None) -> SelectionConfig:
-    """A configuration with other probabilities, and with as many fresh draws as they need."""
+    """A configuration with other probabilities, and with the number of fresh draws that they require."""
     if violation is None and confidence is None:
         return config
     asked = {"violation": violation, "confidence": confidence}
@@ -150,12 +150,12 @@ def _chance_constrained(config: SelectionConfig, violation: float | None, confid
 
 
 def _named(config: Path | None) -> Collection[str]:
-    """Keys that a configuration file names."""
+    """Keys set in a configuration file."""
     return () if config is None else dict(flattened(read_source(config).table()))
 
 
 def _with_usual_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensemble, list[str]]:
-    """An ensemble with the estimator and the coordination that suit it, where none is named, and why, in words."""
+    """An ensemble with default estimator and coordination, where none is named, and the reason for each in words."""
     chosen = list[str]()
     if ESTIMATOR not in named:
         usual = default_estimator(ensemble)
@@ -170,7 +170,7 @@ def _with_usual_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensem
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
-    """A problem as data that a study keeps."""
+    """A problem as a record that a study keeps."""
     return {
         "configuration": configuration(problem),
         "ensemble": problem.ensemble.name if problem.ensemble else "",
@@ -186,7 +186,7 @@ def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
 
 
 def problem_from(definition: Mapping[str, Any]) -> TuningProblem:
-    """The problem that `definition_of` took apart."""
+    """The problem of a record from `definition_of`."""
     text, drawn = definition["configuration"], None
     if definition["ensemble"]:
         drawn = loads_ensemble(text, name="the study's ensemble")
@@ -213,7 +213,7 @@ def configuration(problem: TuningProblem) -> str:
 
 
 def check_words(text: str) -> None:
-    """Raise `ConfigurationError` where one of ``--space``'s texts is none."""
+    """Raise `ConfigurationError` for an invalid text of ``--space``."""
     if not text.endswith(".toml"):
         entry_from(text)
 
@@ -237,7 +237,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Entries of a file's ``[space]`` table: ``controller.nftsm.beta = { lower = 0.005, upper = 5, log = true }``."""
     table = read_source(path).table()
     if not isinstance(table.get("space"), dict) or set(table) != {"space"}:
-        raise ConfigurationError(f"{path}: must hold one table, [space]")
+        raise ConfigurationError(f"{path}: must contain one table, [space]")
     entries: dict[str, Any] = {}
     for key, value in flattened(table["space"]):
         name, _, last = key.rpartition(".")

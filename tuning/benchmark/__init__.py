@@ -1,1 +1,1 @@
-"""A race: laws that all are tuned with the same number of rollouts, and scored in one test set."""
+"""A benchmark of laws: all tuned with the same number of rollouts, and scored on one test set."""

@@ -1,8 +1,8 @@
-"""Whether two that took part differ: paired ratios of their errors, and a rule that is fixed before anybody runs.
+"""Comparison of two entries by paired ratios of their errors, with a decision rule fixed before any run.
 
-Errors of the same scenario share its sea, noise and machine, so that it is their ratio that tells the two apart. Ratios
-multiply: their logarithms are averaged. The interval is Student's; with many pairs some would differ by chance, so that
-the levels are Holm's (Scand. J. Statist. 6, 1979).
+Errors in the same scenario share its sea, noise and machine, so their ratio compares the controllers. The mean of the
+ratios is geometric, with Student's interval of the logarithms. Since some of many pairs would differ by chance, levels
+are corrected by Holm's method (Scand. J. Statist. 6, 1979).
 """
 
 import math
@@ -18,25 +18,25 @@ from dualwinch.simulation.ensembles.comparison import CONFIDENCE, Interval
 Floats = NDArray[np.float64]
 
 LEAST_DIFFERENCE = 0.05
-"""Share by which errors have to differ to count."""
+"""Smallest relative difference of errors that counts."""
 
 RULE = (
-    f"Two differ where the geometric mean of the ratios of their mean square errors, scenario by scenario, is off 1 by "
-    f"more than {100 * LEAST_DIFFERENCE:g} %, and a t-test of the ratios' logarithms rejects 1 at "
-    f"{100 * (1 - CONFIDENCE):.0f} % with Holm's correction over all pairs; and where they were tuned more than once, "
-    "only if every search of the one is ahead of every search of the other."
+    "Two entries differ if the geometric mean of the ratios of their mean square errors, scenario by scenario, is more "
+    f"than {100 * LEAST_DIFFERENCE:g} % from 1, and a t-test of the ratios' logarithms rejects 1 at "
+    f"{100 * (1 - CONFIDENCE):.0f} % with Holm's correction over all pairs; and, with several searches of each, if "
+    "every search of the one is ahead of every search of the other."
 )
-"""When two differ, in words."""
+"""The decision rule in words."""
 
 
 @dataclass(frozen=True)
 class ErrorRatio:
-    """How the errors of two compare, over the scenarios that both ran to their end.
+    """Ratio of the errors of two entries, over the scenarios that both completed.
 
     Attributes:
-        scenarios: number of those.
+        scenarios: their number.
         interval: geometric mean of the ratios, with its 95 % interval; NaN without scenarios.
-        p: probability of a geometric mean at least as far from 1 by chance; 1 with fewer than two scenarios.
+        p: p-value of the t-test, that the mean is at least as far from 1 by chance; 1 for fewer than two scenarios.
     """
 
     scenarios: int
@@ -44,14 +44,14 @@ class ErrorRatio:
     p: float
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """As a dictionary for JSON."""
         interval = {name: finite_or_none(value) for name, value in asdict(self.interval).items()}
         return {**interval, "scenarios": self.scenarios, "p": self.p}
 
 
 @dataclass(frozen=True)
 class PairComparison:
-    """Two that took part.
+    """Comparison of two entries.
 
     Attributes:
         first, second: their keys.
@@ -68,18 +68,18 @@ class PairComparison:
 
     @property
     def differ(self) -> bool:
-        """What `RULE` says."""
+        """Whether the entries differ by `RULE`."""
         sure = self.apart and self.corrected < 1 - CONFIDENCE
         return sure and abs(math.log(self.ratio.interval.estimate)) > -math.log(1 - LEAST_DIFFERENCE)
 
 
 def finite_or_none(value: float) -> float | None:
-    """A number as JSON holds it: none where it is not finite."""
+    """A number for JSON: ``None`` if it is not finite."""
     return value if math.isfinite(value) else None
 
 
 def ratio_of(values: Floats, references: Floats) -> ErrorRatio:
-    """How paired errors compare.
+    """Geometric mean of the ratios of paired errors, with Student's interval and p-value of the logarithms.
 
     Args:
         values: (pairs,) positive.
@@ -101,7 +101,7 @@ def ratio_of(values: Floats, references: Floats) -> ErrorRatio:
 
 
 def holm(levels: Sequence[float]) -> list[float]:
-    """Levels of several tests, corrected so that the chance of any false rejection is the one asked for."""
+    """p-values of several tests with Holm's correction, which bounds the probability of any false rejection."""
     corrected, least = [1.0] * len(levels), 0.0
     for rank, index in enumerate(sorted(range(len(levels)), key=lambda index: levels[index])):
         least = max(least, min(1.0, (len(levels) - rank) * levels[index]))

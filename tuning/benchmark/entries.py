@@ -1,4 +1,4 @@
-"""The entries of a race: a law, an estimator and a coordination, as they are or with something held."""
+"""The entries of a race: a law, an estimator and a coordination, complete or with a part ablated."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR
 
 ALL = "all"
-"""Stands for every kind of a registry."""
+"""Name for every kind of a registry."""
 
 LAW = "controller.kind"
 """Key of the law; those of the other two parts are `tuning_problem.ESTIMATOR` and `COORDINATION`."""
@@ -24,14 +24,14 @@ LAW = "controller.kind"
 
 @dataclass(frozen=True)
 class BenchmarkEntry:
-    """One combination of parts that is tuned.
+    """One combination of parts to tune.
 
     Attributes:
         law, estimator, coordination: kinds of its parts.
-        variant: what is changed, in a few words; empty: nothing.
-        settings: key → value of what is changed.
-        held: keys that are left out of the search.
-        search: number of the search, from 0: each has a seed of its own.
+        variant: the ablation in a few words; empty: none.
+        settings: key → value that the ablation sets.
+        held: keys excluded from the search.
+        search: number of the search, from 0; each has its own seed.
     """
 
     law: str
@@ -44,7 +44,7 @@ class BenchmarkEntry:
 
     @property
     def key(self) -> str:
-        """What tells it from all others: its parts, what is changed, and which search it is but for the first."""
+        """Unique key: its parts, its ablation, and the number of its search unless it is the first."""
         return ", ".join(self._words)
 
     @property
@@ -59,21 +59,21 @@ class BenchmarkEntry:
 
     @property
     def group(self) -> str:
-        """Key of its first search: what all its searches share."""
+        """Key of its first search, common to all its searches."""
         return replace(self, search=0).key
 
     @property
     def values(self) -> dict[str, Any]:
-        """Every setting that makes it what it is."""
+        """All its settings: kinds of parts and those of the ablation."""
         kinds = {LAW: self.law, ESTIMATOR: self.estimator, COORDINATION: self.coordination}
         return kinds | dict(self.settings)
 
 
 def kinds(asked: Sequence[str] | str | None, registry: Registry[Any], usual: Sequence[str]) -> list[str]:
-    """The kinds that are asked for: `ALL`, one or several, each once; what is usual where nothing is.
+    """The requested kinds without repetition: one, several or `ALL`; the usual ones if none is requested.
 
     Raises:
-        ConfigurationError: there is no such kind; the message names the nearest.
+        ConfigurationError: an unknown kind; the message names the nearest.
     """
     texts = [asked] if isinstance(asked, str) else list(asked or usual)
     found: list[str] = []
@@ -88,9 +88,9 @@ def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: 
 
 
 def names(entries: Sequence[BenchmarkEntry]) -> dict[str, str]:
-    """Key of each entry → what it is called among these: its law, what is changed, and parts that most do not have.
+    """Key of each entry → its name among them: its law, its ablation, and its parts if most entries have others.
 
-    All searches of an entry are called alike.
+    All searches of an entry have the same name.
     """
     usual = {part: _usual([getattr(entry, part) for entry in entries]) for part in ("estimator", "coordination")}
 
@@ -102,7 +102,7 @@ def names(entries: Sequence[BenchmarkEntry]) -> dict[str, str]:
 
 
 def _usual(kinds_there: Sequence[str]) -> str:
-    """The kind that more than half have; empty where there is none."""
+    """The kind of more than half of the entries; empty if there is none."""
     kind = max(kinds_there, key=kinds_there.count, default="")
     return kind if 2 * kinds_there.count(kind) > len(kinds_there) else ""
 
@@ -111,14 +111,14 @@ PAPER_LAW = Controller().law.kind
 """The paper's law."""
 
 NO_OBSERVER = Nftsm.kind
-"""The paper's law without its observer is a law of its own."""
+"""The paper's law without its observer, a law of its own."""
 
 CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE = (
     "constant observer gain",
     "without anti-saturation",
     "linear surface",
 )
-"""What is taken away, in words."""
+"""Names of the ablations."""
 
 VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     CONSTANT_GAIN: (
@@ -129,17 +129,17 @@ VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"controller.auxiliary.gamma": 0.0, "controller.auxiliary.gamma_force": 0.0},
         tuple(f"controller.auxiliary.{name}" for name in ("gamma", "gamma_force", "k_a")),
     ),
-    # the law needs p > q; with 1.00002 the surface is linear within 0.03 % from the smoothed speed errors on upwards
+    # the law needs p > q; with p/q = 1.00002 the surface is linear within 0.03 % above the smoothed speed errors
     LINEAR_SURFACE: (
         {"controller.nftsm.p": 100_001, "controller.nftsm.q": 99_999},
         ("controller.nftsm.p", "controller.nftsm.q"),
     ),
 }
-"""What is taken away → settings, and keys that are not searched then."""
+"""Ablation → its settings, and the keys excluded from its search."""
 
 
 def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
-    """The paper's law as it is, and without each of its parts."""
+    """The complete law of the paper, and the law without each of its parts."""
     whole = [BenchmarkEntry(PAPER_LAW, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
     return whole + [
         BenchmarkEntry(PAPER_LAW, estimator, coordination, variant, settings, held)
@@ -148,12 +148,12 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
 
 
 ROLLOUTS, TEST_SCENARIOS = 30_000, SampleSizes().test
-"""Budget of a search, and scenarios of the test set, where nothing else is asked for."""
+"""Default budget of a search, and default number of test scenarios."""
 
 
 @dataclass(frozen=True)
 class BenchmarkTerms:
-    """What is the same for all.
+    """Terms of a race, the same for all entries.
 
     Attributes:
         ensemble: its name.
@@ -161,8 +161,8 @@ class BenchmarkTerms:
         constraints: of all searches.
         method: name of the optimiser.
         rollouts: budget of each search.
-        scenarios: of the training set.
-        test_scenarios: of the test set, which score.
+        scenarios: number of training scenarios.
+        test_scenarios: number of test scenarios, for the scores.
         seed: of scenarios and searches.
     """
 
@@ -176,28 +176,28 @@ class BenchmarkTerms:
     seed: int
 
     def __post_init__(self) -> None:
-        """Raise `ConfigurationError` where a number is out of range."""
+        """Raise `ConfigurationError` for a number out of range."""
         for name, least in (("rollouts", 1), ("test_scenarios", 2)):
             whole_number(name, getattr(self, name), least)
 
     @property
     def test_seed(self) -> int:
-        """Seed of the test set, whose scenarios take no part in any search, in its choice and in its own score."""
+        """Seed of the test set; no search, selection or score of a single study uses its scenarios."""
         return named_seed(self.seed, "benchmark test")
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """As a dictionary for JSON."""
         return asdict(self)
 
 
 @dataclass(frozen=True)
 class EntryProblem:
-    """An entry, ready to be tuned.
+    """An entry with its tuning problem.
 
     Attributes:
         entry: its parts.
-        problem: what is searched for.
-        definition: the problem as data that is kept with the result.
+        problem: its tuning problem.
+        definition: the problem as a record, kept with the result.
     """
 
     entry: BenchmarkEntry

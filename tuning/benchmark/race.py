@@ -1,4 +1,4 @@
-"""The function `dualwinch.race`: every law tuned with one budget, and all scored in the same test scenarios."""
+"""The function `dualwinch.race`: tune every law with the same budget, and score all on one test set."""
 
 import fcntl
 import json
@@ -80,16 +80,16 @@ from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 
 RobustnessCheck = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
-"""Finds the least robustness margins of an experiment's gains, the least first; by some workers."""
+"""Computes the least robustness margins of an experiment's gains, in ascending order, on given workers."""
 
 OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
-"""Key of a part → option that chooses it."""
+"""Key of a part → its option."""
 
 STRESS_SCENARIOS = 8
-"""Scenarios of every size in the search for robustness margins."""
+"""Number of scenarios per size in the computation of robustness margins."""
 
 SHOWN_ENTRIES = 3
-"""Imperfections that are named, that of the least robustness margin first."""
+"""Number of imperfections reported, in ascending order of robustness margin."""
 
 
 def race(
@@ -112,47 +112,47 @@ def race(
     workers: Workers = None,
     progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
-    """Tune every combination of parts with the same number of rollouts, and score all in the same test set.
+    """Tune every combination of parts with the same number of rollouts, and score all on the same test set.
 
-    An interrupt (Ctrl-C) keeps what is finished, and the same call with the same folder goes on with the rest. A
-    later call may add entries to a folder; all that are in it take part.
+    An interrupt (Ctrl-C) keeps finished entries, and the same call with the same folder continues with the rest. A
+    later call may add entries to a folder; the result has all entries in it.
 
     Args:
-        ensemble: name or file of what scenarios are drawn from, or an ensemble of your own.
-        laws: kinds of position laws, registered ones of your own among them; default: all.
-        estimators: kinds of estimators, or ``all``; default: what `dualwinch.tuning_problem` takes for the ensemble.
+        ensemble: name or file of the ensemble that scenarios are drawn from, or an ensemble of your own.
+        laws: kinds of position laws, including registered ones of your own; default: all.
+        estimators: kinds of estimators, or ``all``; default: the one of `dualwinch.tuning_problem` for the ensemble.
         coordinations: kinds of coordinations, or ``all``; default: the paper's.
-        ablations: whether the paper's law takes part without each of its parts, too.
+        ablations: whether to add the paper's law without each of its parts.
         rollouts: of each search (see `dualwinch.tune`).
-        searches: of each entry, by seeds of their own; more than one tell how much is luck.
-        test_scenarios: number of scenarios of the test set, which score.
-        scenarios: of the training set; default: those of `dualwinch.tuning_problem`.
+        searches: number of searches of each entry, with different seeds; several show how much is luck.
+        test_scenarios: number of test scenarios, for the scores.
+        scenarios: number of training scenarios; default: from `dualwinch.tuning_problem`.
         seed: of all scenarios and searches.
         settings: such as ``plant.vehicle.mass=12000``, for all.
-        constraints: as of `dualwinch.tuning_problem`, for all.
+        constraints: as in `dualwinch.tuning_problem`, for all.
         method: name of the optimiser; default: that of `dualwinch.tune`.
-        stress: whether robustness margins of the best of each are computed, too (see `dualwinch.stress`).
-        out: folder that finished entries are kept in; default: nowhere.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done of what there is to do, and with what is being done.
+        stress: whether to compute robustness margins of each entry's best gains (see `dualwinch.stress`).
+        out: folder for finished entries; default: none.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done, and the current phase.
 
     Returns:
-        The race; it has a table as text and in a notebook, `plot` and `plot_fronts`.
+        The result of the race; it has a table as text and in a notebook, `plot` and `plot_fronts`.
 
     Raises:
-        ConfigurationError: anything wrong with a kind, a key, a value or a constraint, parts that do not go together,
-            or a folder that holds another race.
+        ConfigurationError: an invalid kind, key, value or constraint, incompatible parts, or the folder of another
+            race.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
     drawn = ensemble if isinstance(ensemble, Ensemble) else load_ensemble(ensemble)
     for key in drawn.distributions:
         if key.startswith("controller."):
-            raise ConfigurationError(f"{key}: is drawn in '{drawn.name}'; a race needs the gains as they are")
+            raise ConfigurationError(f"{key}: is drawn in '{drawn.name}'; a race needs fixed gains")
     for text in settings:
         key = parse_assignment(text)[0]
         if key in OPTIONS:
-            raise ConfigurationError(f"{text}: give {OPTIONS[key]}, for all kinds that are to take part")
+            raise ConfigurationError(f"{text}: give {OPTIONS[key]} instead, with every kind to compare")
     method = method or default_method(1)
     check_method(method, 1)
     usual = default_estimator(drawn), default_coordination(drawn) or Controller().coordination.kind
@@ -212,17 +212,17 @@ def _problem(
 
 
 def _robustness_check(problem: TuningProblem) -> RobustnessCheck:
-    """Finds the least robustness margins in the base that a problem is tuned in.
+    """The computation of the least robustness margins, with a problem's ensemble as the base.
 
     Raises:
-        ConfigurationError: there is no imperfection that the gains are not tuned for.
+        ConfigurationError: the gains are tuned for every imperfection.
     """
     check_stress(problem)
     return partial(least_robust, problem)
 
 
 def least_robust(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
-    """The least robustness margins of an experiment's gains, where the base is what a problem is tuned in."""
+    """The least robustness margins of an experiment's gains, with a problem's ensemble as the base."""
     name = "given"
     found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
@@ -242,9 +242,9 @@ FREE = frozenset({ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN})
 
 
 def operations(experiment: Experiment) -> int:
-    """Number of operations that the controller of an experiment takes a sample, an exponential counted like a sum.
+    """Number of operations per sample of an experiment's controller; an exponential counts like a sum.
 
-    What follows from gains, nominal plant and sample time alone is worked out beforehand, as in exported controllers.
+    Terms of gains, nominal plant and sample time alone are constants, as in exported controllers.
     """
     controller = controller_function(experiment.controller, experiment.plant)
     arguments = [ca.SX.sym(name, controller.size1_in(name)) for name in controller.name_in()[:-1]]
@@ -254,27 +254,27 @@ def operations(experiment: Experiment) -> int:
 
 
 ENTRIES = "entries"
-"""Folder of the files, in that of the race."""
+"""Subfolder of the entries' files in the folder of the race."""
 
 TOML = "configuration"
-"""Name of what is TOML."""
+"""Name of the term that is TOML."""
 
 PAPER_STEM = "paper"
 """Name of the file with the paper's gains."""
 
 
 class ResultFolder:
-    """What is finished of a race, in a folder or in memory alone."""
+    """Finished results of a race, in a folder or in memory only."""
 
     def __init__(self, path: Path | None, terms: Mapping[str, Any]) -> None:
-        """Read what is there.
+        """Read the results in the folder.
 
         Args:
-            path: folder of the race; ``None``: nothing is kept beyond this object.
-            terms: what has to be the same for all, JSON-ready.
+            path: folder of the race; ``None``: results are kept in memory only.
+            terms: of the race, for JSON.
 
         Raises:
-            ConfigurationError: what is there was run on other terms, or is nothing of a race.
+            ConfigurationError: a file has other terms, or is not a race's.
         """
         self._path = None if path is None else path / ENTRIES
         self._terms = _plain(terms)
@@ -285,18 +285,18 @@ class ResultFolder:
 
     @property
     def stems(self) -> tuple[str, ...]:
-        """Names of what is finished."""
+        """Names of the finished results."""
         return tuple(self._records)
 
     def find(self, stem: str, definition: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-        """What is finished under a name; ``None`` where it is not.
+        """The finished result of a name; ``None`` if there is none.
 
         Args:
             stem: the name.
-            definition: what it has to be the result of, JSON-ready; ``None``: of anything.
+            definition: that the result must have, for JSON; ``None``: any.
 
         Raises:
-            ConfigurationError: it is the result of something else.
+            ConfigurationError: the result has another definition.
         """
         record = self._records.get(stem)
         if record is None:
@@ -311,9 +311,9 @@ class ResultFolder:
 
     @contextmanager
     def claimed(self, stem: str) -> Iterator[bool]:
-        """Claim an entry for as long as it is computed; false where another process computes it, or has finished it.
+        """Claim an entry while it is computed; false if another process has claimed it.
 
-        The claim is a lock on a file, which the system releases when a process ends, however it ends.
+        The claim is a lock on a file, which the system releases when the process ends, even by a crash.
         """
         if self._path is None:
             yield True
@@ -332,13 +332,13 @@ class ResultFolder:
                 Path(lock.name).unlink(missing_ok=True)
 
     def look(self, stem: str) -> dict[str, Any] | None:
-        """What is finished under a name, by another process, too; ``None`` where it is not."""
+        """The finished result of a name, possibly another process's; ``None`` if there is none."""
         if self._path is not None and (file := self._path / f"{stem}.json").is_file():
             self._records[stem] = self._read(file)
         return self.find(stem)
 
     def keep(self, stem: str, definition: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-        """Keep what is finished.
+        """Keep a finished result.
 
         Raises:
             OSError: the file cannot be written.
@@ -355,17 +355,17 @@ class ResultFolder:
             record = json.loads(file.read_text(encoding="utf-8"))
             terms = record["terms"], record["definition"], record["result"]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ConfigurationError(f"{file}: is nothing that a race has left; remove it") from error
+            raise ConfigurationError(f"{file}: is not a result of a race; remove it") from error
         for name in _differences(self._terms, terms[0]):
             shown = "" if name == TOML else f", {terms[0].get(name)} and not {self._terms[name]}"
             raise ConfigurationError(
-                f"{file.parent.parent}: holds a race with {another(name)}{shown}; give another folder"
+                f"{file.parent.parent}: contains a race with {another(name)}{shown}; give another folder"
             )
         return record
 
 
 def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
-    """Names whose values differ; of TOML the content counts, for its comments name every part that is known."""
+    """Names whose values differ; TOML is compared by content, as its comments list all registered parts."""
     return [name for name, value in ours.items() if _content(name, value) != _content(name, theirs.get(name, ""))]
 
 
@@ -374,7 +374,7 @@ def _content(name: str, value: Any) -> Any:
 
 
 def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Content as it comes back from a file."""
+    """Content as read back from JSON."""
     return json.loads(json.dumps(content, allow_nan=False))
 
 
@@ -382,7 +382,7 @@ TEST_PHASE = "scoring in the test set"
 STRESS_PHASE = "finding robustness margins"
 PAPER_PHASE = "scoring the paper's gains"
 LEAST_PHASE = "finding the least possible error"
-"""Phases beside those of tuning."""
+"""Phases besides those of tuning."""
 
 
 def scored(
@@ -393,11 +393,11 @@ def scored(
     workers: Workers = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> EntryResult:
-    """Tune an entry, and score its best and its fronts in the test set.
+    """Tune an entry, and score its best and its fronts on the test set.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted; nothing of it is of use.
+        KeyboardInterrupt: interrupted; the entry has no result.
     """
     began, problem = clock.now(), entrant.problem
     tuned = tune(
@@ -446,12 +446,12 @@ def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPo
 def paper(
     problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
 ) -> BaselineScore:
-    """The paper's gains in the test set, and the least error there.
+    """Score the paper's gains on the test set, and compute lower bounds on the error there.
 
     Args:
-        problem: any of the race; ensemble, constraints and seed are those of all.
-        terms: how many scenarios.
-        workers: of this machine, or an executor; default: one thread a core.
+        problem: of any entry; ensemble, constraints and seed are common to all.
+        terms: of the race; they give number and seed of the scenarios.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
         watch: shows the progress.
 
     Raises:
@@ -480,29 +480,29 @@ BEGINS = {
     TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
 }
-"""Phase → share of an entry's time that is over by then, roughly."""
+"""Phase → approximate share of an entry's time that has passed at its begin."""
 
 
 class EntryProgress(TuningProgress):
-    """Watches one entry, and reports how much of what is left of the race is done, and what is being done."""
+    """Progress of one entry, reported as the share done of the entries to run, with the current phase."""
 
     def __init__(self, name: str, number: int, of: int, progress: PhaseProgress) -> None:
-        """Watch entry `number`, from 0, of so many that have to be run."""
+        """Watch entry `number`, from 0, of `of` entries to run."""
         super().__init__()
         self._name, self._number, self._of, self._of_race = name, number, of, progress
         self._words = ""
 
     def phase(self, words: str) -> None:
-        """Report what is done from now on."""
+        """Report the begin of a phase."""
         self._words = words
         self._report(BEGINS.get(words, 0.0))
 
     def step(self, words: str, status: str = "") -> Progress:  # noqa: ARG002
-        """Report nothing: of an entry the phases are enough."""
+        """Report nothing: phases suffice."""
         return no_progress
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
-        """Report how far the search is."""
+        """Report the share of the search that is done."""
         self._report(BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING]))
 
     def _report(self, share: float) -> None:
@@ -519,23 +519,23 @@ def run_race(
     workers: Workers = None,
     progress: PhaseProgress = no_progress,
 ) -> BenchmarkResult:
-    """Tune and score every entry that the folder does not hold yet; compute robustness margins if asked.
+    """Tune and score every entry that is not in the folder yet; compute robustness margins if requested.
 
-    An interrupt (Ctrl-C) keeps what is finished; the same call goes on with the rest.
+    An interrupt (Ctrl-C) keeps finished entries; the same call continues with the rest.
 
     Args:
         entrants: at least one.
-        terms: what is the same for all.
-        folder: where finished entries are kept; those of earlier calls take part too, if they were run on these terms.
-        robustness: finds the robustness margins of the best gains.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done of what there is to do, and with what is being done.
+        terms: of the race, the same for all.
+        folder: for finished entries; the result includes those of earlier calls on the same terms.
+        robustness: computes the robustness margins of the best gains; ``None``: none are computed.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done, and the current phase.
 
     Returns:
-        The race; `BenchmarkResult.left` says how many entries an interrupt has left out.
+        The result of the race; `BenchmarkResult.left` is the number of entries that an interrupt left out.
 
     Raises:
-        ConfigurationError: the folder holds a race on other terms.
+        ConfigurationError: the folder has a race on other terms.
         DualwinchError: no compiler, no usable cache folder, or no optimum found.
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
@@ -564,15 +564,15 @@ def run_race(
 
 @dataclass(frozen=True)
 class RaceJob:
-    """What is done at a time in a race: score the paper's gains, or tune and score an entry.
+    """A job of a race: score the paper's gains, or tune and score an entry.
 
     Attributes:
-        stem: under which the result is kept.
-        name: shown to people.
-        problem: that is tuned, or any of the race.
+        stem: name of the result's file.
+        name: in messages.
+        problem: of the entry; of any entry for the paper's gains.
         terms: of the race.
-        entrant: that is tuned; None: the paper's gains.
-        robustness: finds the robustness margins of the best gains.
+        entrant: the entry; ``None``: the paper's gains.
+        robustness: computes the robustness margins of the best gains; ``None``: none are computed.
     """
 
     stem: str
@@ -584,15 +584,15 @@ class RaceJob:
 
     @property
     def definition(self) -> Mapping[str, Any]:
-        """What it has to be the result of."""
+        """Definition that the result must have."""
         return self.entrant.definition if self.entrant else {}
 
     def lacks(self, record: Mapping[str, Any] | None) -> bool:
-        """Whether something is still to be found out."""
+        """Whether a record lacks something to compute."""
         return record is None or (self.robustness is not None and record["stress"] is None)
 
     def watch(self, number: int, count: int, progress: PhaseProgress) -> TuningProgress:
-        """Progress of this entry among the entries that have to be run."""
+        """Progress of this entry among the entries to run."""
         if self.entrant is None:
 
             def phase_alone(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
@@ -604,7 +604,7 @@ class RaceJob:
     def run(
         self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = NO_PROGRESS
     ) -> dict[str, Any]:
-        """The result, JSON-ready; `record`: what is known of it."""
+        """Compute the result, for JSON; `record` is its finished part."""
         if self.entrant is None:
             return paper(self.problem, self.terms, workers=workers, watch=watch).to_record()
         if record and self.robustness:
@@ -615,13 +615,13 @@ class RaceJob:
 
 
 PAUSE = 1.0
-"""Time in s between two looks at what other processes have finished."""
+"""Polling period in s for results of other processes."""
 
 
 def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, progress: PhaseProgress) -> None:
-    """Do what a folder lacks: one after the other here, or side by side on an executor's workers.
+    """Run the jobs whose results a folder lacks: one after the other here, or in parallel on an executor's workers.
 
-    Jobs that another process has claimed are left to it, and done here if it ends without a result.
+    Jobs claimed by another process are left to it, and run here if it ends without a result.
     """
     waiting = [job for job in jobs if job.lacks(kept.find(job.stem))]
     count = sum(job.entrant is not None for job in waiting)
@@ -635,7 +635,7 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, pro
                         break
             finished = count - sum(job.entrant is not None for job in waiting)
             if not ours:
-                progress(0.0, f"another process has claimed what is left, {len(waiting)} searches and scores")
+                progress(0.0, f"another process has claimed the remaining {len(waiting)} searches and scores")
             if isinstance(workers, Executor):
                 _spread_jobs(ours, kept, workers, progress)
             else:
@@ -648,7 +648,7 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, pro
 
 
 def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, progress: PhaseProgress) -> None:
-    """Do jobs side by side on an executor's workers; what is finished is kept at once."""
+    """Run jobs in parallel on an executor's workers; each result is kept at once."""
     if jobs:
         progress(0.0, f"{len(jobs)} searches and scores on the cluster")
     tasks = ((job, kept.find(job.stem)) for job in jobs)

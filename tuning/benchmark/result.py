@@ -1,4 +1,4 @@
-"""The result of a race: laws with the best gains that one budget finds, as table, words, JSON and figures."""
+"""The result of a race: laws with the best gains found on one budget, as table, text, JSON and figures."""
 
 import math
 from collections.abc import Iterable
@@ -63,26 +63,26 @@ HEADINGS = (
     "operations a sample",
     "does not differ from",
 )
-"""Of the table."""
+"""Headings of the table."""
 
 MILLIMETRES = 1e3
 
 WITHOUT_OBSERVER = "without observer"
-"""What the paper's law is called that has none, among its ablations."""
+"""Name of the paper's law without observer among its ablations."""
 
 MEAN_ERROR = Statistic("mean", ERROR)
-"""What the searches minimise."""
+"""Objective of the searches."""
 
 
 @dataclass(frozen=True, repr=False)
 class BenchmarkResult:
-    """Laws that were all tuned with the same number of rollouts, and scored in the same scenarios; shown as a table.
+    """Result of a race: laws tuned with the same number of rollouts, scored in the same scenarios, shown as a table.
 
     Attributes:
-        terms: what was the same for all.
-        paper: the paper's gains, and the least error there is.
-        entries: those that are finished, a search each.
-        left: number of entries that an interrupt has left out.
+        terms: of the race.
+        paper: score of the paper's gains, and lower bounds on the error.
+        entries: the finished ones, one per search.
+        left: number of entries that an interrupt left out.
     """
 
     terms: BenchmarkTerms
@@ -92,12 +92,12 @@ class BenchmarkResult:
 
     @cached_property
     def names(self) -> dict[str, str]:
-        """Key of each entry → what it is called; all its searches are called alike."""
+        """Key of each entry → its name, the same for all its searches."""
         return names([scored.entry for scored in self.entries])
 
     @cached_property
     def searches(self) -> dict[str, tuple[EntryResult, ...]]:
-        """Key of an entry's first search → all its searches, the least error first."""
+        """Key of an entry's first search → all its searches, in ascending order of error."""
         groups: dict[str, list[EntryResult]] = {}
         for scored in sorted(self.entries, key=self._order):
             groups.setdefault(scored.entry.group, []).append(scored)
@@ -105,7 +105,7 @@ class BenchmarkResult:
 
     @cached_property
     def by_key(self) -> dict[str, EntryResult]:
-        """Key of each entry → what it came to."""
+        """Key of each entry → its result."""
         return {scored.entry.key: scored for scored in self.entries}
 
     @cached_property
@@ -115,9 +115,9 @@ class BenchmarkResult:
 
     @cached_property
     def ranking(self) -> tuple[EntryResult, ...]:
-        """The median search of every entry, the least error first; entries with runs that were not completed last.
+        """The median search of every entry, in ascending order of error; entries with incomplete runs last.
 
-        Of an even number of searches the worse one of the two in the middle.
+        The median of an even number of searches is the worse of the two in the middle.
         """
         return tuple(sorted((group[len(group) // 2] for group in self.searches.values()), key=self._order))
 
@@ -130,7 +130,7 @@ class BenchmarkResult:
 
     @cached_property
     def pairs(self) -> tuple[PairComparison, ...]:
-        """Every two of the ranking, in its order."""
+        """Comparisons of all pairs in the ranking, in its order."""
         couples = list(combinations(self.ranking, 2))
         ratios = [_ratio(first.runs, second.runs) for first, second in couples]
         corrected = holm([ratio.p for ratio in ratios])
@@ -147,13 +147,13 @@ class BenchmarkResult:
 
     @property
     def luck(self) -> float:
-        """Largest ratio of the errors of two searches of one entry; 1 where each was tuned once."""
+        """Largest ratio of the errors of two searches of the same entry; 1 if each was tuned once."""
         groups = [[self._estimate(search) for search in group] for group in self.searches.values()]
         spans = [[ratio for ratio in group if math.isfinite(ratio)] for group in groups]
         return max((max(span) / min(span) for span in spans if span), default=1.0)
 
     def alike(self, key: str) -> tuple[str, ...]:
-        """Keys of the ranking that one of it does not differ from, by `tuning.benchmark.comparison.RULE`."""
+        """Keys in the ranking that do not differ from `key`, by `tuning.benchmark.comparison.RULE`."""
         return tuple(
             pair.second if pair.first == key else pair.first
             for pair in self.pairs
@@ -161,7 +161,7 @@ class BenchmarkResult:
         )
 
     def pair(self, first: str, second: str) -> PairComparison:
-        """Two entries, whichever of them is ahead; the ratio is of the first over the second."""
+        """Comparison of two entries in either order; the ratio is of the first over the second."""
         found = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
         if found.first == first:
             return found
@@ -170,7 +170,7 @@ class BenchmarkResult:
 
     @property
     def heading(self) -> str:
-        """What was done, in one line."""
+        """The terms in one line."""
         terms = self.terms
         entries = f"{len(self.searches)} entr{'y' if len(self.searches) == 1 else 'ies'}"
         searches = len(self.entries)
@@ -181,7 +181,7 @@ class BenchmarkResult:
         )
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows: the entries, the best first, and the paper's gains."""
+        """Headings and rows: the entries in order of the ranking, then the paper's gains."""
         numbers = {scored.entry.key: str(rank) for rank, scored in enumerate(self.ranking, 1)}
         rows = []
         for scored in self.ranking:
@@ -192,9 +192,9 @@ class BenchmarkResult:
         return list(HEADINGS), [*rows, ["the paper's gains", "1 ×", *_cells(self.paper.runs), ""]]
 
     def notes(self) -> list[str]:
-        """What a reader has to know of the table."""
+        """Explanations of the table."""
         words = [
-            "Error: how many times the mean square error is below that of the paper's gains, the geometric mean over "
+            "Error: factor by which the mean square error is below that of the paper's gains, the geometric mean over "
             "the scenarios. " + RULE + " Load: root mean square of the motor torques."
         ]
         words += [f"Constraints of all searches: {'; '.join(self.terms.constraints) or 'nothing'}."]
@@ -205,23 +205,23 @@ class BenchmarkResult:
             if not scored.search.improved
         ]
         if self.left:
-            words.append(f"Interrupted: {self.left} entries are left; the same call goes on with them.")
+            words.append(f"Interrupted: {self.left} entries are left; the same call continues with them.")
         return words
 
     def _luck_words(self) -> str:
-        """How much of a difference is the luck of a search."""
+        """Note on the influence of the search's seed."""
         if len(self.entries) == len(self.searches):
             return (
-                "Each was tuned once: another seed of the search finds other gains, and to leave a part out hardly "
-                "makes the best gains there are any better. `--searches 3` tells how much is luck."
+                "Each was tuned once: another seed of the search finds other gains. A law without one of its parts can "
+                "hardly be better than the whole. `--searches 3` shows how much is luck."
             )
         return (
-            "Shown is the median search of each. Searches of the same entry that differ by their seed alone are up to "
-            f"a factor of {spaced(self.luck)} apart."
+            "The median search of each is shown. Searches of the same entry, which differ only in their seed, are up "
+            f"to a factor of {spaced(self.luck)} apart."
         )
 
     def _least_words(self) -> str:
-        """What no controller gets below, without and with foresight."""
+        """Lower bounds on the error of any controller, without and with foresight."""
         least = self.paper.least
         if not least.infeasible:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
@@ -233,7 +233,7 @@ class BenchmarkResult:
         return " ".join(filter(None, (words, least.unknown_words)))
 
     def ablations(self) -> list[list[str]]:
-        """The paper's law without each of its parts: what is missing, the ratio, and whether they differ."""
+        """The paper's law without each of its parts: the ablation, the ratio, and whether they differ."""
         wholes = [scored for scored in self.ranking if scored.entry.law == PAPER_LAW and not scored.entry.variant]
         return [row for whole in wholes for row in self._ablated(whole)]
 
@@ -253,7 +253,7 @@ class BenchmarkResult:
         ]
 
     def stress_rows(self) -> list[list[str]]:
-        """Least robustness margins of each entry, where computed: name, imperfection, size and what is broken."""
+        """Least robustness margin of each entry, where computed: name, imperfection, size and violated limit."""
         return [
             [self.names[scored.entry.key], first["label"], first["size"], first["broken"]]
             for scored in self.ranking
@@ -261,7 +261,7 @@ class BenchmarkResult:
         ]
 
     def search_rows(self) -> list[list[str]]:
-        """Of each search: name, how far the error is below the paper's, gains, trials, rollouts, time."""
+        """Rows of all searches: name, factor below the paper's error, gains, trials, rollouts, time."""
         return [
             [
                 self.names[search.entry.key],
@@ -277,27 +277,27 @@ class BenchmarkResult:
         return "\n".join([f"Race: {self.heading}", "", markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         return page("BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), table(*self.table()))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw errors over those of the paper's gains, with intervals, the best first.
+        """Draw the ratios of errors to those of the paper's gains, with intervals, in order of the ranking.
 
         Args:
-            ax: axes to draw into; default: a figure of its own.
+            ax: axes to draw into; default: a new figure.
         """
         return _figure(self, ax)
 
     def plot_fronts(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw what less chatter and less load cost in error, and the least error there is.
+        """Draw the fronts of error against chatter and load, and lower bounds on the error.
 
         Args:
-            ax: axes for chatter and load; default: a figure of its own.
+            ax: axes for chatter and load; default: a new figure.
         """
         return _fronts_figure(self, ax)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything that was found, JSON-ready; `docs/race.md` says what the names mean."""
+        """The complete result as a dictionary for JSON; `docs/race.md` explains the names."""
         terms, (without, given) = self.terms, self.paper.least.means
         return {
             **terms.to_record(),
@@ -360,25 +360,25 @@ def _ratio(runs: ScoredRuns, others: ScoredRuns) -> ErrorRatio:
 
 
 ENTRY_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
-"""Of the entries, the best first; then again, with other dashes."""
+"""Colours of the entries in order of the ranking; they repeat with other dashes."""
 
 LEGEND_ROOM = 1.6
-"""Factor by which the axis goes on on the right, for words."""
+"""Factor by which the axis is extended to the right, for text."""
 
 CLUSTER = 6.0
-"""Factor by which a search may be off the one before for the number to stand behind it, and not between them."""
+"""Largest ratio of neighbouring searches whose marks count as one group; the number stands behind it."""
 
 HEADING, A_ROW = 1.45, 0.27
 """Heights in inches."""
 
 WIDE = frozenset({"chatter"})
-"""Figures of merit that differ by factors."""
+"""Metrics on a logarithmic axis."""
 
 SMALL_RATIO = 0.1
-"""Ratios below that are written as fractions."""
+"""Ratios below this are written as fractions."""
 
 DRAWN_FROM = 0.05
-"""A least error is drawn where it is no smaller than this share of the least error of all."""
+"""A lower bound on the error is drawn if it is at least this share of the least error of all entries."""
 
 
 def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
@@ -440,7 +440,7 @@ def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colo
 
 
 def end_of_marks(high: float, others: Iterable[float]) -> float:
-    """Where the marks end that lie together with an interval; searches that are far off stand alone."""
+    """Right end of the marks grouped with an interval, without searches far off (`CLUSTER`)."""
     for other in sorted(others):
         if high < other < CLUSTER * high:
             high = other
@@ -448,7 +448,7 @@ def end_of_marks(high: float, others: Iterable[float]) -> float:
 
 
 def _share(ratio: float) -> str:
-    """A ratio as it is best read: ``6.4×``, or ``1/16 000``."""
+    """A ratio such as ``6.4×`` or ``1/16 000``."""
     return f"{ratio:.2g}×" if ratio >= SMALL_RATIO else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
@@ -490,12 +490,12 @@ def _means(runs: ScoredRuns, cost: str) -> tuple[float, float]:
 
 
 def _rms(mean_square: float) -> float:
-    """In mm, from m²."""
+    """Root mean square in mm of a mean square in m²."""
     return MILLIMETRES * math.sqrt(mean_square)
 
 
 def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
-    """Least errors in mm that are near those of the entries: value, dashes and name."""
+    """Lower bounds on the error in mm, if near the entries' errors: value, dashes and name."""
     nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
     lines = (
         ((0, (4, 2)), "least error without foresight"),

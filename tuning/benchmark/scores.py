@@ -1,4 +1,4 @@
-"""What entries of a race came to in the test scenarios, as data, JSON and words."""
+"""Scores of a race's entries on the test set, as data, JSON and text."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,10 +23,10 @@ from dualwinch.tuning.scoring.ranking import Evaluation
 Floats = NDArray[np.float64]
 
 ERROR = "mse"
-"""Figure of merit on one side of the trade."""
+"""Metric of the error in the fronts."""
 
 COSTS = ("chatter", "continuous_load")
-"""Figures of merit on the other side."""
+"""Metrics traded for error in the fronts."""
 
 STATISTICS = (
     "mean.mse",
@@ -40,16 +40,16 @@ STATISTICS = (
     "mean.slack_share",
     "mean.energy",
 )
-"""Statistics of every entry in the test scenarios."""
+"""Statistics of every entry on the test set."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredRuns(RunOutcomes):
-    """The runs of some gains in the test scenarios; arrays of outcomes are (scenarios,).
+    """Runs of a controller on the test set; arrays of outcomes are (scenarios,).
 
     Attributes:
-        violations: constraint → how far it is exceeded there, as a share of its bound; <= 0: satisfied.
-        operations: arithmetic operations that the controller takes a sample.
+        violations: constraint → its violation, as a share of its bound; <= 0: satisfied.
+        operations: arithmetic operations of the controller per sample.
     """
 
     violations: dict[str, float]
@@ -57,28 +57,28 @@ class ScoredRuns(RunOutcomes):
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """The constraints that are violated, the worst first."""
+        """The violated constraints, the worst first."""
         broken = [name for name, by in self.violations.items() if by > 0]
         return tuple(sorted(broken, key=self.violations.__getitem__, reverse=True))
 
     def over(self, statistic: Statistic) -> float:
-        """A statistic over the scenarios that ran to their end; NaN without any."""
+        """A statistic over the completed scenarios; NaN without any."""
         return statistic.over(self.of_completed(statistic.metric))
 
     @property
     def kept(self) -> str:
-        """``kept`` where all constraints are satisfied; else how many scenarios were lost, or the worst violation."""
+        """``kept`` if all constraints are satisfied; else the number of incomplete scenarios or the worst violation."""
         lost = int((~self.completed).sum())
         if lost:
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
         return f"broken: {self.broken[0]}" if self.broken else "kept"
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """As a dictionary for JSON."""
         return super().to_record() | {"violations": self.violations, "operations": self.operations}
 
     def to_dict(self) -> dict[str, Any]:
-        """What race.json says of them."""
+        """The entry of ``race.json``."""
         statistics = [statistic_from(name) for name in STATISTICS]
         return {
             "statistics": {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics},
@@ -89,30 +89,30 @@ class ScoredRuns(RunOutcomes):
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """What `to_record` took apart."""
+        """The object of a record from `to_record`."""
         return cls(**vars(outcomes_from(record)), violations=record["violations"], operations=record["operations"])
 
 
 def scored_runs(result: BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
-    """A result of one row."""
+    """The scored runs of a batch with a single row."""
     runs = RunOutcomes(result.outcomes, result.end_times, result.metrics).take(0, axis=0)
     return ScoredRuns(**vars(runs), violations=dict(violations), operations=operations)
 
 
 @dataclass(frozen=True)
 class BaselineScore:
-    """The paper's gains, what others are compared with, and what no controller gets below.
+    """The paper's gains as baseline, and lower bounds on the error of any controller.
 
     Attributes:
         runs: of the paper's controller with the paper's gains.
-        least: what no controller gets below in each scenario.
+        least: lower bounds on the error in each scenario.
     """
 
     runs: ScoredRuns
     least: LeastErrors
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """As a dictionary for JSON."""
         return {
             "runs": self.runs.to_record(),
             "least": plain(self.least.blind),
@@ -121,18 +121,18 @@ class BaselineScore:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """What `to_record` took apart."""
+        """The object of a record from `to_record`."""
         runs = ScoredRuns.from_record(record["runs"])
         return cls(runs, LeastErrors(*(np.array(record[name], float) for name in ("least", "least_foreseeing"))))
 
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """A trial of a search, scored in the test set.
+    """A trial of a search, scored on the test set.
 
     Attributes:
-        cost: mean of the figure of merit that is traded for error, in its unit.
-        error: mean square error in m², the mean of the scenarios.
+        cost: mean of the metric traded for error, in its unit.
+        error: mean square error in m², averaged over the scenarios.
         kept: whether every scenario is completed and every constraint satisfied.
         gains: tuned key → value.
     """
@@ -145,13 +145,13 @@ class FrontPoint:
 
 @dataclass(frozen=True)
 class SearchRecord:
-    """How the gains of an entry were found.
+    """Record of the search of an entry.
 
     Attributes:
-        trials, rollouts: what the search had, the rollouts including the equivalents of gradients.
-        gains: number of gains that were searched for.
-        seconds: wall time of all, preparing and scoring included.
-        improved: whether the best is better than what the search began with.
+        trials, rollouts: their numbers; rollouts include the equivalents of gradients.
+        gains: number of tuned gains.
+        seconds: wall time, preparation and scoring included.
+        improved: whether the best is better than the start.
         version: of the program.
     """
 
@@ -165,16 +165,15 @@ class SearchRecord:
 
 @dataclass(frozen=True)
 class EntryResult:
-    """An entry with the best gains that were found for it.
+    """An entry with its best gains.
 
     Attributes:
         entry: its parts.
-        runs: of those gains in the test set.
+        runs: of those gains on the test set.
         gains: tuned key → value.
-        fronts: figure of merit → what it costs in error, by cost.
-        search: how the gains were found.
-        stress: least robustness margins, each a label, a size and what is broken there; ``None``:
-            nobody has asked.
+        fronts: metric → its front against the error, by cost.
+        search: record of the search.
+        stress: least robustness margins, each a label, a size and the violated limit; ``None``: not computed.
     """
 
     entry: BenchmarkEntry
@@ -185,7 +184,7 @@ class EntryResult:
     stress: tuple[dict[str, Any], ...] | None = None
 
     def to_record(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """As a dictionary for JSON."""
         return {
             "entry": asdict(self.entry) | {"held": list(self.entry.held)},
             "runs": self.runs.to_record(),
@@ -197,7 +196,7 @@ class EntryResult:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """What `to_record` took apart."""
+        """The object of a record from `to_record`."""
         entry = record["entry"]
         stress = record["stress"]
         return cls(
@@ -211,11 +210,11 @@ class EntryResult:
 
 
 FRONT_POINTS = 8
-"""Points of a front that are scored again, at most."""
+"""Largest number of points of a front that are scored on the test set."""
 
 
 def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
-    """Indices of the points that no other one dominates (Pareto); by cost.
+    """Indices of the non-dominated points (Pareto front), in order of cost.
 
     Args:
         costs: (points,)
@@ -230,12 +229,12 @@ def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
 
 
 def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> list[Evaluation]:
-    """The front of the trials that satisfy every constraint, from the least cost to the least error.
+    """The Pareto front of the feasible trials, from the least cost to the least error.
 
     Args:
         trials: of a search.
         cost: one of `COSTS`.
-        most: number of points, spread evenly over the front; both ends are among them.
+        most: largest number of points, spread evenly over the front with both its ends.
     """
     whole = [trial for trial in trials if trial.feasible]
     costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in whole]) for name in (cost, ERROR))
@@ -245,7 +244,7 @@ def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> 
 
 
 def below_words(interval: Interval) -> str:
-    """How many times an error is below another one, with the interval, from that of their ratio: ``16 500 × (...)``."""
+    """Factor by which an error is below another, with its interval, from their ratio's: ``16 500 × (...)``."""
     if math.isnan(interval.estimate):
         return "–"
     factor, least, most = (
@@ -255,13 +254,13 @@ def below_words(interval: Interval) -> str:
 
 
 def spaced(number: float) -> str:
-    """A positive number with three digits, without an exponent, thousands apart."""
+    """A positive number to three digits, without an exponent, thousands separated by a space."""
     rounded = float(f"{number:.3g}")
     return f"{rounded:,.0f}".replace(",", "\u202f") if 100 <= rounded < math.inf else f"{rounded:.3g}"
 
 
 def ratio_words(interval: Interval) -> str:
-    """A ratio with its interval, three digits each."""
+    """A ratio with its interval, to three digits each."""
     if math.isnan(interval.estimate):
         return "–"
     return f"{spaced(interval.estimate)} ({spaced(interval.low)}–{spaced(interval.high)})"

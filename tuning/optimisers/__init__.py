@@ -17,11 +17,11 @@ from dualwinch.tuning.space import Point
 
 
 class Optimiser(Protocol):
-    """Proposes candidates and learns from what they came to.
+    """Proposes candidates and learns from their evaluations.
 
     Attributes:
-        rollouts: of its own so far, beside those of its candidates; one with derivatives counts as many as differences
-            would take.
+        rollouts: number of its own so far, besides those of its candidates; a gradient counts as many as finite
+            differences would take.
     """
 
     @property
@@ -30,11 +30,11 @@ class Optimiser(Protocol):
         ...
 
     def ask(self, count: int) -> list[Point]:
-        """Candidates to evaluate next, `count` of them or fewer, at least one."""
+        """Candidates to evaluate next, 1 to `count` of them."""
         ...
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn from evaluations, of own proposals and of others."""
+        """Learn from evaluations of its own proposals and of others."""
         ...
 
 
@@ -59,10 +59,10 @@ ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
 
 
 def check_method(method: str, objectives: int) -> None:
-    """Find out whether there is a method of a name for so many objectives.
+    """Check the name of a method and its number of objectives.
 
     Raises:
-        ConfigurationError: unknown name, or one for a single objective only.
+        ConfigurationError: unknown name, or a method for a single objective only.
     """
     if method not in METHODS:
         raise ConfigurationError(f"--method {method}: {unknown('method', method, METHODS)}")
@@ -71,7 +71,7 @@ def check_method(method: str, objectives: int) -> None:
 
 
 def compile_ahead(method: str, prepared: TrainingSet) -> None:
-    """Compile what a method will call beside rollouts; else it does so when it comes to that.
+    """Compile the functions that a method calls besides rollouts; else they are compiled at their first call.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
@@ -84,7 +84,7 @@ def optimiser(method: str, prepared: TrainingSet, seed: int) -> Optimiser:
     """The optimiser of a name.
 
     Raises:
-        ConfigurationError: unknown name, one for a single objective only, or one that needs a library that is missing.
+        ConfigurationError: unknown name, a method for a single objective only, or one whose library is missing.
     """
     check_method(method, len(prepared.problem.objectives))
     return METHODS[method](prepared, seed)

@@ -1,1 +1,1 @@
-"""Robustness margins: the size up to which gains satisfy their constraints as an imperfection of a machine grows."""
+"""Robustness margins: the size of an imperfection of the machine up to which gains satisfy their constraints."""

@@ -1,4 +1,4 @@
-"""Imperfections: what an ensemble has and another does not, in groups that are scaled together."""
+"""Imperfections: the differences between an ensemble and its base, in groups that are scaled together."""
 
 import math
 import re
@@ -21,10 +21,10 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.robustness.limits import SHARE, unit_of, with_unit
 
 MACHINE = ("plant.", "disturbance.", "sensors.", "actuator.", "simulation.")
-"""What the keys of a machine and of what acts on it begin with. Elsewhere only what is drawn is an imperfection."""
+"""Prefixes of the keys of a machine and its environment. A key elsewhere is an imperfection only if it is drawn."""
 
 METHOD = frozenset({"simulation.substeps", SEED_KEY})
-"""Keys beside `Mark.TIMING` that say how a run is computed, and nothing of the machine."""
+"""Keys besides `Mark.TIMING` of the numerical method, not of the machine."""
 
 NUMBERED = re.compile(r"_[12](?=[._]|$)")
 """The number of a rope or winch in a key."""
@@ -53,24 +53,24 @@ class Imperfection:
 
 
 def union(base: Ensemble, ensemble: Ensemble) -> Ensemble:
-    """The ensemble on top of a base: what the base draws and the ensemble does not say is drawn as well.
+    """The ensemble on top of a base: with the base's distributions for all keys that the ensemble does not draw.
 
     Raises:
-        ConfigurationError: gains are drawn; both are to have the values that are asked about.
+        ConfigurationError: gains are drawn; a stress test needs fixed ones.
     """
     together = {**base.distributions, **ensemble.distributions}
     for key in together:
         if key.startswith("controller."):
-            raise ConfigurationError(f"{key}: is drawn in an ensemble; a stress test needs the gains as they are")
+            raise ConfigurationError(f"{key}: is drawn in an ensemble; a stress test needs fixed gains")
     return Ensemble(ensemble.name, ensemble.description, ensemble.experiment, together)
 
 
 def imperfections(base: Ensemble, ensemble: Ensemble) -> tuple[Imperfection, ...]:
-    """What an ensemble (`union`) has and its base does not, in the order of the keys.
+    """Imperfections of an ensemble (`union`) that its base lacks, in the order of the keys.
 
-    An imperfection is a number that is drawn or set otherwise, a switch, or a part of another kind with all its own
-    numbers. Keys that differ only in the number of a rope or winch are one. Motion, metrics and method are none, nor is
-    how an imperfection comes and goes (`Mark.COURSE`).
+    An imperfection is a number that is drawn or set differently, a switch, or a part of another kind with all its
+    numbers. Keys that differ only in the number of a rope or winch form one imperfection. Excluded are motion, metrics,
+    numerical method, and the course of an imperfection over time (`Mark.COURSE`).
 
     Raises:
         ConfigurationError: there are none.
@@ -115,25 +115,25 @@ def _differs(key: str, drawn: Drawn | None, base: Ensemble, ours: Mapping[str, A
 
 
 def believed(experiment: Experiment) -> dict[str, Any]:
-    """The values of the plant that a controller was designed for, by their keys in the experiment."""
+    """The plant's values for which a controller was designed, by their keys in the experiment."""
     return leaves(experiment.plant, "plant.")
 
 
 SHAPING = {Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO}
-"""Marks of numbers that may ask for more sub-steps than those of the ensemble."""
+"""Marks of numbers that may need more sub-steps than the ensemble has."""
 
 MOST_SUBSTEPS = 16
-"""Sub-steps a sample that a size may ask for: more would take longer than all other sizes together."""
+"""Largest number of sub-steps per sample of a size: more would take longer than all other sizes together."""
 
 SWITCHED_AT = 1.0
-"""Size from which on a switch is thrown, or a part is of the ensemble's kind: there is nothing in between."""
+"""Size from which a switch, or a part, has the ensemble's value; there are no intermediate ones."""
 
 
 def between(leaf: Leaf, base: Any, ensemble: Any, size: float) -> Any:
-    """A value of some size: that of the base at 0, that of the ensemble at 1, and on from there.
+    """Interpolate a value linearly: the base's at size 0, the ensemble's at 1, extrapolated beyond.
 
-    Whole numbers are rounded. Counts a turn become fewer, as it is their step that grows. What is no number is there
-    from size `SWITCHED_AT` on.
+    Whole numbers are rounded. Counts per turn decrease with size, because their step is interpolated. A value that is
+    no number is the ensemble's from size `SWITCHED_AT` on.
     """
     if size == 1 or base == ensemble:
         return ensemble
@@ -147,7 +147,7 @@ def between(leaf: Leaf, base: Any, ensemble: Any, size: float) -> Any:
 
 
 def counts(leaf: Leaf) -> bool:
-    """Whether a number says into how many steps something is divided; 0 is without steps."""
+    """Whether a number is a number of steps that a quantity is resolved into; 0: not quantised."""
     return leaf.kind is int and Mark.READS_IN_STEPS in leaf.marks
 
 
@@ -157,11 +157,11 @@ def _step(number: int) -> float:
 
 @dataclass(frozen=True)
 class ScaledEnsemble:
-    """The scenarios of a base and of an ensemble, and all between and beyond.
+    """Scenarios interpolated between a base and an ensemble, and extrapolated beyond.
 
     Attributes:
         base: at size 0; its own imperfections are in every scenario.
-        ensemble: at size 1 of all imperfections, as by `union`.
+        ensemble: at size 1 of all imperfections, from `union`.
         single: the imperfections.
         count: number of scenarios.
         seed: of the draws.
@@ -175,17 +175,17 @@ class ScaledEnsemble:
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
-        """Of all that is scaled."""
+        """All scaled keys."""
         return tuple(key for imperfection in self.single for key in imperfection.keys)
 
     @cached_property
     def known(self) -> dict[str, Leaf]:
-        """What every key is, of the base and of the ensemble."""
+        """Description of every key of the base and of the ensemble."""
         return {**describe_parts(self.base.experiment), **describe_parts(self.ensemble.experiment)}
 
     @cached_property
     def _start(self) -> Ensemble:
-        """The base with all of the ensemble that is no imperfection: motion, metrics, method, courses."""
+        """The base with everything of the ensemble that is no imperfection: motion, metrics, method, courses."""
         values, keys = leaves(self.base.experiment), set(self.keys)
         own = {key: values[key] for key in self.keys if key in values}
         drawn = {key: drawn for key, drawn in self.ensemble.distributions.items() if key not in keys}
@@ -194,7 +194,7 @@ class ScaledEnsemble:
 
     @cached_property
     def _bases(self) -> dict[Controller, Experiment]:
-        """Controller → the base's experiment with it: the same of all scenarios and sizes."""
+        """Controller → the base's experiment with it, shared by all scenarios and sizes."""
         return {}
 
     def _base_with(self, controller: Controller) -> Experiment:
@@ -204,7 +204,7 @@ class ScaledEnsemble:
 
     @cached_property
     def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
-        """Every scenario of the base, with its values there and in the ensemble."""
+        """Every scenario of the base, with the scaled values there and in the ensemble."""
         starts, ends = (drawn.chosen(range(self.count), self.seed) for drawn in (self._start, self.ensemble))
         return [(start, self._of(start), self._of(end)) for start, end in zip(starts, ends, strict=True)]
 
@@ -213,11 +213,11 @@ class ScaledEnsemble:
         return {key: values[key] for key in self.keys if key in values}
 
     def values(self, index: int, sizes: Mapping[str, float]) -> dict[str, Any]:
-        """What is scaled in a scenario.
+        """Scaled key → its value in a scenario.
 
         Args:
             index: number of the scenario.
-            sizes: key → size; 0 where it is not given.
+            sizes: key → size; default: 0.
         """
         _, base, ensemble = self._ends[index]
         return self._between(base, ensemble, sizes)
@@ -237,24 +237,23 @@ class ScaledEnsemble:
     ) -> Scenario:
         """One scenario.
 
-        Whatever its sizes, all that may be scaled is among its draws: so every scenario is run by the same compiled
-        code, unless it asks for another structure.
+        At every size, all scaled keys are among its draws, so that the same compiled code runs all scenarios of the
+        same structure.
 
         Args:
             index: its number.
             controller: with the gains.
-            sizes: key → size; 0 where it is not given.
-            nominal: the plant the controller was designed for, where it is known (`nominal`).
-
+            sizes: key → size; default: 0.
+            nominal: the plant for which the controller was designed; default: from `nominal`.
         """
         draws = self._ends[index][0].draws | self.values(index, sizes) | self._substeps(sizes)
         return Scenario(index, self._base_with(controller), nominal or self.nominal(sizes), draws)
 
     def _substeps(self, sizes: Mapping[str, float]) -> dict[str, Any]:
-        """As many sub-steps as all scenarios of some sizes need, where that is more than the ensemble has.
+        """The number of sub-steps that all scenarios of given sizes need, if it is more than the ensemble's.
 
-        A drum that is light or a rope that hardly weighs anything swings faster than those of the ensemble. Beyond
-        `MOST_SUBSTEPS` the obstacle says what would be needed.
+        A light drum or a very light rope swings faster than those of the ensemble. Beyond `MOST_SUBSTEPS` the obstacle
+        states the required number.
         """
         shaping = {key: size for key, size in sizes.items() if not self.known[key].marks.isdisjoint(SHAPING)}
         known = self._needed_substeps
@@ -270,7 +269,7 @@ class ScaledEnsemble:
                 integrator = solver_of(experiment).integrator
                 try:
                     needed = max(needed, substeps_for(fastest_swing(experiment.plant), simulation, integrator))
-                except ArithmeticError:  # not allowed at all: `prepare` says why
+                except ArithmeticError:  # values not allowed; `prepare` gives the reason
                     break
             power = 1 << math.ceil(math.log2(max(needed, 1)))
             known[chosen] = min(power, MOST_SUBSTEPS) if needed > simulation.substeps else simulation.substeps
@@ -279,35 +278,35 @@ class ScaledEnsemble:
 
     @cached_property
     def _needed_substeps(self) -> dict[tuple[tuple[str, float], ...], int]:
-        """Sizes of what shapes code → sub-steps."""
+        """Sizes of the keys with marks `SHAPING` → sub-steps."""
         return {}
 
     def switched(self, imperfection: Imperfection) -> bool:
-        """Whether an imperfection is there or not, with nothing in between."""
+        """Whether an imperfection is a switch or a part, without intermediate sizes."""
         values = leaves(self.base.experiment)
         return not any(self.known[key].kind in {int, float} and key in values for key in imperfection.keys)
 
     def compiled(self, imperfection: Imperfection) -> bool:
-        """Whether each size of an imperfection is compiled code of its own."""
+        """Whether each size of an imperfection needs its own compiled code."""
         return any(Mark.SHAPES_CODE in self.known[key].marks for key in imperfection.keys)
 
     def stiffens(self, imperfection: Imperfection) -> bool:
-        """Whether small sizes of an imperfection may swing faster than large ones: what is zero or shapes code."""
+        """Whether small sizes of an imperfection may swing faster than large ones: keys with marks `SHAPING`."""
         return any(not self.known[key].marks.isdisjoint(SHAPING) for key in imperfection.keys)
 
     def scenarios(self, controller: Controller, sizes: Mapping[str, float]) -> list[Scenario]:
-        """All of them."""
+        """All scenarios."""
         nominal = self.nominal(sizes)
         return [self.scenario(index, controller, sizes, nominal) for index in range(self.count)]
 
     def nominal(self, sizes: Mapping[str, float]) -> Plant:
-        """The plant a controller was designed for: it knows what is set, and not what is drawn."""
+        """The plant for which a controller was designed: with the values that are set, without the draws."""
         ours, theirs = believed(self._start.experiment), believed(self.ensemble.experiment)
         mixed = self._between(ours, theirs, sizes)
         return with_leaves(self._start.experiment.plant, mixed, "plant.")
 
     def obstacle(self, sizes: Mapping[str, float]) -> str:
-        """What is wrong with some sizes, in one line; empty where all their scenarios are allowed."""
+        """Error of given sizes in one line; empty if all their scenarios are allowed."""
         for index in range(self.count):
             values = self.values(index, sizes)
             for key in sizes:
@@ -322,15 +321,15 @@ class ScaledEnsemble:
 
 @dataclass(frozen=True)
 class ImperfectionSize:
-    """How far an imperfection goes.
+    """Physical size of an imperfection.
 
     Attributes:
-        low, high: least and largest departure of what is drawn from the base's nominal value, or the value itself,
-            twice, where it is set and not drawn; ``None`` where it is no number.
+        low, high: least and largest deviation of a drawn value from the base's nominal value; both the value itself if
+            it is set, not drawn; ``None`` if it is no number.
         unit: of both; `SHARE` for shares, such as those of the base's nominal value.
         drawn: whether it is drawn.
-        text: what stands for a value that is no number.
-        nominal: what departures of another size either way are from, so that they are read as values; 0 of shares.
+        text: of a value that is no number.
+        nominal: nominal value, added to asymmetric deviations in text; 0 for shares.
     """
 
     low: float | None
@@ -341,7 +340,7 @@ class ImperfectionSize:
     nominal: float = 0.0
 
     def __str__(self) -> str:
-        """Such as ``±0.2 %``, or the values, ``100 to 1000 N s/m``, where both ends are not as far away."""
+        """Such as ``±0.2 %``, or the values, ``100 to 1000 N s/m``, if the deviations are asymmetric."""
         if self.low is None or self.high is None:
             return self.text
         if self.drawn and self.low < self.high and abs(self.low + self.high) <= 1e-9 * abs(self.high):
@@ -352,7 +351,7 @@ class ImperfectionSize:
 
 
 def amount_of(scaling: ScaledEnsemble, imperfection: Imperfection, size: float) -> ImperfectionSize | None:
-    """How large an imperfection of some size is: that of its values that goes furthest; ``None`` for all together."""
+    """Physical size of an imperfection, of its value that deviates most; ``None`` for all together."""
     if imperfection not in scaling.single:
         return None
     amounts = [_of_key(scaling, key, size) for key in imperfection.keys]

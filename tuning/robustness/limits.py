@@ -1,4 +1,4 @@
-"""Constraints of a stress test, their violations, and numbers as people read them."""
+"""Constraints of a stress test, their violations, and formatting of numbers with units."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.tuning.constraints import NO_PEAK, Constraint, constraints_from, measured
 
 SHARE = "share"
-"""Stands for the unit of a number that is a share of something, and is read in per cent."""
+"""Stands for the unit of a share, which is shown in per cent."""
 
 SMALLER = {
     "m": ((1e3, "mm"), (1e6, "µm")),
@@ -26,23 +26,23 @@ SMALLER = {
     "m^2": ((1e6, "mm²"),),
     SHARE: ((100.0, "%"),),
 }
-"""Unit → factors and names of the units in which smaller values of it are read."""
+"""Unit → factors and names of smaller units."""
 
 SMALL_VALUE = 0.1
-"""Below this a value is read in a smaller unit; a share always is."""
+"""Values below this are shown in a smaller unit; shares always are."""
 
 
 TINY, HUGE = 1e-4, 1e7
-"""Numbers beyond these have an exponent."""
+"""Numbers outside this range are shown with an exponent."""
 
 
 def unit_of(quantity: Quantity) -> str:
-    """The unit a number is read in: `SHARE` where its meaning says so."""
+    """The unit of a number: `SHARE` if its meaning is a share."""
     return SHARE if quantity.unit == "1" and "share" in quantity.meaning.split() else quantity.unit
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """A number of some digits, a whole one in full; without an exponent where it is neither tiny nor huge."""
+    """A number to `digits` digits, a whole one in full; without an exponent between `TINY` and `HUGE`."""
     rounded = f"{value:.{digits}g}"
     if value == round(value) and abs(value) < HUGE:
         return f"{round(value)}".replace("-", "−")
@@ -51,7 +51,7 @@ def plain(value: float, digits: int = 3) -> str:
 
 
 def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and name of the unit in which numbers up to a largest one are read."""
+    """Factor and name of the unit for numbers up to a largest one."""
     factor, name = 1.0, readable_unit(unit)
     for larger, smaller in SMALLER.get(unit, ()):
         if abs(largest) * factor < SMALL_VALUE or unit == SHARE:
@@ -60,9 +60,9 @@ def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
 
 
 def with_unit(values: Sequence[float], unit: str) -> tuple[list[str], str]:
-    """Numbers in a unit that suits the largest of them, and what stands behind them, with a space.
+    """Numbers in a unit that suits the largest, and the text behind them: a space and the unit.
 
-    They have as many digits as it takes to tell them apart, up to six.
+    They have three digits, or up to six where fewer would make different numbers equal.
     """
     factor, name = scaled_unit(max(map(abs, values)), unit)
     words: list[str] = []
@@ -85,32 +85,29 @@ NO_WORSE = "worst.mse<=4*paper"
 """Twice the root mean square error of the paper's gains without imperfections."""
 
 DEFAULTS = (NO_SLACK, NO_PEAK, NO_WORSE)
-"""No slack rope, no peak beyond the limit, and an error that is not twice the paper's.
+"""No slack rope, no peak beyond the limit, and at most twice the paper's root mean square error.
 
-A study's own constraints come before them: they take the place of those on the same figure of merit.
+A study's own constraint on the same metric replaces one of them.
 """
 
 WORSE = 2.0
-"""How many times as bad as in the base gains may become that violate a constraint even there.
-
-Unless that bounds nothing or the ropes bear too much already (`failures`).
-"""
+"""Factor on a statistic's value in the base: the eased bound for gains that violate a constraint there (`failures`)."""
 
 
 def value_of(constraint: Constraint, runs: RunOutcomes) -> float:
-    """What a constraint is on, over the scenarios that ran to their end (`measured`)."""
+    """The statistic of a constraint over the completed scenarios (`measured`)."""
     statistic = statistic_of(constraint)
     return measured(statistic, runs.of_completed(statistic.metric))
 
 
 @dataclass(frozen=True)
 class BrokenLimit:
-    """A limit that is broken.
+    """A violated limit.
 
     Attributes:
-        what: name of the figure of merit, or of the outcome of a run that did not end well.
+        what: name of the metric, or the outcome of an incomplete run.
         value: of the statistic; of an outcome, the number of its runs.
-        bound: what was allowed.
+        bound: of the constraint.
         unit: of both; empty for outcomes.
         at_least: whether the bound is a lower one.
     """
@@ -132,22 +129,22 @@ class BrokenLimit:
 
     @property
     def label(self) -> str:
-        """What broke, alone."""
+        """Name of the metric or outcome in words."""
         return in_words(self.what)
 
 
 ON_BOUND = 1e-6
-"""Share of a bound within which gains are on it, as the paper's are on theirs: any imperfection takes them across."""
+"""Gains within this share of a bound lie on it, as the paper's do on their own: any imperfection violates it."""
 
 
 @dataclass(frozen=True)
 class RobustnessLimit:
-    """A constraint as it holds for some gains.
+    """A constraint for particular gains.
 
     Attributes:
-        constraint: with its bound as a number.
-        asked: the same, as it was asked for; another one where the gains violate it in the base, or are
-            just on it.
+        constraint: that applies, with its bound as a number; eased if the gains violate `asked` in the base or lie on
+            its bound.
+        asked: the requested constraint, with its bound as a number.
     """
 
     constraint: Constraint
@@ -155,17 +152,17 @@ class RobustnessLimit:
 
     @property
     def eased(self) -> bool:
-        """Whether the gains break the constraint in the base, and so have another bound."""
+        """Whether the bound is eased, because the gains violate the constraint in the base."""
         return self.constraint is not self.asked
 
     @property
     def of_paper(self) -> bool:
-        """Whether the constraint was asked for as a factor on what the paper's gains reach."""
+        """Whether the requested bound is a factor on the value with the paper's gains."""
         return self.asked.text.endswith("paper")
 
     @property
     def vacuous(self) -> bool:
-        """Whether nothing can break it: a share of 1, or a tension of at least 0 N."""
+        """Whether no run can violate it: a share of at most 1, or a tension of at least 0 N."""
         constraint = self.constraint
         if constraint.at_least:
             return constraint.bound <= 0
@@ -173,11 +170,11 @@ class RobustnessLimit:
 
     @property
     def words(self) -> str:
-        """The constraint as asked for, as a number, and as the factor on what the paper's gains reach."""
+        """The requested constraint with its bound as a number, and the factor on the paper's value if there is one."""
         return self.asked.label + (f" ({self.asked.text.partition('=')[2].strip()})" if self.of_paper else "")
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """As a dictionary for JSON."""
         constraint = self.constraint
         return {
             "asked": self.asked.text,
@@ -190,15 +187,15 @@ class RobustnessLimit:
 
 
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
-    """The constraints on gains.
+    """Parse the constraints of a stress test.
 
     Args:
-        texts: as asked for; ``None``: what a study has noted, and those `DEFAULTS` that it says nothing of.
-        noted: constraints of a study. Margins among them are left out: they are not measured in runs.
-        experiment: where configuration keys are looked up, and metrics beside the built-in ones.
+        texts: of the constraints; ``None``: those of `noted`, and `DEFAULTS` on other metrics.
+        noted: constraints of a study. Margins among them are skipped: they are not measured in runs.
+        experiment: has the configuration keys, and metrics besides the built-in ones.
 
     Raises:
-        ConfigurationError: a text that is no constraint on a figure of merit.
+        ConfigurationError: a text that is no constraint on a metric.
     """
     if texts is not None:
         asked = constraints_from(texts, experiment)
@@ -212,10 +209,10 @@ def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment
 
 
 def statistic_of(constraint: Constraint) -> Statistic:
-    """What a constraint is on.
+    """The statistic of a constraint.
 
     Raises:
-        ConfigurationError: it is no figure of merit of runs.
+        ConfigurationError: it is no statistic of runs.
     """
     if not isinstance(constraint.statistic, Statistic):
         raise ConfigurationError(
@@ -225,12 +222,14 @@ def statistic_of(constraint: Constraint) -> Statistic:
 
 
 def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOutcomes) -> tuple[RobustnessLimit, ...]:
-    """Constraints as they hold for some gains; without factors on what the paper's gains reach, where they do not.
+    """Constraints for particular gains, with bounds as numbers, eased where the gains violate them in the base.
+
+    Factors on the paper's value are skipped if the paper's gains complete no run.
 
     Args:
-        constraints: maybe with factors on what the paper's gains reach; that is what they reach in the base.
-        paper: what the paper's gains came to in the base.
-        own: what these gains came to in the base.
+        constraints: possibly with factors on the value with the paper's gains in the base.
+        paper: runs of the paper's gains in the base.
+        own: runs of these gains in the base.
     """
     found = []
     for constraint in constraints:
@@ -238,21 +237,21 @@ def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOut
         if asked.unbounded:
             continue
         reached = value_of(asked, own)
-        larger = (reached > 0) is not asked.at_least  # of two numbers that differ by the factor, the worse one
+        larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound
         eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
         found.append(RobustnessLimit(asked if asked.violation(reached, near) <= 0 else eased, asked))
     return tuple(found)
 
 
 def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[BrokenLimit, ...]:
-    """Why gains fail already in the base; nothing where they are good enough to be tried further.
+    """Limits for which gains already fail in the base; empty if their robustness margins are computed.
 
-    A run was not completed, a tension is beyond what ropes and motors bear, or a broken bound on a share or a tension
-    would become one that nothing can break if it were eased.
+    Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors, or easing a violated bound
+    on a share or a tension would make it vacuous.
 
     Args:
         limits: of these gains (`limits_of`).
-        runs: what they came to in the base.
+        runs: of these gains in the base.
         tension_max: upper force limit of their winches in N.
     """
     if lost := broken((), runs):
@@ -268,15 +267,15 @@ def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: 
 
 
 def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
-    """Whether gains that fail like that are lost, so that multiples of what they reach bound nothing.
+    """Whether gains with these failures are unusable as baseline: multiples of their values are no sensible bounds.
 
-    A least tension that is not kept does not say so: a rope may have been slack for a moment.
+    A violated least tension alone does not count: a rope may have been slack for a moment.
     """
     return any(not failure.at_least for failure in failures)
 
 
 def broken(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[BrokenLimit, ...]:
-    """Violations: runs that were not completed first, then what is exceeded by the largest share."""
+    """Violated limits: first incomplete runs, then constraints in descending order of violation."""
     lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
     found = [BrokenLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
     exceeded = []

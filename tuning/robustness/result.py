@@ -1,4 +1,4 @@
-"""The result of a stress test: at which size of each imperfection gains break, as data, words and figure."""
+"""The result of a stress test: the robustness margin of gains for each imperfection, as data, text and figure."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, RobustnessLim
 from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
 
 HOLDS = "holds"
-"""Stands where gains break at no size that was tried."""
+"""Text in place of a size if gains break at none."""
 
 
 PAPER = "paper"
@@ -30,13 +30,13 @@ PAPER = "paper"
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Where gains break under an imperfection.
+    """Robustness margin of gains for an imperfection.
 
     Attributes:
-        size: the smallest size that was tried and is broken, 1 being the ensemble's; ``None``: none is.
-        held: the largest size below that was tried and holds; 0: only without the imperfection.
-        broken: what is broken there; the worst first.
-        monotone: whether no larger size that was tried holds.
+        size: the smallest tried size at which they break, 1 being the ensemble's; ``None``: at none.
+        held: the largest tried size below it, at which they hold; 0: only without the imperfection.
+        broken: limits violated at `size`; the worst first.
+        monotone: whether they hold at no larger tried size.
     """
 
     size: float | None
@@ -46,18 +46,18 @@ class Breakdown:
 
     @property
     def order(self) -> float:
-        """Number to sort by: the least robustness margin first."""
+        """Sorting key: the least robustness margin first."""
         return math.inf if self.size is None else self.size
 
 
 @dataclass(frozen=True)
 class ImperfectionResult:
-    """One imperfection, or all together.
+    """Result for one imperfection, or for all together.
 
     Attributes:
-        imperfection: what is scaled.
-        reach: its smallest and largest size, and what is wrong with larger ones.
-        breaks: name of the gains → where they break.
+        imperfection: that is scaled.
+        reach: its range of sizes.
+        breaks: name of the gains → their robustness margin.
     """
 
     imperfection: Imperfection
@@ -66,27 +66,27 @@ class ImperfectionResult:
 
     @property
     def switched(self) -> bool:
-        """Whether the imperfection is there or not, with nothing in between."""
+        """Whether the imperfection is a switch or a part, without intermediate sizes."""
         return self.reach.bottom == self.reach.top
 
     def by_what(self, name: str) -> str:
-        """What gains of a name break by."""
+        """The limit that gains of a name violate at their robustness margin, in words."""
         broken = self.breaks[name]
         if broken.size is None:
             return "end of its range" if self.reach.obstacle else ""
-        return broken.broken[0].words + ("" if broken.monotone else "; holds at a larger one")
+        return broken.broken[0].words + ("" if broken.monotone else "; holds at a larger size")
 
 
 @dataclass(frozen=True, repr=False)
 class RobustnessResult:
-    """Which imperfections gains break at, and how large those are; shown at a prompt and in a notebook as a table.
+    """Robustness margins of one or more controllers; shown at a prompt and in a notebook as a table.
 
     Attributes:
         scaling: base, ensemble, imperfections, number of scenarios and seed.
-        controllers: name → controller, that with the paper's gains first.
-        limits: name → what those gains are held to.
-        lost: name → why gains fail already in the base (`limits.failures`); such gains are not made to bear more.
-        rows: imperfections.
+        controllers: name → controller, the one with the paper's gains first.
+        limits: name → constraints for that controller.
+        lost: name → limits violated already in the base (`limits.failures`); such controllers are not tested further.
+        rows: one per imperfection.
     """
 
     scaling: ScaledEnsemble
@@ -97,21 +97,21 @@ class RobustnessResult:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the gains that do not fail without any imperfection."""
+        """Names of the controllers that do not fail in the base."""
         return tuple(name for name in self.controllers if not self.lost[name])
 
     @cached_property
     def ranking(self) -> tuple[ImperfectionResult, ...]:
-        """The rows, what breaks the last of the gains first."""
+        """The rows in ascending order of the last controller's robustness margin."""
         names = self.names[::-1]
         return tuple(sorted(self.rows, key=lambda row: [row.breaks[name].order for name in names]))
 
     def amount(self, row: ImperfectionResult, size: float) -> ImperfectionSize | None:
-        """How large a row's imperfection of some size is, in its own unit; ``None`` for all together."""
+        """Physical size of a row's imperfection; ``None`` for all together."""
         return amount_of(self.scaling, row.imperfection, size)
 
     def where(self, row: ImperfectionResult, name: str) -> str:
-        """At which size gains of a name break, as a multiple of the ensemble's and in its own unit."""
+        """Robustness margin of gains of a name, as a multiple of the ensemble's size and in physical units."""
         broken = row.breaks[name]
         if broken.size is None:
             far = HOLDS if row.switched else f"{HOLDS} to {multiple(broken.held)}"
@@ -124,7 +124,7 @@ class RobustnessResult:
 
     @property
     def heading(self) -> str:
-        """What was done, in one line."""
+        """The terms in one line."""
         scaling = self.scaling
         return (
             f"imperfections of '{scaling.ensemble.name}' on top of '{scaling.base.name}', "
@@ -132,7 +132,7 @@ class RobustnessResult:
         )
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows: each imperfection, how large it is in the ensemble, at which size gains break, by what."""
+        """Headings and rows: imperfection, size in the ensemble, and for each controller its margin and what breaks."""
         headings = ["imperfection", f"in {self.scaling.ensemble.name}"]
         headings += [words for name in self.names for words in (f"{name} breaks at", "by")]
         rows = [
@@ -143,7 +143,7 @@ class RobustnessResult:
         return headings, rows
 
     def notes(self) -> list[str]:
-        """What a reader has to know of the table: the limits, gains that break them in the base, and ends of ranges."""
+        """Explanations of the table: limits, controllers that violate them in the base, and ends of ranges."""
         asked = self.limits[next(iter(self.names), PAPER)]
         words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
         if is_no_measure(self.lost[PAPER]):
@@ -152,7 +152,7 @@ class RobustnessResult:
             if self.lost[name]:
                 why = ", ".join(broken.words for broken in self.lost[name])
                 own = (
-                    "; others are held to multiples of what they reach in the base themselves"
+                    "; others are judged by multiples of their own values in the base"
                     if name == PAPER
                     and is_no_measure(self.lost[name])
                     and len(self.limits) > 1
@@ -177,19 +177,19 @@ class RobustnessResult:
         return "\n".join([f"Stress: {self.heading}", "", markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         return page("RobustnessResult", ". ".join([self.heading, *self.notes()]), table(*self.table()))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw the sizes at which gains break, a row an imperfection.
+        """Draw the robustness margins, one row per imperfection.
 
         Args:
-            ax: axes to draw into; default: a figure of its own.
+            ax: axes to draw into; default: a new figure.
         """
         return _figure(self, ax)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything that was found, JSON-ready; `docs/stress.md` says what the names mean."""
+        """The complete result as a dictionary for JSON; `docs/stress.md` explains the names."""
         scaling = self.scaling
         return {
             "ensemble": scaling.ensemble.name,
@@ -243,13 +243,13 @@ def _unit(unit: str) -> str:
 
 
 GAINS_COLOURS = (VERMILION, BLUE)
-"""Of the paper's gains, and of those beside them."""
+"""Colours of the paper's gains and of the others."""
 
 LABEL_ROOM = 15.0
-"""Factor by which the axis goes on behind the largest size, for words."""
+"""Factor by which the axis is extended beyond the largest size, for text."""
 
 APART = 0.2
-"""Half the distance of two gains in a row."""
+"""Half the distance between two controllers in a row."""
 
 HEADING, A_ROW = 1.35, 0.34
 """Heights in inches."""
@@ -283,7 +283,7 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
 def _draw(
     axes: Axes, found: RobustnessResult, row: ImperfectionResult, broken: Breakdown, height: float, colour: str
 ) -> None:
-    """The sizes up to which gains hold, and the one at which they break with what broke, or an arrow."""
+    """Draw the range of sizes at which gains hold, and the size at which they break with its cause, or an arrow."""
     lowest = size(LOWEST)
     end = broken.held if broken.size is None else broken.size
     axes.plot((lowest / 1.3, max(end, lowest)), (height, height), color=colour, linewidth=1.6, alpha=0.45)
@@ -327,6 +327,6 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
 
 
 def _legend(found: RobustnessResult, name: str) -> str:
-    """Name of gains, and whether they hold without any imperfection."""
+    """Legend of gains: their name, and whether they break without any imperfection."""
     words = "the paper's gains" if name == PAPER else plain(name)
     return f"{words}: break without any" if found.lost[name] else f"{words} break"

@@ -1,10 +1,10 @@
-"""The robustness margin: the smallest size of an imperfection at which gains break, by bisection.
+"""The robustness margin (breakdown point): the smallest size of an imperfection at which gains break, by bisection.
 
-1. Powers of ten from a thousandth of the ensemble's size to a hundred times it are tried.
-2. The interval between the first that breaks and the one before is halved, down to one step: sizes are ``10^(step/8)``.
+1. Try powers of ten from a thousandth of the ensemble's size to a hundred times it.
+2. Halve the interval between the smallest that breaks and the one below, down to one step: sizes are ``10^(step/8)``.
 
-Not every break is monotone: gains may break at one size and hold at a larger one. What is reported is the smallest size
-that breaks among all that were tried.
+Breaking need not be monotone: gains may break at one size and hold at a larger one. The result is the smallest tried
+size at which they break.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from dualwinch.tuning.robustness.imperfections import Imperfection, ScaledEnsemble
 
 STEPS = 8
-"""Steps between two powers of ten: a size is 1.33 times the one before."""
+"""Steps per decade: a size is 1.33 times the one before."""
 
 LOWEST, HIGHEST = -3 * STEPS, 2 * STEPS
-"""Steps of a thousandth and of a hundred times."""
+"""Steps of a thousandth and of a hundred times the ensemble's size."""
 
 AS_IT_IS = 0
 """Step of the ensemble's own size."""
@@ -28,17 +28,17 @@ def size(step: int) -> float:
 
 
 def decades(bottom: int, top: int) -> list[int]:
-    """Steps of the powers of ten between two steps, and both; none where the top lies below the bottom."""
+    """Steps of the powers of ten between `bottom` and `top`, and these two; empty if `top` < `bottom`."""
     within = {step for step in range(LOWEST, HIGHEST + 1, STEPS) if bottom < step < top}
     return sorted(within | {bottom, top}) if bottom <= top else []
 
 
 @dataclass
 class Bisection:
-    """The bisection of some gains under one imperfection.
+    """Bisection for the robustness margin of a controller against one imperfection.
 
     Attributes:
-        bottom, top: the first and the last step that are tried; none where the last lies below the first.
+        bottom, top: smallest and largest step; there is none if `top` < `bottom`.
         tried: step → whether the gains broke there.
     """
 
@@ -47,7 +47,7 @@ class Bisection:
     tried: dict[int, bool] = field(default_factory=dict)
 
     def wanted(self) -> list[int]:
-        """Steps to try next; none where the search has ended."""
+        """Steps to try next; empty at the end of the search."""
         if not self.tried:
             return decades(self.bottom, self.top)
         broken, held = self.broken, self.held
@@ -57,33 +57,33 @@ class Bisection:
 
     @property
     def broken(self) -> int | None:
-        """The smallest step that is broken."""
+        """The smallest tried step at which the gains break."""
         return min((step for step, broken in self.tried.items() if broken), default=None)
 
     @property
     def held(self) -> int | None:
-        """The largest step below that, where the gains hold."""
+        """The largest tried step below `broken`; the gains hold there."""
         broken = self.top + 1 if self.broken is None else self.broken
         return max((step for step in self.tried if step < broken), default=None)
 
     @property
     def monotone(self) -> bool:
-        """Whether no step above the smallest broken one holds."""
+        """Whether the gains hold at no tried step above `broken`."""
         broken = self.broken
         return broken is None or all(broke for step, broke in self.tried.items() if step > broken)
 
 
 HIGHEST_COMPILED = STEPS
-"""Last step where each size is compiled code of its own: ten times the ensemble's."""
+"""Largest step of imperfections with compiled code per size: ten times the ensemble's size."""
 
 
 @dataclass(frozen=True)
 class SizeRange:
-    """The steps at which an imperfection may be tried.
+    """The allowed steps of an imperfection.
 
     Attributes:
-        bottom, top: the first and the last; none where the last lies below the first.
-        obstacle: what is wrong with the next one, in one line; empty where there might be more.
+        bottom, top: the smallest and the largest; there is none if `top` < `bottom`.
+        obstacle: error of the next larger step, in one line; empty if the range ends at the largest of all.
     """
 
     bottom: int
@@ -92,14 +92,14 @@ class SizeRange:
 
     @property
     def steps(self) -> list[int]:
-        """Those at which the bisection begins."""
+        """The initial steps of the bisection."""
         return decades(self.bottom, self.top)
 
 
 def size_range(scaling: ScaledEnsemble, imperfection: Imperfection) -> SizeRange:
     """The steps at which the values of an imperfection are allowed in all scenarios.
 
-    A switch, or a part of another kind, has one alone. The smallest sizes of a rope's mass may not be allowed either:
+    A switch, or a part of another kind, has a single step. The smallest sizes of a rope's mass may be excluded too:
     light masses swing too fast.
     """
 
@@ -118,9 +118,9 @@ def size_range(scaling: ScaledEnsemble, imperfection: Imperfection) -> SizeRange
 
 
 def sizes_at(step: int, reaches: Mapping[Imperfection, SizeRange]) -> dict[str, float]:
-    """Key → size at a step of several imperfections together.
+    """Key → size, with several imperfections at the same step.
 
-    One whose range ends before stays at its end; one whose range begins above is left out.
+    Above its range, an imperfection stays at the end of it; below, it is left out.
     """
     return {
         key: 0.0 if not reach.steps or step < reach.bottom < AS_IT_IS else size(min(step, reach.top))
@@ -130,7 +130,7 @@ def sizes_at(step: int, reaches: Mapping[Imperfection, SizeRange]) -> dict[str, 
 
 
 def joint_range(scaling: ScaledEnsemble, reaches: Mapping[Imperfection, SizeRange]) -> SizeRange:
-    """The steps of all imperfections together whose values go with each other."""
+    """The steps at which the values of all imperfections together are allowed in all scenarios."""
 
     def wrong(step: int) -> str:
         return scaling.obstacle(sizes_at(step, reaches))
@@ -144,5 +144,5 @@ def joint_range(scaling: ScaledEnsemble, reaches: Mapping[Imperfection, SizeRang
 
 
 def _lowest(bottom: int, top: int, wrong: Callable[[int], str]) -> int:
-    """The first step from the bottom that is allowed, below one that is."""
+    """The smallest allowed step from `bottom` to `top`, which is allowed."""
     return next(step for step in range(bottom, top + 1) if step == top or not wrong(step))

@@ -1,4 +1,4 @@
-"""Robustness margins of gains, and of the paper's beside them: the size at which each imperfection breaks them."""
+"""Robustness margins of gains, compared with the paper's: the size of each imperfection at which they break."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -48,13 +48,13 @@ NO_BASE = "none"
 """Stands for the experiment itself, without any ensemble."""
 
 SCENARIOS = 20
-"""Scenarios of every size where nothing else is asked for."""
+"""Default number of scenarios per size."""
 
 KEPT_KEYS = ("controller.", "metrics", "plant.")
-"""What the keys begin with that an experiment keeps, although an ensemble sets them alike."""
+"""Prefixes of keys that an experiment keeps even if the ensemble sets the same values."""
 
 STRESS_ENSEMBLE, BASE_ENSEMBLE = "rig", "sea"
-"""Gives the imperfections of tuned gains; and what they come on top of where the gains are tuned with them."""
+"""Ensemble with the imperfections for tuned gains; base for gains that were tuned in that ensemble."""
 
 
 def stress(
@@ -71,37 +71,38 @@ def stress(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> RobustnessResult:
-    """Robustness margins of an experiment's gains and of the paper's: the size at which each imperfection breaks them.
+    """Compute the robustness margins of an experiment's gains and of the paper's, by bisection.
 
-    An imperfection is what the ensemble draws or sets and the base does not. Each is made larger, alone and all
-    together, from a thousandth of its size in the ensemble to a hundred times it, in the same scenarios at every size,
-    until the worst of them breaks a constraint.
+    An imperfection is a value that the ensemble draws or sets and the base does not. Each is scaled, alone and all
+    together, from a thousandth to a hundred times its size in the ensemble, with the same scenarios at every size. The
+    robustness margin is the smallest size at which the worst scenario violates a constraint.
 
     Args:
-        experiment: its controller is tried; the values of its plant, sea and sensors where the ensembles set none.
-        ensemble: name or file of the ensemble that gives the imperfections, on top of the base; or one of your own.
-        base: name or file of the ensemble that is kind to the gains, likewise; ``None``: the experiment itself.
+        experiment: with the controller, and with values of plant, sea and sensors that the ensembles do not set.
+        ensemble: name or file of the ensemble with the imperfections, on top of the base; or one of your own.
+        base: name or file of the ensemble without the imperfections; or one of your own; ``None``: the experiment
+            itself.
         settings: dotted key → nominal value in base and ensemble.
-        constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, the latter meaning what the
-            paper's gains reach in the base; default: those of `noted`, and beside them: no slack rope, no peak beyond
-            the limit, no more than four times the paper's mean square error.
-        noted: constraints of the study that the gains are from.
-        scenarios: of every size.
+        constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, a factor on the value with
+            the paper's gains in the base; default: those of `noted`, and on other metrics: no slack rope, no peak
+            beyond the limit, and at most four times the paper's mean square error.
+        noted: constraints of the study in which the gains were tuned.
+        scenarios: number per size.
         seed: of the draws.
-        name: what the gains are called.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        name: of the gains in the result.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done.
 
     Returns:
-        What was found; it has a table as text and in a notebook, and `plot`.
+        The robustness margins, with a table as text and in a notebook, and `plot`.
 
     Raises:
-        ConfigurationError: anything wrong with a key, a value, an ensemble or a constraint, or no imperfection.
+        ConfigurationError: an invalid key, value, ensemble or constraint, or no imperfection.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
     instance("experiment", experiment, Experiment)
-    kind, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
+    benign, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
     controllers = {PAPER: paper_controller(own)}
     if not has_paper_gains(own):
@@ -110,7 +111,7 @@ def stress(
         controllers[name] = own
     return breakdowns(
         controllers,
-        kind,
+        benign,
         harsh,
         constraints_of(constraints, noted, harsh.experiment),
         scenarios=scenarios,
@@ -121,7 +122,7 @@ def stress(
 
 
 def check_stress(problem: TuningProblem) -> None:
-    """Find out now whether there is an imperfection that the gains of a problem are not tuned for.
+    """Check that there is an imperfection for which a problem's gains are not tuned.
 
     Raises:
         ConfigurationError: there is none, or gains are drawn.
@@ -142,7 +143,7 @@ def stress_tuned(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> RobustnessResult:
-    """`stress` for the best of a tuning problem: on top of what it was tuned in, under the problem's constraints."""
+    """`stress` for the best of a tuning problem, with its ensemble as the base, and with its constraints."""
     return stress(
         best,
         ensemble=STRESS_ENSEMBLE,
@@ -157,7 +158,7 @@ def stress_tuned(
 
 
 def _base_of(problem: TuningProblem) -> Ensemble | str | None:
-    """What the gains were tuned in, without the imperfections."""
+    """The ensemble in which the gains were tuned, or its base if it has the imperfections itself."""
     tuned_in = problem.ensemble
     return BASE_ENSEMBLE if tuned_in and tuned_in.name == STRESS_ENSEMBLE else tuned_in
 
@@ -171,17 +172,17 @@ def base_and_ensemble(
     """Base and ensemble of `stress`, with the controller and the metrics of an experiment.
 
     Raises:
-        ConfigurationError: anything wrong with a key, a value or an ensemble.
+        ConfigurationError: an invalid key, value or ensemble.
     """
     values = dict(settings or {})
-    kind = _ensemble(base, _without(ensemble, experiment), values)
-    return kind, _ensemble(ensemble, kind.experiment, values)
+    benign = _ensemble(base, _without(ensemble, experiment), values)
+    return benign, _ensemble(ensemble, benign.experiment, values)
 
 
 def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -> Experiment:
-    """An experiment without what it has of an ensemble in which its gains were tuned: that is to be added.
+    """An experiment without the values of the ensemble in which its gains were tuned: these are to be added again.
 
-    Its plant and its method of integration stay: gains for heavy winches have no meaning on light ones.
+    Its plant and its method of integration stay: gains for heavy winches do not apply to light ones.
     """
     plain = Experiment()
     asked = ensemble.experiment if isinstance(ensemble, Ensemble) else load_ensemble(ensemble, plain).experiment
@@ -205,22 +206,22 @@ def _ensemble(
 
 
 class ScaledRunner:
-    """Runs scenarios, and tells how much of what is expected has been done."""
+    """Runs scenarios of scaled imperfections, and reports the share of the expected work that is done."""
 
     def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
-        """Set the bench up.
+        """Set up.
 
         Args:
-            scaling: gives the scenarios.
-            expected: number of sizes that will be run, at most.
-            workers: of this machine, or an executor; default: one thread a core.
-            progress: called now and then with the share that is done.
+            scaling: of the scenarios.
+            expected: largest number of sizes to run.
+            workers: number of threads of this machine, or an executor; default: one thread per core.
+            progress: called repeatedly with the share of the work that is done.
         """
         self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
         self._done = 0
 
     def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
-        """Compile what scenarios of some sizes are run by, side by side: a compiler takes longer than all their runs.
+        """Compile the code for scenarios of given sizes, in parallel, as compilation takes longer than all their runs.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -230,11 +231,11 @@ class ScaledRunner:
         map_all(compile_batch, list(loops), threads_of(self._workers))
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
-        """What the scenarios of each of some sizes come to.
+        """Run the scenarios of each of several sizes.
 
         Args:
             controller: with the gains.
-            sizes: key → size of what is scaled; nothing: the base.
+            sizes: scaled key → size, one mapping per size; empty: the base.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -254,7 +255,7 @@ class ScaledRunner:
 
 
 HALVINGS = int(math.log2(STEPS))
-"""Rounds of a bisection behind its powers of ten."""
+"""Rounds of a bisection after its powers of ten."""
 
 
 def breakdowns(
@@ -268,24 +269,24 @@ def breakdowns(
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> RobustnessResult:
-    """Find at which size of each imperfection each of some gains break.
+    """Compute the robustness margins of several controllers for each imperfection, by bisection.
 
-    Each imperfection that the ensemble has and the base does not is made larger, alone and with all the others, until a
-    constraint is broken in the scenarios: the same ones, with the same quantiles of every distribution, at every size
-    and for all gains. Everything else is the base's.
+    Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
+    violated. Scenarios are the same, with the same quantiles of every distribution, at every size and for all
+    controllers. Everything else is the base's.
 
     Args:
-        controllers: name → controller, that with the paper's gains (`PAPER`) among them.
-        base: what the imperfections come on top of; its own controller is not used.
-        ensemble: gives the imperfections, at size 1.
-        constraints: on the gains; factors are on what the paper's gains reach in the base.
-        scenarios: how many.
+        controllers: name → controller, with the paper's gains (`PAPER`) among them.
+        base: ensemble without the imperfections; its own controller is not used.
+        ensemble: with the imperfections, at size 1.
+        constraints: on each controller; factors are on the value with the paper's gains in the base.
+        scenarios: number per size.
         seed: of the draws.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done.
 
     Raises:
-        ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not fit.
+        ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not suit the plant.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
@@ -298,20 +299,20 @@ def breakdowns(
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
     reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
     sizes = sum(len(reach.steps) + HALVINGS for reach in reaches.values())
-    bench = ScaledRunner(scaling, len(controllers) * (1 + sizes), workers, progress)
+    runner = ScaledRunner(scaling, len(controllers) * (1 + sizes), workers, progress)
 
     def sizes_of(imperfection: Imperfection, step: int) -> dict[str, float]:
         return sizes_at(step, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
 
     tried = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
-    bench.compile(controllers.values(), [{}, *tried])
-    plain = {name: bench.run(controller, [{}])[0] for name, controller in controllers.items()}
+    runner.compile(controllers.values(), [{}, *tried])
+    plain = {name: runner.run(controller, [{}])[0] for name, controller in controllers.items()}
     limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
-    if is_no_measure(lost[PAPER]):  # others are held to multiples of what they reach themselves
+    if is_no_measure(lost[PAPER]):  # others are judged by multiples of their own values
         limits |= {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
     found = {
-        name: _breaks(bench, controller, limits[name], reaches, sizes_of)
+        name: _breaks(runner, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()
         if not lost[name]
     }
@@ -331,18 +332,18 @@ def _check(scaling: ScaledEnsemble, name: str, controller: Controller) -> None:
 
 
 def _breaks(
-    bench: ScaledRunner,
+    runner: ScaledRunner,
     controller: Controller,
     limits: Sequence[RobustnessLimit],
     reaches: Mapping[Imperfection, SizeRange],
     sizes_of: Callable[[Imperfection, int], dict[str, float]],
 ) -> dict[Imperfection, Breakdown]:
-    """Search under all imperfections at once: each round is one batch."""
+    """Bisect for all imperfections at once: each round is one batch."""
     searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
     found: dict[tuple[Imperfection, int], tuple[BrokenLimit, ...]] = {}
     while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
         sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
-        for (imperfection, step), runs in zip(wanted, bench.run(controller, sizes), strict=True):
+        for (imperfection, step), runs in zip(wanted, runner.run(controller, sizes), strict=True):
             found[imperfection, step] = broken(limits, runs)
             searches[imperfection].tried[step] = bool(found[imperfection, step])
     return {

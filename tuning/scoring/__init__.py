@@ -1,1 +1,1 @@
-"""What a candidate is worth: scenarios, evaluation, statistics, ranking and the final choice."""
+"""Scoring of candidates: scenarios, evaluation, statistics, ranking and final selection."""

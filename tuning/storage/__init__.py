@@ -1,1 +1,1 @@
-"""Where a study is kept: memory, a journal file, or a database that many workers share."""
+"""Storage of studies: memory, a journal file, or a database shared by many workers."""

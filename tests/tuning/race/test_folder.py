@@ -30,7 +30,7 @@ def test_in_memory_it_does_the_same() -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"seed": 2}, "holds a race with another seed, 1 and not 2; give another folder"),
+        ({"seed": 2}, "contains a race with another seed, 1 and not 2; give another folder"),
         ({"rollouts": 400}, "with other rollouts, 300 and not 400"),
         ({"configuration": "a = 2\n"}, "another configuration; give another folder"),
         ({"constraints": ()}, r"with other constraints, \['x<=1'\] and not \[\]"),
@@ -48,7 +48,7 @@ def test_another_definition_and_what_is_no_entry_are_refused(tmp_path: Path) -> 
         ResultFolder(tmp_path, TERMS).find("adrc", {"space": 2, "parts": []})
     for text in ("[]", "{", '{"terms": {}}'):
         (tmp_path / "entries" / "torn.json").write_text(text)
-        with pytest.raises(ConfigurationError, match=r"torn.json: is nothing that a race has left; remove it"):
+        with pytest.raises(ConfigurationError, match=r"torn.json: is not a result of a race; remove it"):
             ResultFolder(tmp_path, TERMS)
 
 
@@ -64,5 +64,5 @@ def test_what_another_process_has_claimed_is_left_to_it(tmp_path: Path, monkeypa
     nothing = cast("Any", None)
     with theirs.claimed("adrc"):
         race._run_jobs([RaceJob("adrc", "ADRC", nothing, nothing)], ours, 1, tell)  # pyright: ignore[reportPrivateUsage]
-    assert said == ["another process has claimed what is left, 1 searches and scores"]
+    assert said == ["another process has claimed the remaining 1 searches and scores"]
     assert ours.find("adrc") == {"value": 1}

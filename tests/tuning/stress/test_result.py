@@ -135,7 +135,7 @@ def test_numbers_in_words() -> None:
 def test_paper_gains_that_fail_already_in_the_base_are_said_to_bound_nothing(found: RobustnessResult) -> None:
     lost = replace(found, lost=found.lost | {"paper": (BrokenLimit("left_track", 3, 0, ""),)})
     said = (
-        "paper: fails already in the base, left track in 3 scenarios; others are held to multiples of what they reach "
-        "in the base themselves"
+        "paper: fails already in the base, left track in 3 scenarios; others are judged by multiples of their own "
+        "values in the base"
     )
     assert said in lost.notes()
