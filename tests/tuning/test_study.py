@@ -62,7 +62,7 @@ def test_optuna_reads_the_file_with_units_and_constraints(make_problem: MakeProb
 def test_a_study_goes_on_when_asked_and_after_a_kill(make_problem: MakeProblem, tmp_path: Path) -> None:
     problem, file = make_problem(scenarios=2), tmp_path / "a"
     before = studied(problem, file, 20)
-    with pytest.raises(ConfigurationError, match="has 20 trials; go on with --resume"):
+    with pytest.raises(ConfigurationError, match="has 20 trials; continue with --resume"):
         studied(problem, file, 30)
     with file.open("ab") as torn:
         torn.write(b'{"op_code":4,"worker_id"')  # a process was killed while it wrote
@@ -91,7 +91,7 @@ def test_another_problem_is_refused_and_the_difference_is_said(make_problem: Mak
         studied(make_problem(scenarios=1), file, 8, resume=True)
     store.close()
     (tmp_path / "text").write_text("hello\n")
-    with pytest.raises(ConfigurationError, match="no journal of a study"):
+    with pytest.raises(ConfigurationError, match="is not the journal of a study"):
         studied(make_problem(), tmp_path / "text", 1)
 
 
@@ -99,7 +99,7 @@ def test_processes_share_a_study_in_a_file(make_problem: MakeProblem, tmp_path: 
     """Each trial counts once, each process learns of the others', and no one has the file for itself meanwhile."""
     problem, file = make_problem(scenarios=1), tmp_path / "shared"
     definition = definition_of(problem, "random")
-    with pytest.raises(ConfigurationError, match="is not there; `dualwinch tune --shared` begins"):
+    with pytest.raises(ConfigurationError, match="does not exist; begin a study in it"):
         join_store(str(file), "s")
     first = open_store(str(file), "s", problem, definition, SearchBudget(40), resume=False, shared=True)
     with pytest.raises(

@@ -1,9 +1,9 @@
-"""CMA-ES in the unit cube, led by ranks (Hansen, arXiv:1604.00772).
+"""Multistart CMA-ES in the unit cube (Hansen, arXiv:1604.00772), on ranks of candidates.
 
-The strategy sees nothing but which candidate has the lower penalised objective (`tuning.scoring.ranking`).
+The strategy uses only the order of candidates by penalised objective (`tuning.scoring.ranking`).
 
-There is more than one valley: much preload or little, a slow winch or a fast one. So once a strategy gets no further,
-the next one starts elsewhere, at the best of some random candidates.
+There are several valleys: high or low preload, slow or fast winches. So when a strategy stagnates, the next one starts
+at the best of several random candidates.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StagnationRule:
-    """How long a strategy may take.
+    """When a strategy counts as stagnating: it improves by less than `gain` within `generations`.
 
     Attributes:
-        generations: in which it has to get better.
-        gain: by which share.
+        generations: number of generations compared with all before.
+        gain: least improvement of the objective, as a share.
     """
 
     generations: int
@@ -33,27 +33,27 @@ class StagnationRule:
 
 
 ALONE = StagnationRule(25, 0.02)
-"""Of a search that has nothing else to turn to."""
+"""Rule for a search by CMA-ES alone."""
 
 
 class CmaSearch:
-    """Multistart CMA-ES: from the experiment's own gains, then again and again from elsewhere.
+    """Multistart CMA-ES: first from the experiment's own gains, then from the best of random candidates.
 
     Args:
         prepared: the problem with its training scenarios.
         seed: the same seed gives the same candidates.
-        patience: how long a strategy may take.
-        sigma: first standard deviation, in shares of each range.
-        narrowing: factor on it, with which the first strategy starts again where no candidate of its first generation
-            is feasible: around gains that few others resemble, most of a wide distribution is lost.
-        narrowings: how often at most.
-        smallest: smallest generation: one candidate for each vector lane.
-        edge: nearest to a bound that the first mean lies, in shares of the range.
-        starts: random candidates, from the best of which the next strategy starts.
+        patience: stagnation rule.
+        sigma: initial standard deviation, in shares of each range.
+        narrowing: factor on it for a restart of the first strategy if its first generation has no feasible candidate:
+            around unusual gains, most of a wide distribution is infeasible.
+        narrowings: largest number of such restarts.
+        smallest: smallest population: one candidate per vector lane.
+        edge: least distance of the initial mean from a bound, in shares of the range.
+        starts: number of random candidates; the next strategy starts from the best.
 
     Attributes:
-        finished: how many times it got no further.
-        leader: the best of what the last strategy that got no further has brought.
+        finished: number of finished strategies.
+        leader: the best candidate of the last finished strategy.
         rollouts: none of its own.
     """
 
@@ -89,7 +89,7 @@ class CmaSearch:
         self._begin(self._start)
 
     def near(self, point: Point, covariance: Floats, patience: StagnationRule) -> None:
-        """Go on around a point, with candidates of a covariance (d, d) in shares of the ranges."""
+        """Restart around a point, with an initial covariance (d, d) in shares of the ranges."""
         self._narrowings = 0
         self._begin(point, covariance, patience)
 
@@ -111,17 +111,17 @@ class CmaSearch:
 
     @property
     def population(self) -> int:
-        """Number of candidates a generation learns from."""
+        """Number of candidates in a generation."""
         return self._strategy.population_size
 
     def ask(self, count: int) -> list[Point]:
-        """Candidates drawn from the current distribution, or from all of the space."""
+        """Candidates drawn from the current distribution, or uniformly between strategies."""
         if self._starts is None:
             return [self._space.decoded(self._strategy.ask()) for _ in range(count)]
         return [self._space.decoded(self._random.random(len(self._space.dimensions))) for _ in range(count)]
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn, a generation at a time, from all evaluations so far."""
+        """Update the strategy from all evaluations so far, a generation at a time."""
         self._waiting += evaluations
         while len(self._waiting) >= self.population:
             generation, self._waiting = self._waiting[: self.population], self._waiting[self.population :]
@@ -136,7 +136,7 @@ class CmaSearch:
                     self._begin(self._starts[penalised_first(self._starts)[0]].point)
 
     def _too_wide(self, generation: Sequence[Evaluation]) -> bool:
-        """Whether the first strategy has yet to learn, and its first generation, beside the start, is infeasible."""
+        """Whether this is the first generation of the first strategy, and infeasible except for the start."""
         first = not (self.finished or self._leaders) and self._starts is None and self._narrowings > 0
         return first and not any(each.feasible for each in generation if each.point != self._start)
 
@@ -145,12 +145,12 @@ class CmaSearch:
         points = [self._space.encoded(generation[index].point).clip(0, 1) for index in order]
         self._strategy.tell([(point, float(rank)) for rank, point in enumerate(points)])
         self._leaders.append(generation[order[0]])
-        if self._strategy.should_stop() or self._stands_still():
+        if self._strategy.should_stop() or self._stagnates():
             self.leader = self._leaders[penalised_first(self._leaders)[0]]
             self._starts, self.finished = [], self.finished + 1
 
-    def _stands_still(self) -> bool:
-        """Whether the last generations got hardly any further than those before."""
+    def _stagnates(self) -> bool:
+        """Whether the last generations improve by less than the stagnation rule demands."""
         lately, gain = self._patience.generations, self._patience.gain
         if len(self._leaders) <= lately:
             return False

@@ -1,11 +1,12 @@
-"""Steps along exact gradients within a trust region, linear in logarithms or quadratic, led by a merit function.
+"""Trust-region search with exact gradients: linear or quadratic steps in logarithms, accepted by a merit function.
 
-At the best point so far every logarithm is linear in the gains' logarithms (`local_model`). What is best within the
-linear constraints and a box around the point is the next candidate: sequential linear programming with an exact penalty
-(Fletcher and Sainz de la Maza, Math. Programming 43, 1989), which may leave the constraints for a while where that
-brings far more than it costs. Where such steps fail, a Gauss–Newton step has its turn before the box shrinks further.
-Constraints are curved; how much shows where steps were tried, and the next ones keep that distance (second-order
-correction, Nocedal and Wright, Numerical Optimization, 2006, Section 18.3).
+1. At the best point so far, linearise the logarithms of objective and constraints over the gains' (`local_model`).
+2. Minimise the linear model within the constraints and a box around the point: sequential linear programming with an
+   exact penalty (Fletcher and Sainz de la Maza, Math. Programming 43, 1989). The penalty permits temporary violations
+   where the objective gains far more.
+3. If the step fails, try a Gauss–Newton step in the same box, then both in ever smaller boxes.
+4. Keep a distance from constraints for their curvature, as observed in tried steps (second-order correction, Nocedal
+   and Wright, Numerical Optimization, 2006, Section 18.3).
 """
 
 import warnings
@@ -33,36 +34,37 @@ Floats = NDArray[np.float64]
 STEPS = {"linear": linear_step, "quadratic": quadratic_step}
 
 ATTEMPTS = [("linear", 1.0)] + [(kind, 0.5**n) for n in range(1, 20) for kind in ("linear", "quadratic")]
-"""Steps from one point, and their boxes beside the first."""
+"""Kinds of steps from one point, each with the size of its box as a share of the first."""
 
 
 class GradientSearch:
-    """Multistart: steps from the start until they get no further, then from the best of some points, and so on.
+    """Multistart gradient search: steps from the start until convergence, then from the best of several points.
 
     Args:
         prepared: the problem with its training scenarios.
         seed: the same seed gives the same candidates.
-        starts: points of a Sobol sequence, from the best of which the next search starts.
-        abreast: steps tried at once where there are many scenarios: in a single one each costs as much as the gradient
-            is worth.
+        starts: number of points of a Sobol sequence; the next search starts from the best.
+        abreast: number of steps tried at once with many scenarios; with a single scenario steps are tried one by one,
+            because each costs as much as it gains.
         first, largest: half widths of the first and the largest box, in shares of each range.
-        smallest: half width of the smallest box in a single scenario, and in many, where noise and the moments at which
-            ropes go slack make the ground uneven.
-        enough: least improvement of the merit that a step is taken for, likewise.
-        penalty: what a violation of 1 counts in the merit, beside the logarithm of the objective; ten times that if it
-            has to.
-        kept: distance that steps keep from the constraints.
-        bent, bent_at_most: share of the curvature seen that constraints are taken for bent by, and the most that a step
-            allows for.
-        rise: what the objective rises by around a point where the search goes on, as a share.
-        width: how wide that is, at the least and at most, in shares of the ranges: the objective is no parabola beyond.
+        smallest: half width of the smallest box, for a single scenario and for many, where noise and the instants of
+            slack make the merit rough.
+        enough: least decrease of the merit for an accepted step, likewise.
+        penalty: on a violation of 1, added to the logarithm of the objective in the merit; times ten if a search
+            converges to an infeasible point.
+        kept: distance of steps from the constraints.
+        bent, bent_at_most: share of the observed curvature of constraints that steps allow for, and the largest
+            allowance.
+        rise: relative rise of the objective that determines the sampling covariance around a point.
+        width: least and largest standard deviation of that covariance, in shares of the ranges: the objective is not
+            quadratic beyond.
 
     Attributes:
-        gradients: how many gradients it took.
-        gain: by how much the last step that was taken lowered the merit; infinite before the first.
-        minima: where steps got no further, in their order; there is more than one.
-        rollouts: what the gradients took: in every scenario that decides as many as differences would have taken,
-            which is about what exact derivatives cost, and in all of them one to see which these are.
+        gradients: number of gradients computed.
+        gain: decrease of the merit by the last accepted step; infinite before the first.
+        minima: points of convergence, in order.
+        rollouts: equivalents of the gradients: in every active scenario as many as finite differences would take, about
+            the cost of exact derivatives, and one in all scenarios to determine the active ones.
     """
 
     def __init__(
@@ -83,7 +85,7 @@ class GradientSearch:
         rise: float = 0.2,
         width: tuple[float, float] = (0.005, 0.15),
     ) -> None:
-        """The optimiser of a problem.
+        """Set up.
 
         Raises:
             ConfigurationError: the space has no dimension with a derivative.
@@ -112,7 +114,7 @@ class GradientSearch:
         self._begin(None)
 
     def _begin(self, centre: Evaluation | None, size: float | None = None, penalty: float | None = None) -> None:
-        """Go on from another point, or from the same once more."""
+        """Begin steps from a new centre, or from the same one again."""
         if centre is not self._centre or centre is None:
             self._model: LocalModel | None = None
         self._centre, self._size = centre, self._first if size is None else size
@@ -126,17 +128,17 @@ class GradientSearch:
 
     @property
     def converged(self) -> bool:
-        """Whether no step that is still tried makes anything better."""
+        """Whether all steps down to the smallest box have failed."""
         return self._box < self._smallest
 
     @property
     def centre(self) -> Evaluation | None:
-        """The best point since steps began at another, from which they are taken."""
+        """The point from which steps are taken: the best since the last restart."""
         return self._centre
 
     @property
     def sampling_covariance(self) -> Floats:
-        """The covariance (d, d) of points around the centre, in shares of the ranges (`local_model.surroundings`)."""
+        """Covariance (d, d) around the centre, in shares of the ranges (`local_model.sampling_covariance`)."""
         covariance = np.eye(len(self._space.dimensions)) * self._width[1] ** 2
         if self._curvature is not None:
             covariance[np.ix_(self._smooth, self._smooth)] = sampling_covariance(
@@ -145,17 +147,17 @@ class GradientSearch:
         return covariance
 
     def restart(self, centre: Evaluation) -> None:
-        """Try large steps from a point; from another start where it failed, for such a point has no slope."""
+        """Begin with large steps from a point; from another start if it failed, because it has no gradient then."""
         self._begin(centre)
         self.gain = np.inf
         self._starts = None if np.isfinite(self._merit(centre)) else []
 
     def ask(self, count: int) -> list[Point]:
-        """The start, or points among which the next is chosen, or steps from the best point."""
+        """The start, candidates for the next start, or steps from the centre."""
         if self._starts is not None:
             number = min(count, self._most_starts - len(self._starts))
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # about counts that are no powers of two
+                warnings.simplefilter("ignore")  # about counts other than powers of two
                 return [self._space.decoded(shares) for shares in self._sequence.random(number)]
         if self._centre is None:
             return [self._prepared.problem.start]
@@ -180,7 +182,7 @@ class GradientSearch:
         return stepped | {name: point[name] for name in fixed}
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Go to the best, by any optimiser, and try larger steps next; else smaller ones or another kind."""
+        """Move to the best evaluation, of any origin, and enlarge the box; else try the next kinds of steps."""
         if not evaluations:
             return
         if self._starts is not None:
@@ -215,7 +217,7 @@ class GradientSearch:
         return self._space.encoded(evaluation.point)[self._smooth]
 
     def _learn_bend(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn how far constraints leave their linear model, as a multiple of the square of the step's size."""
+        """Estimate the curvature of constraints: deviation from the linear model over the square of the step's size."""
         if self._centre is None or self._model is None or not len(self._bend):
             return
         found: list[Floats] = []

@@ -1,4 +1,4 @@
-"""Global search and gradient steps, in turns."""
+"""Hybrid of global search and gradient steps, alternating."""
 
 from collections.abc import Sequence
 
@@ -14,19 +14,22 @@ FIRST, AROUND = StagnationRule(6, 0.3), StagnationRule(8, 0.1)
 
 
 class HybridSearch:
-    """CMA-ES until it gets hardly further, gradient steps from the best of it while they gain much, and so on.
+    """CMA-ES alternating with gradient steps.
 
-    Then the search goes on around where the steps have led to, wide where the objective is flat: the curvature of the
-    last gradient is its first covariance, which it would have to learn otherwise. Where it finds nothing better there,
-    it starts elsewhere. In a single scenario gradient steps come first, down to a minimum: there they cost little.
-    CMA-ES learns from every evaluation, its own or not; where gradients are no guide it is alone (`gradients_guide`).
+    1. CMA-ES until it stagnates.
+    2. Gradient steps from its best candidate while they gain enough.
+    3. CMA-ES around the final point, with the inverse curvature of the last gradient as its initial covariance, which
+       it would otherwise have to learn. If it finds nothing better, it restarts elsewhere.
+
+    In a single scenario, gradient steps come first, down to a minimum, since they cost little there. CMA-ES learns from
+    every evaluation, its own or not; if gradients are no guide, it is used alone (`gradients_guide`).
 
     Args:
         prepared: the problem with its training scenarios.
         seed: the same seed gives the same candidates.
-        first, around: how long CMA-ES may take at first, and around the point that steps have led to: where it gains
-            less, steps gain more.
-        worthwhile: what a step has to lower the merit by in many scenarios, where it takes as long as two generations.
+        first, around: stagnation rules of CMA-ES at first, and around the final point of gradient steps.
+        worthwhile: least decrease of the merit by a gradient step with many scenarios, where a step takes as long as
+            two generations.
     """
 
     def __init__(
@@ -47,7 +50,7 @@ class HybridSearch:
 
     @property
     def rollouts(self) -> int:
-        """What the gradients took."""
+        """Equivalents of the gradients."""
         return self._polish.rollouts if self._polish else 0
 
     def ask(self, count: int) -> list[Point]:
@@ -55,7 +58,7 @@ class HybridSearch:
         return (self._polish if self._polish and self._polishing else self._search).ask(count)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn from evaluations, and pass the turn on where they bring little."""
+        """Learn from evaluations, and switch the optimiser when it gains too little."""
         if not evaluations:
             return
         self._search.tell(evaluations)
@@ -70,8 +73,8 @@ class HybridSearch:
         self._searched = self._search.finished
 
     def _pass_on(self, polish: GradientSearch) -> None:
-        """Polish what the search has brought, unless it is no better than what it began at."""
-        brought, began_at, self._polished = self._search.leader, self._polished, None
-        if brought and (began_at is None or penalised_first([began_at, brought])[0]):
+        """Begin gradient steps at the search's best candidate, if it improves on the point where the search began."""
+        leader, began_at, self._polished = self._search.leader, self._polished, None
+        if leader and (began_at is None or penalised_first([began_at, leader])[0]):
             self._polishing = True
-            polish.restart(brought)
+            polish.restart(leader)

@@ -1,4 +1,4 @@
-"""Which scenarios decide what a point of the space is worth: the others need no gradient."""
+"""Linearise objective and constraints at a point, in the active scenarios: the others need no gradient."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -23,15 +23,15 @@ from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import ContinuousDimension, Point
 
 HARDEST = 3
-"""Scenarios that decide on a constraint about the worst: those with the worst values, one of which it will be next."""
+"""Number of active scenarios of a constraint on the worst case: the next worst ones may become the worst."""
 
 
 def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | Scenario]:
-    """The scenarios that count in the objective or in a mean, and the ones that decide what is worst, in their order.
+    """The scenarios that count in an objective or a mean, and the worst of each constraint on the worst case, in order.
 
     Args:
-        prepared: gives scenarios, objectives and constraints.
-        point: of the space; it is run in all scenarios, those for the best among them, if there are several.
+        prepared: has scenarios, objectives and constraints.
+        point: of the space; it is run in all scenarios, including those of the pool, if there are several.
 
     Raises:
         KeyboardInterrupt: interrupted.
@@ -58,26 +58,26 @@ def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | S
 Floats = NDArray[np.float64]
 
 APART = 1e-5
-"""Share of a gain's range between two points."""
+"""Step of finite differences, as a share of a gain's range."""
 
 NEAR_WORST = 1.2
-"""How much larger than the worst a machine's margin may be to count: which is the worst changes within a step."""
+"""Largest ratio of a machine's margin to the worst at which it counts: the worst machine may change within a step."""
 
 
 def margin_slopes(
     prepared: TrainingSet, point: Point, dimensions: Sequence[ContinuousDimension]
 ) -> dict[MarginStatistic, list[tuple[float, Floats]]]:
-    """Margins of every machine on which they are nearly the worst, and their slopes by the shares of the gains' ranges.
+    """Margins of each machine near the worst, and their slopes over shares of the gains' ranges, by finite differences.
 
-    Differences are taken in the loops whose margin is nearly the worst.
+    Differences are computed only in loops with a margin near the worst.
 
     Args:
-        prepared: says on which machines margins are looked at, and which are bounded.
+        prepared: has the machines and the bounded margins.
         point: of the space.
-        dimensions: what the slopes are by, d of them.
+        dimensions: of the slopes, d of them.
 
     Returns:
-        Margin → value and slopes (d,) for each machine; a loop that is unstable has 0 and no slopes.
+        Margin → value and slopes (d,) for each machine; an unstable loop has the value 0 and slopes 0.
 
     Raises:
         KeyboardInterrupt: interrupted.
@@ -116,12 +116,12 @@ def _values(margins: Sequence[Sequence[Mapping[str, WorstMargin]]], statistics: 
 def _slopes_of_machines(
     values: Floats, machine: NDArray[np.intp], steps: Sequence[float]
 ) -> list[tuple[float, Floats]]:
-    """The least margin of each machine near the worst, and its differences.
+    """The least margin of each machine near the worst, and its slopes.
 
     Args:
         values: (1 + d, loops): at a point, and a step away along each dimension.
-        machine: (loops,) of which they are.
-        steps: shares of the ranges.
+        machine: (loops,) index of each loop's machine.
+        steps: (d,) shares of the ranges.
     """
     worst, found = values[0].min(), []
     for number in np.unique(machine):
@@ -132,14 +132,14 @@ def _slopes_of_machines(
 
 
 STRIDE = 10
-"""Every how many samples an error counts in the curvature."""
+"""Interval in samples between the errors that count in the curvature."""
 
 STEEPEST = 1e6
-"""Slope of a logarithm over a gain's range beyond which it is no guide: that of an unstable or chaotic run grows on."""
+"""Slope of a logarithm over a gain's range above which it is ignored: it grows without limit in an unstable run."""
 
 
 def compile_ahead(prepared: TrainingSet) -> None:
-    """Compile what `linearise` calls; else its first call does. Nothing where no dimension has a derivative.
+    """Compile the functions of `linearise`, which its first call would do; nothing if no dimension has a derivative.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
@@ -150,11 +150,11 @@ def compile_ahead(prepared: TrainingSet) -> None:
 
 
 def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario], point: Point) -> LocalModel:
-    """The model at a point of the space, over its dimensions that are intervals.
+    """The local model at a point of the space, over its continuous dimensions, by sensitivities of the closed loop.
 
     Args:
-        prepared: gives objective and constraints.
-        scenarios: those of the problem that count (`tuning.optimisers.linearise`).
+        prepared: has objective and constraints.
+        scenarios: the active ones (`active_scenarios`).
         point: of the space.
 
     Raises:
@@ -187,7 +187,7 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
     of_margins = margin_slopes(prepared, point, dimensions)
 
     def rows(statistic: Statistic | MarginStatistic) -> list[tuple[float, Floats]]:
-        """Values of a statistic that may decide, and their slopes (d,)."""
+        """Values of a statistic, for the worst case in each scenario or machine, and their slopes (d,)."""
         if isinstance(statistic, MarginStatistic):
             return of_margins[statistic]
         metric, kept = statistic.metric, counted(statistic) & np.isfinite(run.metrics[statistic.metric][0])
@@ -208,7 +208,7 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
 
 
 def smooth(problem: TuningProblem) -> list[ContinuousDimension]:
-    """The dimensions of a problem that have a derivative."""
+    """The dimensions of a problem with a derivative."""
     return [dimension for dimension in problem.space.dimensions if isinstance(dimension, ContinuousDimension)]
 
 
@@ -224,7 +224,7 @@ def gradients_guide(problem: TuningProblem) -> bool:
 
 
 def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[float]]:
-    """The keys of these, and their values at a point."""
+    """The keys of the dimensions with a derivative, and their values at a point."""
     keys = [key for dimension in smooth(problem) for key in dimension.keys]
     values = dict(zip(problem.space.keys, problem.space.parameters(point), strict=True))
     return keys, [values[key] for key in keys]
@@ -233,7 +233,7 @@ def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[
 def _bounded(
     prepared: TrainingSet, rows: Callable[[Statistic | MarginStatistic], list[tuple[float, Floats]]]
 ) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Violations, slopes and constraints of a model, from values of a statistic and their slopes."""
+    """Violations, slopes and indices of constraints of a model, from values of statistics and their slopes."""
     violations, slopes, belongs = [], [], []
     for index, constraint in enumerate(prepared.constraints):
         share = (-1 if constraint.at_least else 1) / (abs(constraint.bound) or 1.0)
@@ -247,18 +247,18 @@ def _bounded(
 
 
 def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
-    """Slopes, with 0 where they are no guide."""
+    """Slopes, with 0 in place of those above `steepest`."""
     return np.where(np.abs(slopes) < steepest, slopes, 0.0)
 
 
 def _with(scenario: Experiment | Scenario, problem: TuningProblem, point: Point) -> Experiment | Scenario:
-    """A scenario with the point's gains, those without a derivative among them."""
+    """A scenario with all of the point's gains, including those without a derivative."""
     settings = problem.space.settings(point)
     return scenario.having(settings) if isinstance(scenario, Scenario) else with_leaves(scenario, settings)
 
 
 def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | NDArray[np.bool_]) -> Floats:
-    """(p,) derivatives of a statistic: the mean of all, or those of the scenario that decides."""
+    """(p,) derivatives of a statistic: the mean over scenarios, or those of the scenario nearest to its value."""
     values, slopes = run.metrics[statistic.metric][0, counted], run.gradients[statistic.metric][0, counted]
     if not len(values):
         return np.zeros(len(run.names))
@@ -268,7 +268,7 @@ def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | N
 
 
 def _scale(dimension: ContinuousDimension, value: float) -> float:
-    """Derivative of a gain by its share of the range."""
+    """Derivative of a gain with respect to its share of the range."""
     if dimension.log:
         return float(value * np.log(dimension.upper / dimension.lower))
     return dimension.upper - dimension.lower

@@ -1,7 +1,7 @@
-"""A model of objective and constraints near a point of the unit cube, in logarithms, and the steps that minimise it.
+"""A local model of objective and constraints in logarithms, near a point of the unit cube, and steps that minimise it.
 
-Errors, tensions and chatter change by factors where gains do, so that their logarithms are far nearer to linear over
-logarithmic gains than they are themselves.
+Errors, tensions and chatter change by factors when gains do, so their logarithms are far closer to linear over
+logarithmic gains than the values themselves.
 """
 
 from dataclasses import dataclass, replace
@@ -15,25 +15,25 @@ from dualwinch.tuning.scoring.ranking import Evaluation
 Floats = NDArray[np.float64]
 
 FAR = -0.9
-"""Violation below which a constraint is far from active, and its logarithm not taken."""
+"""Violation below which a constraint is far from active and is not scaled logarithmically."""
 
 ELASTIC = 200.0
-"""What a unit of violated constraint costs in a step, beside the logarithm of the objective: above any multiplier."""
+"""Penalty on a violation of 1 in a step, added to the objective's logarithm: larger than any multiplier."""
 
 DAMPING = 1e-9
-"""Share of the largest curvature added to every direction, so that one without effect stays where it is."""
+"""Share of the curvature's trace added to every direction, so that gains without effect do not change."""
 
 
 @dataclass(frozen=True)
 class LocalModel:
-    """Objective and constraints near a point, in the d dimensions that have a derivative.
+    """Objective and constraints near a point, in the d dimensions with a derivative.
 
     Attributes:
         slope: (d,) of the objective's logarithm.
         curvature: (d, d) of the objective as a share of its value, by Gauss–Newton.
-        violations, slopes: (r,), (r, d) of the constraints (`scaled_violation`), positive where violated. One about the
-            worst of many scenarios has a row for each of them: which is the worst changes within a step.
-        belongs: (r,) indices of the constraints that the rows belong to.
+        violations, slopes: (r,), (r, d) of the constraints (`scaled_violation`), positive where violated. A constraint
+            on the worst case has a row for each scenario, because the worst scenario may change within a step.
+        belongs: (r,) index of each row's constraint.
     """
 
     slope: Floats
@@ -43,7 +43,7 @@ class LocalModel:
     belongs: NDArray[np.intp]
 
     def closer(self, distances: Floats) -> "LocalModel":
-        """The model with constraints that are closer by a distance each, (c,)."""
+        """The model with each constraint tightened by a distance (c,)."""
         return replace(self, violations=self.violations + distances[self.belongs])
 
     def predicted(self, step: Floats, constraints: int) -> Floats:
@@ -53,15 +53,15 @@ class LocalModel:
 
 
 def level(value: float) -> float:
-    """The logarithm of an objective; of a negative one, which falls as it grows, minus that of its size."""
+    """The logarithm of an objective; for a negative one, minus the logarithm of its magnitude."""
     size = float(np.log(max(abs(value), np.finfo(float).tiny)))
     return size if value >= 0 else -size
 
 
 def scaled_violation(constraint: Constraint, violation: float) -> tuple[float, float]:
-    """How far a constraint is violated, and the derivative of that by the violation.
+    """Scaled violation of a constraint, and its derivative with respect to the violation.
 
-    Near or beyond an upper bound, where the violation is value/bound − 1, that is log(value/bound).
+    For an upper bound, with violation value/bound − 1, it is log(value/bound) unless far from the bound.
     """
     if constraint.at_least or constraint.bound <= 0 or violation < FAR:
         return violation, 1.0
@@ -69,7 +69,7 @@ def scaled_violation(constraint: Constraint, violation: float) -> tuple[float, f
 
 
 def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: float) -> float:
-    """What steps are to lower: the objective's level and a penalty times the worst violation; infinite if it failed."""
+    """Merit function: the objective's level plus a penalty on the worst violation; infinite for failed candidates."""
     known = {constraint.label for constraint in constraints}
     if evaluation.pruned or any(v > 0 for label, v in evaluation.violations.items() if label not in known):
         return float("inf")
@@ -78,9 +78,9 @@ def merit(evaluation: Evaluation, constraints: tuple[Constraint, ...], penalty: 
 
 
 def linear_step(model: LocalModel, centre: Floats, size: float) -> Floats:
-    """The step that minimises the objective's slope within the constraints, a box of half width `size`, and the cube.
+    """Minimise the linear model within the constraints, a box of half width `size` and the unit cube.
 
-    Constraints that cannot be met within the box are violated as little as possible.
+    Constraints that cannot be satisfied within the box are violated as little as possible.
     """
     from scipy.optimize import linprog
 
@@ -96,7 +96,7 @@ def linear_step(model: LocalModel, centre: Floats, size: float) -> Floats:
 
 
 def quadratic_step(model: LocalModel, centre: Floats, size: float) -> Floats:
-    """The same with the objective's curvature: a Levenberg–Marquardt step where no constraint binds."""
+    """`linear_step` with the objective's curvature: a Levenberg–Marquardt step if no constraint is active."""
     from scipy.optimize import minimize
 
     curvature = model.curvature + DAMPING * np.trace(model.curvature) * np.eye(len(centre))
@@ -124,13 +124,13 @@ def quadratic_step(model: LocalModel, centre: Floats, size: float) -> Floats:
 
 
 def sampling_covariance(curvature: Floats, rise: float, ends: tuple[float, float]) -> Floats:
-    """The covariance (d, d) of points around a minimum where the objective is higher by a share, in the mean.
+    """Covariance (d, d) of points around a minimum at which the objective rises by a given share on average.
 
-    Each principal axis of the curvature has an even part in that: the flatter the objective, the wider.
+    Each principal axis of the curvature contributes equally: the flatter the objective, the wider.
 
     Args:
         curvature: (d, d) of the objective as a share of its value (`LocalModel`).
-        rise: the share.
+        rise: the mean relative rise.
         ends: the least and the largest standard deviation along an axis.
     """
     bends, axes = np.linalg.eigh(curvature)

@@ -1,4 +1,4 @@
-"""Optuna's samplers, each on a study in memory, so that what a candidate costs does not grow with the storage."""
+"""Optuna's samplers, each on a study in memory, so that the cost of a candidate does not grow with the storage."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SamplerKind:
-    """A family of samplers.
+    """A kind of sampler.
 
     Attributes:
-        make: the sampler, from a seed.
-        memory: evaluations it works with, at most; beyond, half of them are forgotten, the best and the latest kept.
-            0: it needs them all.
+        make: makes the sampler from a seed.
+        memory: largest number of evaluations it uses; beyond, half of them are dropped, and the best and the latest
+            kept. 0: without limit.
     """
 
     make: Callable[[int], "optuna.samplers.BaseSampler"]
@@ -32,7 +32,7 @@ class SamplerKind:
 
 
 class SamplerSearch:
-    """An optimiser that asks one of Optuna's samplers.
+    """An optimiser by one of Optuna's samplers.
 
     Attributes:
         rollouts: none of its own.
@@ -41,7 +41,7 @@ class SamplerSearch:
     rollouts = 0
 
     def __init__(self, kind: SamplerKind, prepared: TrainingSet, seed: int) -> None:
-        """The sampler of a problem; the same seed gives the same candidates."""
+        """Set up; the same seed gives the same candidates."""
         self._kind, problem = kind, prepared.problem
         self._space = problem.space
         self._distributions = distributions(problem.space)
@@ -49,7 +49,7 @@ class SamplerSearch:
         self._random = np.random.default_rng(seed)
         self._known: list[Evaluation] = []
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # some of the samplers call themselves experimental
+            warnings.simplefilter("ignore")  # some of the samplers are experimental
             self._sampler = kind.make(int(self._random.integers(2**31)))
         self._asked: dict[tuple[object, ...], optuna.Trial] = {}
         self._begin([])
@@ -65,7 +65,7 @@ class SamplerSearch:
         self._known = list(kept)
 
     def ask(self, count: int) -> list[Point]:
-        """Candidates, each sampled with those still under way in mind."""
+        """Candidates, each sampled with regard to those still under way."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             trials = [self._study.ask(self._distributions) for _ in range(count)]
@@ -74,7 +74,7 @@ class SamplerSearch:
         return points
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Learn from evaluations, and forget half where the sampler has a short memory."""
+        """Learn from evaluations, and drop half of them beyond the sampler's memory."""
         for evaluation in evaluations:
             trial = self._asked.pop(tuple(evaluation.point[name] for name in self._distributions), None)
             if trial is None:
@@ -89,7 +89,7 @@ class SamplerSearch:
 
 
 def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
-    """The best and the latest, half of each, in their order."""
+    """The best and the latest evaluations, half of each, in their original order."""
     kept = set(feasibility_first(known)[: count // 2])
     kept |= set([index for index in range(len(known)) if index not in kept][-(count - len(kept)) :])
     return [known[index] for index in sorted(kept)]

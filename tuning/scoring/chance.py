@@ -1,7 +1,7 @@
 """Chance constraint, by the scenario approach: the probability that a fresh draw violates a bound is at most ε.
 
-M independent draws that took no part in search and validation are run. If K candidates are looked at, each in draws of
-its own, and one of them violates no bound, its probability of violation is at most ε with confidence 1 − β where
+Each of at most K candidates is run in M independent draws of its own, not used in search and validation. If a candidate
+violates no bound in them, its probability of violation is at most ε with confidence 1 − β, provided that
 M ≥ ln(K/β)/ε (Tempo, Bai and Dabbene, Systems & Control Letters 30, 1997; Calafiore and Campi, IEEE TAC 51, 2006;
 Tempo, Calafiore and Dabbene, Randomized Algorithms for Analysis and Control of Uncertain Systems, 2013).
 """
@@ -14,7 +14,7 @@ from scipy.stats import beta
 
 
 def clopper_pearson(violations: int, draws: int, confidence: float) -> tuple[float, float]:
-    """The two-sided interval of a probability, from so many violations in so many draws (Biometrika 26, 1934)."""
+    """Two-sided Clopper–Pearson interval of a probability from a number of violations (Biometrika 26, 1934)."""
     rest = (1 - confidence) / 2
     return (
         float(beta.ppf(rest, violations, draws - violations + 1)) if violations else 0.0,
@@ -23,26 +23,26 @@ def clopper_pearson(violations: int, draws: int, confidence: float) -> tuple[flo
 
 
 def draws_needed(violation: float, confidence: float, candidates: int) -> int:
-    """M = ln(K/β)/ε, rounded up.
+    """Number of draws M = ln(K/β)/ε, rounded up.
 
     Args:
         violation: ε, the largest probability of a violation.
         confidence: 1 − β.
-        candidates: K, how many are evaluated.
+        candidates: K, the number of candidates.
     """
     return math.ceil(math.log(candidates / (1 - confidence)) / violation)
 
 
 @dataclass(frozen=True)
 class ChanceConstraint:
-    """What fresh draws say of the probability that bounds are violated.
+    """Result of the chance constraint for the selected candidate.
 
     Attributes:
-        violation: ε asked for.
-        confidence: 1 − β asked for.
-        candidates: K, how many may be evaluated.
-        draws: M, fresh ones of the chosen candidate.
-        violations: in how many of them a bound on the worst case is violated, or the run is not completed.
+        violation: ε, the requested largest probability of a violation.
+        confidence: 1 − β, requested.
+        candidates: K, the largest number of candidates.
+        draws: M, the number of fresh draws of the candidate.
+        violations: number of draws in which a bound on the worst case is violated or the run is incomplete.
     """
 
     violation: float
@@ -53,7 +53,7 @@ class ChanceConstraint:
 
     @property
     def supported(self) -> float:
-        """The largest probability of a violation that the draws support, with the confidence (Clopper–Pearson)."""
+        """Upper confidence limit of the probability of a violation (Clopper–Pearson, β divided by K)."""
         if self.violations >= self.draws:
             return 1.0
         rest = (1 - self.confidence) / self.candidates
@@ -61,12 +61,12 @@ class ChanceConstraint:
 
     @property
     def satisfied(self) -> bool:
-        """Whether that is at most what was asked for."""
+        """Whether that limit is at most ε."""
         return self.supported <= self.violation
 
     @property
     def words(self) -> str:
-        """With which probability bounds on runs (no margins) are satisfied, and what that rests on, in words."""
+        """The probability that bounds on runs (not on margins) are satisfied, with its evidence, in words."""
         seen = f"{self.violations or 'no'} violation{'s' * (self.violations != 1)} in {self.draws} fresh draws"
         sure = f"{100 * self.confidence:g} % confidence"
         if self.satisfied:
@@ -77,7 +77,7 @@ class ChanceConstraint:
         return f"{words}{more}; asked for: {_share(1 - self.violation)})"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """As a dictionary for JSON."""
         return {
             "violation": self.violation,
             "probability": 1 - self.violation,
@@ -91,5 +91,5 @@ class ChanceConstraint:
 
 
 def _share(probability: float) -> str:
-    """A probability in per cent, rounded down so that it promises no more than is known."""
+    """A probability in per cent, rounded down to stay on the safe side."""
     return f"{math.floor(1e4 * probability + 1e-6) / 100:g} %"

@@ -1,4 +1,4 @@
-"""The time that budgets are measured in."""
+"""Clocks for time budgets."""
 
 import time
 
@@ -6,10 +6,10 @@ from dualwinch.codegen.cache import build_seconds
 
 
 def now() -> float:
-    """Time in s since the epoch: workers on several machines share the end of a study."""
+    """Time in s since the epoch, so that workers on several machines agree on the end of a study."""
     return time.time()
 
 
 def without_compiling() -> float:
-    """The same without the time that this process has compiled in: what comes on top of a budget, once."""
+    """`now` minus the time that this process spent compiling, which does not count against a budget."""
     return now() - build_seconds()

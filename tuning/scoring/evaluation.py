@@ -1,15 +1,14 @@
-"""Evaluate candidates: rollouts in scenarios, objectives and constraint violations, early pruning.
+"""Evaluate candidates: rollouts in scenarios, objectives, constraint violations and early pruning.
 
 A batch of candidates of the search is evaluated by successive halving over scenarios (Jamieson and Talwalkar,
 Non-stochastic Best Arm Identification and Hyperparameter Optimization, AISTATS 2016), in the order of an exact penalty:
 
-1. All are run in the first share of the common scenarios; of each, objective and violations follow.
-2. One in η is run in the rest; the others are pruned.
-3. One in η of those is run in the pool of active scenarios, and the next ones, until the candidate that leads has been
-   run there.
-4. Now and then the leader is run in all hard scenarios. The pool learns from what was run (`ActiveScenarios`).
-5. Stability margins of the candidates that are not hopeless are computed in the active loops (`ActiveLoops`); those of
-   the start, and of a feasible leader that improves on the best so far, in all loops.
+1. Run all candidates in the first share of the common scenarios, and compute objective and violations of each.
+2. Run one in η in the rest; prune the others.
+3. Run one in η of these in the pool of active scenarios, and then the next ones until the leader has been run there.
+4. Every few batches, run the leader in all hard scenarios. Update the pool with the results (`ActiveScenarios`).
+5. Compute stability margins of the promising candidates in the active loops (`ActiveLoops`), and in all loops for the
+   start and for a feasible leader that improves on the best so far.
 """
 
 from collections import Counter
@@ -47,13 +46,13 @@ from dualwinch.tuning.selection_config import SampleSizes
 def bounds_in(
     training: TrainingSet, paper: BatchResult, scenarios: Sequence[Experiment | Scenario]
 ) -> tuple[Constraint, ...]:
-    """The constraints of a problem in other scenarios: factors on the paper's statistics are on those there.
+    """The constraints of a problem in other scenarios, with factors applied to the paper's statistics there.
 
-    Factors on its stability margins stay those of the training set's machines.
+    Factors on its stability margins remain applied to those on the training set's machines.
 
     Args:
-        training: the problem.
-        paper: the baseline controller in the scenarios, one row.
+        training: the problem with its training set.
+        paper: runs of the baseline controller in `scenarios`, one row.
         scenarios: validation or test scenarios.
     """
     return tuple(
@@ -65,7 +64,7 @@ def bounds_in(
 
 
 Margins = dict[str, WorstMargin]
-"""Kind of a stability margin → the worst over some machines."""
+"""Kind of a stability margin → the worst over several machines."""
 
 
 @dataclass
@@ -73,11 +72,11 @@ class BatchEvaluation:
     """A batch of candidates under evaluation.
 
     Attributes:
-        candidates: all of them.
-        evaluations: one a candidate, so far.
+        candidates: of the batch.
+        evaluations: current evaluation of each candidate.
         results: row of a candidate that is not pruned → its runs so far.
-        margins: stability margins of each candidate.
-        surveyed: rows of those whose margins are known in all loops.
+        margins: stability margins of each candidate; ``None``: not computed.
+        surveyed: rows of the candidates with margins known in all loops.
     """
 
     candidates: Sequence[Candidate]
@@ -88,7 +87,7 @@ class BatchEvaluation:
 
 
 FAILED = "scenarios not completed <= 0"
-"""Constraint that every scenario is completed; its violation is the share that is not."""
+"""Constraint that every scenario is completed; its violation is the share of incomplete ones."""
 
 
 class Scorer:
@@ -99,8 +98,8 @@ class Scorer:
         rollouts: number of rollouts so far.
         seconds: their wall time in s.
         margin_seconds: wall time in s of stability margins.
-        surveyed: number of machines on which margins of a controller were computed so far, in all loops.
-        until: when validation and test are to end, by `clock.without_compiling`; ``None``: they take what they take.
+        surveyed: number of machines on which a controller's margins were computed in all loops so far.
+        until: end of validation and test, by `clock.without_compiling`; ``None``: without limit.
         watch: shows the steps of validation and test.
     """
 
@@ -108,11 +107,11 @@ class Scorer:
     watch: TuningProgress = NO_PROGRESS
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
-        """A scorer.
+        """Set up.
 
         Args:
-            training: gives objectives and constraints.
-            workers: of this machine, or an executor; default: one thread a core.
+            training: has objectives and constraints.
+            workers: number of threads of this machine, or an executor; default: one thread per core.
         """
         self.training = training
         self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0
@@ -125,37 +124,37 @@ class Scorer:
 
     @property
     def pace(self) -> float:
-        """Wall time in s that a rollout took in the mean; 0 before the first."""
+        """Mean wall time of a rollout in s; 0 before the first."""
         return self.seconds / self.rollouts if self.rollouts else 0.0
 
     @property
     def margin_pace(self) -> float:
-        """Wall time in s that the margins of a controller in all loops of a machine took in the mean, else 0."""
+        """Mean wall time in s of a controller's margins in all loops of a machine; 0 before the first."""
         return self._whole_seconds / self.surveyed if self.surveyed else 0.0
 
     def affordable(self, sizes: SampleSizes) -> SampleSizes:
-        """As much of some sizes as there is time for."""
+        """The largest share of given sizes for which there is time."""
         if self.until is None:
             return sizes
         left, paces = self.until - clock.without_compiling(), (self.pace, self.margin_pace)
         return self.training.problem.selection.affordable(sizes, left, *paces)
 
     def affords(self, sizes: SampleSizes) -> bool:
-        """Whether there is time for all of some sizes."""
+        """Whether there is time for given sizes."""
         return self.affordable(sizes) == sizes
 
     def step(self, words: str, runs: int, status: str = "") -> None:
-        """A step of validation or test begins; `watch` gets the share of its rollouts that is done.
+        """Begin a step of validation or test; `watch` gets the share of its rollouts that is done.
 
         Args:
-            words: what is done in it.
-            runs: rollouts that it takes at most.
-            status: as of `TuningProgress.step`.
+            words: description of the step.
+            runs: largest number of its rollouts.
+            status: as in `TuningProgress.step`.
         """
         self._report, self._step = self.watch.step(words, status), (self.rollouts, max(runs, 1))
 
     def start(self) -> Evaluation:
-        """The start in the training scenarios, from the rollouts of `prepare`."""
+        """Evaluate the start on the training set, from the rollouts of `prepare`."""
         training = self.training
         candidate = Candidate(training.problem.start, "start")
         margins = self.margins([candidate], training.margins)[0]
@@ -170,9 +169,9 @@ class Scorer:
         constraints: Sequence[Constraint] | None = None,
         machines: MarginSurvey | None = None,
     ) -> list[Evaluation]:
-        """Evaluate candidates in all of some scenarios; arguments as of `evaluation`.
+        """Evaluate candidates in all of the scenarios; arguments as in `evaluation`.
 
-        Their margins are those on the machines of the scenarios, unless others are given.
+        Margins are computed on the machines of the scenarios, unless other machines are given.
         """
         if not candidates:
             return []
@@ -189,11 +188,11 @@ class Scorer:
     def survey(
         self, scenarios: Sequence[Experiment | Scenario], experiment: Experiment | None = None
     ) -> MarginSurvey | None:
-        """The machines of some scenarios beside the nominal one (`tuning.scoring.training_set.survey`)."""
+        """The nominal machine and those of the scenarios, for margins (`tuning.scoring.training_set.survey`)."""
         return survey(self.training.problem, scenarios, self._workers, experiment=experiment)
 
     def bounds(self, scenarios: Sequence[Scenario]) -> tuple[Constraint, ...]:
-        """The constraints in other scenarios; the paper's controller, which bounds may refer to, is run there."""
+        """The constraints in other scenarios; runs the paper's controller there, to which bounds may refer."""
         base = self.training.problem.paper_experiment
         with_paper = [replace(scenario, base=base) for scenario in scenarios]
         return bounds_in(self.training, self.run(None, with_paper), with_paper)
@@ -205,12 +204,12 @@ class Scorer:
         chosen: Sequence[bool] | None = None,
         loops: NDArray[np.intp] | None = None,
     ) -> list[Margins | None]:
-        """The worst margins of candidates on some machines.
+        """Compute the worst margins of candidates on given machines.
 
         Args:
-            candidates: whose gains.
-            machines: ``None``: no margin is bounded.
-            chosen: which candidates; the others have ``None``.
+            candidates: with the gains.
+            machines: survey of the machines; ``None``: no margin is bounded.
+            chosen: mask of the candidates to compute; the others get ``None``.
             loops: indices of the survey's loops; default: all.
 
         Raises:
@@ -228,7 +227,7 @@ class Scorer:
         return found
 
     def _count_margins(self, began: float, machines: int) -> None:
-        """Count the time since then, which went into margins in all loops of some machines, or (0) in some loops."""
+        """Count the time since `began`, spent on margins in all loops of `machines` machines (0: in some loops)."""
         seconds = clock.now() - began
         self.margin_seconds, self.surveyed = self.margin_seconds + seconds, self.surveyed + machines
         self._whole_seconds += seconds if machines else 0.0
@@ -240,12 +239,12 @@ class Scorer:
         *,
         to_the_end: bool = True,
     ) -> BatchResult:
-        """The rollouts of candidates, a row each, in some scenarios; without candidates, those of the scenarios' own.
+        """Run candidates in scenarios, one row per candidate.
 
         Args:
-            candidates: whose gains.
-            scenarios: what is run.
-            to_the_end: whether runs go on where a rope is slack for long although the constraints forbid it.
+            candidates: with the gains; ``None``: one row with the scenarios' own gains.
+            scenarios: to run.
+            to_the_end: whether runs continue if a rope is slack for long although the constraints forbid it.
 
         Raises:
             KeyboardInterrupt: interrupted.
@@ -279,10 +278,10 @@ class Scorer:
         margins: Margins | None = None,
         constraints: Sequence[Constraint] | None = None,
     ) -> Evaluation:
-        """The evaluation of a candidate from a row of a result; in training with back-off (`TuningProblem.margin`).
+        """Evaluate a candidate from a row of a result; in training with back-off (`TuningProblem.margin`).
 
-        The constraints are by default those of the training set (`bounds_in` gives those of others). Stability margins
-        that were not computed have no value and violate nothing: such a candidate was pruned, or failed a scenario.
+        Default constraints are those of the training set (`bounds_in` gives those of other sets). Stability margins
+        that were not computed have no value and no violation: such a candidate was pruned, or failed a scenario.
         """
         problem, outcomes = self.training.problem, result.outcomes[row]
         done = outcomes == "completed"
@@ -308,7 +307,7 @@ class Scorer:
     def with_margins(
         self, evaluation: Evaluation, margins: Margins, bounds: Sequence[Constraint], *, training: bool
     ) -> Evaluation:
-        """An evaluation with stability margins, and what they violate."""
+        """An evaluation with stability margins and their violations added."""
         problem, violations = self.training.problem, dict(evaluation.violations)
         found = {statistic.name: statistic.of(margins) for statistic in problem.margins}
         for constraint in bounds:
@@ -319,19 +318,19 @@ class Scorer:
 
 
 EXEMPT = ("paper", "start")
-"""Origins of candidates that are never pruned: others are compared with them."""
+"""Origins of candidates that are never pruned, because others are compared with them."""
 
 
 class Evaluator(Scorer):
     """Evaluates the candidates of a search batch by batch, with a pool of active scenarios."""
 
     def __init__(self, training: TrainingSet, *, prune: bool = True, workers: Workers = None) -> None:
-        """An evaluator.
+        """Set up.
 
         Args:
-            training: gives scenarios, objectives and constraints.
-            prune: whether hopeless candidates are pruned after the first scenarios; never with several objectives.
-            workers: of this machine, or an executor; default: one thread a core.
+            training: has scenarios, objectives and constraints.
+            prune: whether to prune poor candidates after the first scenarios; never with several objectives.
+            workers: number of threads of this machine, or an executor; default: one thread per core.
         """
         super().__init__(training, workers)
         problem = training.problem
@@ -363,20 +362,20 @@ class Evaluator(Scorer):
         return batch.evaluations
 
     def _promoted(self, count: int) -> int:
-        """How many of a rung's candidates are run in the scenarios of the next, at least one."""
+        """Number of a rung's candidates that are run in the scenarios of the next, at least one."""
         return max(1, round(count / self._config.eta))
 
     def time_of_search(self, search: float) -> float:
-        """Time in s that the search has, given how long margins take (`SelectionConfig.time_of_search`)."""
+        """Time in s for the search, given the duration of margins (`SelectionConfig.time_of_search`)."""
         if self.until is None:
             return search
-        margin_pace = self.margin_pace if self.active_loops else 0.0  # those of the start are known then
+        margin_pace = self.margin_pace if self.active_loops else 0.0  # `active_loops` has computed the start's
         left = self.until - clock.without_compiling()
         return self._config.time_of_search(search, left, self.training.pace, margin_pace)
 
     @cached_property
     def active_loops(self) -> ActiveLoops | None:
-        """Pool of active loops, which knows the start's; ``None`` where no margin of a loop is bounded."""
+        """Pool of active loops, initialised with the start's margins; ``None`` if no margin of a loop is bounded."""
         surveyed, kinds = self.training.margins, [kind for kind in self._kinds if kind != RESONANCE]
         if surveyed is None or not kinds:
             return None
@@ -387,9 +386,9 @@ class Evaluator(Scorer):
         return pool
 
     def _survey_leaders(self, batch: BatchEvaluation) -> None:
-        """Compute the margins in all loops of a feasible leader that improves on the best, while there is one.
+        """Compute the margins in all loops of each feasible leader that improves on the best.
 
-        Of one that is infeasible they are computed now and then.
+        Those of an infeasible leader are computed every `pool_review` batches.
         """
         review = self._batches % self._config.pool_review == 0
         for _ in range(self._config.most_leaders):
@@ -402,7 +401,7 @@ class Evaluator(Scorer):
             self._survey_all(batch, leader)
 
     def _survey_all(self, batch: BatchEvaluation, row: int) -> None:
-        """Compute the margins of a candidate in all loops; the pool learns from them."""
+        """Compute the margins of a candidate in all loops, and update the pool with them."""
         surveyed, pool, known = self.training.margins, self.active_loops, batch.margins[row]
         batch.surveyed.add(row)
         if surveyed is None or pool is None or known is None:
@@ -423,9 +422,9 @@ class Evaluator(Scorer):
         common: Sequence[Experiment | Scenario],
         active: Sequence[Experiment | Scenario],
     ) -> list[int]:
-        """Run the most promising in the active scenarios until the leader has been run there; rows of those.
+        """Run the best candidates in the active scenarios until the leader has been run there; return their rows.
 
-        Were only feasible ones run there, a candidate that fails there would fall behind others that were not run.
+        Slightly infeasible ones are run there too: else a feasible one that fails there would rank behind them.
         """
         done: list[int] = []
         while active and len(done) < self._config.most_leaders:
@@ -448,7 +447,7 @@ class Evaluator(Scorer):
         before: Sequence[Experiment | Scenario],
         scenarios: Sequence[Experiment | Scenario],
     ) -> None:
-        """Run candidates of a batch in scenarios beside those they were run in before."""
+        """Run candidates of a batch in scenarios in addition to those before."""
         more = self.run([batch.candidates[row] for row in rows], scenarios, to_the_end=False)
         together = [*before, *scenarios]
         for number, row in enumerate(rows):
@@ -459,7 +458,7 @@ class Evaluator(Scorer):
     def _in_common(
         self, candidates: Sequence[Candidate], scenarios: Sequence[Experiment | Scenario]
     ) -> BatchEvaluation:
-        """Run candidates in the common scenarios; in a large batch the least promising are pruned after the first."""
+        """Run candidates in the common scenarios; in a large batch, prune the worst after the first share of them."""
         exempt = {row for row, candidate in enumerate(candidates) if candidate.origin in EXEMPT}
         first = scenarios if len(candidates) <= self._config.prune_above else scenarios[: self._first]
         prunes = len(first) < len(scenarios)

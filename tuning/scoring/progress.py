@@ -1,4 +1,4 @@
-"""Where a study stands: the phases of tuning in words, and the search batch by batch."""
+"""Progress of a study: its phases in words, and the status of the search after each batch."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ VALIDATING = "choosing: the paper's gains and the start in the validation set"
 SCREENING = "choosing: candidates of the search in the validation set"
 REPAIRING = "choosing: a candidate with more reserve in the validation set"
 PHASES = (DRAWING, REFERENCES, SEARCHING, CHOOSING, SCORING)
-"""What `tuning.tune.tune` does, in this order."""
+"""Phases of `tuning.tune.tune`, in this order."""
 
 
 @dataclass
 class SearchStatus:
-    """Where a study stands.
+    """Status of a search.
 
     Attributes:
-        trials: finished trials, of all workers.
-        feasible: how many of them satisfy every constraint.
+        trials: number of finished trials, of all workers.
+        feasible: number of those that satisfy every constraint.
         best: the best so far, by `tuning.scoring.ranking`; ``None`` before the first.
-        rollouts: rollouts of this process.
-        rollout_seconds: wall time they took.
-        seconds: wall time of the search in this process.
-        compiling: how much of that was compiling, which comes once.
+        rollouts: number of rollouts of this process.
+        rollout_seconds: their wall time in s.
+        seconds: wall time of the search in this process, in s.
+        compiling: part of it spent compiling, in s.
         spent: rollouts of the finished trials, of all workers, and of this process's gradients.
-        share: of the rollouts that there may be; 0 where the budget does not say.
+        share: of the budget of rollouts that is spent; 0 without such a budget.
     """
 
     trials: int = 0
@@ -48,7 +48,7 @@ class SearchStatus:
     share: float = 0.0
 
     def add(self, evaluations: Sequence[Evaluation]) -> None:
-        """Count further finished trials."""
+        """Count more finished trials."""
         self.trials += len(evaluations)
         self.feasible += sum(evaluation.feasible for evaluation in evaluations)
         self.spent += sum(evaluation.scenarios for evaluation in evaluations)
@@ -58,33 +58,33 @@ class SearchStatus:
 
     @property
     def overhead(self) -> float:
-        """Share of the wall time that was not spent in rollouts."""
+        """Share of the wall time outside of rollouts."""
         return 1 - self.rollout_seconds / self.seconds if self.seconds else 0.0
 
 
 class TuningProgress:
-    """Reports phases, batches of a search and steps of a choice as `simulation.progress.PhaseProgress`.
+    """Reports phases, batches of a search and steps of the selection to a `simulation.progress.PhaseProgress`.
 
     Attributes:
-        objectives: names and units of what is minimised, for the status line.
+        objectives: for their names and units in the status line.
     """
 
     def __init__(self, progress: PhaseProgress = no_progress, objectives: Sequence[Statistic] = ()) -> None:
         self.objectives, self._progress = tuple(objectives), progress
 
     def phase(self, words: str) -> None:
-        """A phase begins; `words` say what is done in it."""
+        """Report the begin of a phase, which `words` describe."""
         self._progress(0.0, words)
 
     def step(self, words: str, status: str = "") -> Progress:
-        """A step of a phase begins.
+        """Report the begin of a step of a phase.
 
         Args:
-            words: what is done in it.
-            status: the same in numbers, where steps of the same words follow each other.
+            words: description of the step.
+            status: description with numbers, to distinguish successive steps with the same `words`.
 
         Returns:
-            What receives the share of the step that is done.
+            Callback for the share of the step that is done.
         """
 
         def report(fraction: float) -> None:
@@ -95,12 +95,12 @@ class TuningProgress:
         return report
 
     def compiled(self, seconds: float) -> None:
-        """What the study runs is compiled, which took so many seconds; next to none where it was in the cache."""
+        """Report the end of compilation and its duration, if it took a second or more."""
         if seconds >= 1:
             self._progress(0.0, f"compiled in {seconds:.0f} s")
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
-        """A batch of the search is finished; it ends at the time `until` in s since the epoch, or after `trials`."""
+        """Report a finished batch of a search that ends at `until`, in s since the epoch, or after `trials`."""
         self._progress(progress.share, status=self._status(progress, until, trials))
 
     def _status(self, now: SearchStatus, until: float | None, trials: int | None) -> str:
@@ -119,11 +119,11 @@ class TuningProgress:
 
 
 SOON = 0.05
-"""Share of a budget of trials or rollouts before which it does not say how long the rest takes."""
+"""Share of a budget of trials or rollouts below which it gives no estimate of the remaining time."""
 
 
 def _left(now: SearchStatus, until: float | None, trials: int | None) -> float | None:
-    """Time in s that the search will take, by the budget that ends first; ``None``: it is too early to say."""
+    """Remaining time of the search in s, by the budget that ends first; ``None``: too early for an estimate."""
     shares = [*([now.trials / trials] if trials else []), *([now.share] if now.share else [])]
     left = [(now.seconds - now.compiling) * (1 / share - 1) for share in shares if share >= SOON]
     if until is not None:
@@ -132,4 +132,4 @@ def _left(now: SearchStatus, until: float | None, trials: int | None) -> float |
 
 
 NO_PROGRESS = TuningProgress()
-"""Reports to nothing."""
+"""Reports nothing."""

@@ -1,8 +1,8 @@
-"""Which candidate is better: feasibility first, or by an exact penalty.
+"""Ranking of candidates: by feasibility first, or by an exact penalty.
 
-What is presented is ranked by feasibility first (`feasibility_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000).
-A search that followed that order would run into the next feasible valley, however bad: gains that are a thousand times
-better and violate a bound by 1 % would count for less than any feasible ones. So it follows an exact penalty
+Results are ranked by feasibility first (`feasibility_first`; Deb, Comput. Methods Appl. Mech. Eng. 186, 2000). In that
+order a search would descend into the nearest feasible valley, however poor: gains that are a thousand times better but
+violate a bound by 1 % would rank below any feasible ones. Searches therefore rank by an exact penalty
 (`penalised_first`; Nocedal and Wright, Numerical Optimization, 2006, Section 17.2).
 """
 
@@ -22,7 +22,7 @@ class Candidate:
 
     Attributes:
         point: name of a dimension → value.
-        origin: where it comes from: ``paper``, ``start`` or the name of a method.
+        origin: ``paper``, ``start`` or the name of a method.
     """
 
     point: Point
@@ -34,16 +34,16 @@ class Evaluation:
     """The result of a candidate.
 
     Attributes:
-        candidate: what was evaluated.
-        objectives: one an objective, in its unit; NaN where no run has it.
+        candidate: the evaluated candidate.
+        objectives: their values in their units; NaN if no run has one.
         violations: constraint → violation as a share of its bound; <= 0: satisfied.
-        statistics: such as ``mean.mse`` → value; NaN where no run has it.
+        statistics: such as ``mean.mse`` → value; NaN if no run has it.
         outcomes: outcome → number of scenarios.
-        scenarios: number of scenarios that were run.
-        pruned: whether it was not run in all scenarios.
-        violated: number of scenarios in which a bound on the worst case is violated, or that were not completed.
-        number: of the trial in the storage; -1 where it has none.
-        units: unit of each of the statistics.
+        scenarios: number of scenarios run.
+        pruned: whether scenarios were left out.
+        violated: number of scenarios that violate a bound on the worst case or are incomplete.
+        number: of the trial in the storage; -1 if it has none.
+        units: name of a statistic → its unit.
     """
 
     candidate: Candidate
@@ -64,17 +64,17 @@ class Evaluation:
 
     @property
     def costs(self) -> tuple[float, ...]:
-        """The objectives to rank by: one that no run has is infinite."""
+        """The objectives for ranking, with infinity in place of NaN."""
         return tuple(math.inf if math.isnan(value) else value for value in self.objectives)
 
     @property
     def violation(self) -> float:
-        """Sum of the constraint violations; 0 where it is feasible."""
+        """Sum of the constraint violations; 0 if all are satisfied."""
         return sum(max(value, 0.0) for value in self.violations.values())
 
     @property
     def violation_of_means(self) -> float:
-        """That of the constraints on other statistics than the worst case."""
+        """Sum of the violations of constraints on other statistics than the worst case."""
         return sum(max(value, 0.0) for label, value in self.violations.items() if not label.startswith("worst."))
 
     @property
@@ -84,10 +84,10 @@ class Evaluation:
 
 
 def feasibility_first(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Indices of the evaluations, the best first, by feasibility first (Deb's rules).
+    """Rank evaluations by feasibility first (Deb's rules); return their indices, the best first.
 
-    The feasible come first, by objective (several: by the number of their front), then the infeasible by violation;
-    pruned ones come last.
+    Feasible ones come first, by objective (several: by the number of their front), then infeasible ones by violation,
+    then pruned ones.
     """
     fronts = _front_numbers(evaluations)
 
@@ -99,10 +99,10 @@ def feasibility_first(evaluations: Sequence[Evaluation]) -> list[int]:
 
 
 def penalised_first(evaluations: Sequence[Evaluation], penalty: float = SelectionConfig.penalty) -> list[int]:
-    """Indices of the evaluations, the most promising first: what a search should follow.
+    """Rank evaluations by an exact penalty, for a search; return their indices, the best first.
 
-    By the objective's logarithm plus a penalty on the violation; pruned ones come last. Of several objectives, or of
-    one that need not be positive, the best come first (`feasibility_first`).
+    The key is the objective's logarithm plus a penalty on the violation; pruned ones come last. With several
+    objectives, or one that is not positive, the order is `feasibility_first`.
     """
     if not _penalisable(evaluations):
         return feasibility_first(evaluations)
@@ -117,14 +117,14 @@ def penalised_first(evaluations: Sequence[Evaluation], penalty: float = Selectio
 def rarest_violations_first(
     evaluations: Sequence[Evaluation], shares: Sequence[float], penalty: float = SelectionConfig.penalty
 ) -> list[int]:
-    """Indices of the evaluations, the best first where bounds on the worst case are violated now and then.
+    """Rank evaluations by an exact penalty on the share of scenarios with a violation; return their indices.
 
-    By the objective's logarithm plus a penalty on the share of scenarios in which they are. Of several objectives, or
-    of one that need not be positive, by that share.
+    The key is the objective's logarithm plus a penalty on the share of scenarios in which a bound on the worst case is
+    violated. With several objectives, or one that is not positive, it is that share, then the objectives.
 
     Args:
         evaluations: of candidates in the same scenarios.
-        shares: of scenarios, maybe others, in which each violates a bound.
+        shares: share of scenarios, possibly others, in which each candidate violates a bound.
         penalty: added to the logarithm of the objective for a share of 1.
     """
     positive = _penalisable(evaluations)
@@ -137,15 +137,15 @@ def rarest_violations_first(
 
 
 def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
-    """Whether the objective has a logarithm: there is one, and it is positive."""
+    """Whether there is a single objective, and it is positive, so that it has a logarithm."""
     return all(len(evaluation.objectives) == 1 and evaluation.costs[0] > 0 for evaluation in evaluations)
 
 
 def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
     """Whether an evaluation improves on the start in the same scenarios.
 
-    It does where it is feasible and the start is not; where an objective is smaller and its violation is not larger; or
-    where it violates bounds on the worst case in fewer scenarios, and those on means no further.
+    It does if it is feasible and the start is not; if an objective is smaller and its violation is not larger; or if it
+    violates bounds on the worst case in fewer scenarios, and bounds on means no more.
     """
     smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
@@ -156,7 +156,7 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
 
 
 def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
-    """Indices of the feasible evaluations that no other feasible one dominates, by the first objective."""
+    """Indices of the non-dominated feasible evaluations, in order of the objectives."""
     feasible = [index for index, evaluation in enumerate(evaluations) if evaluation.feasible]
     values = np.array([evaluations[index].costs for index in feasible])
     kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
@@ -168,7 +168,7 @@ def _dominated(row: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _front_numbers(evaluations: Sequence[Evaluation]) -> list[int]:
-    """For several objectives the number of the front by non-dominated sorting, from 0; else 0 throughout."""
+    """Number of each evaluation's front by non-dominated sorting, from 0; all 0 with a single objective."""
     numbers = [0] * len(evaluations)
     if not evaluations or len(evaluations[0].objectives) == 1:
         return numbers

@@ -1,4 +1,4 @@
-"""Rollouts of candidates in scenarios, and statistics of what they gave."""
+"""Rollouts of candidates in scenarios, and statistics of their results."""
 
 from collections.abc import Sequence
 
@@ -27,10 +27,10 @@ def run_pairs(
     most_slack: float | None = None,
     progress: Progress = no_progress,
 ) -> BatchResult:
-    """`rollout` that raises an interrupt, for half a batch is of no use here; arguments as there.
+    """`rollout` that raises an interrupt, because an incomplete batch is useless here; arguments as there.
 
     Raises:
-        KeyboardInterrupt: it was interrupted, even if every rollout was under way by then and is finished.
+        KeyboardInterrupt: interrupted, even if every rollout had already started and is finished.
     """
     result = rollout(keys, parameters, scenarios, workers=workers, most_slack=most_slack, progress=progress)
     if result.interrupted:
@@ -39,7 +39,7 @@ def run_pairs(
 
 
 def counts(statistic: Statistic, scenario: Experiment | Scenario) -> bool:
-    """Whether a scenario counts in a statistic: a hard one in the worst only."""
+    """Whether a scenario counts in a statistic; hard ones count in the worst case only."""
     return statistic.kind == "worst" or not (isinstance(scenario, Scenario) and scenario.hard)
 
 
@@ -52,11 +52,11 @@ def keeps_tight(constraints: Sequence[Constraint]) -> bool:
 
 
 def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
-    """The largest violation of each run, as a share of the bound; infinite where it was not completed.
+    """Largest violation of each run (candidates, scenarios), as a share of the bound; infinite for incomplete ones.
 
     Args:
-        result: of (candidates, scenarios).
-        constraints: those on the worst case count.
+        result: (candidates, scenarios) runs.
+        constraints: only those on the worst case count.
     """
     worst = np.full(result.outcomes.shape, -np.inf)
     for constraint in constraints:
@@ -68,9 +68,9 @@ def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[
 
 
 def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
-    """A statistic of a row of a result, over the scenarios that count and ran to their end; NaN without any.
+    """A statistic of a row of a result, over the completed scenarios that count; NaN without any.
 
-    A run that was given up because a rope was slack had a tension of zero, whatever else came of it.
+    The least tension is 0 if a run was stopped because of a slack rope.
     """
     if statistic.name == LEAST_TENSION and (result.outcomes[row] == WORDS[Outcome.GIVEN_UP]).any():
         return 0.0
@@ -85,7 +85,7 @@ def row_of(result: BatchResult, row: int) -> BatchResult:
 
 
 def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
-    """One candidate's results in the first scenarios, and a row of those in others, as one result of one row."""
+    """One candidate's results in first scenarios joined with row `row` of results in others, as a single row."""
     more = row_of(late, row)
     metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
     return BatchResult(

@@ -1,4 +1,4 @@
-"""Screening: candidates of the search in the validation set, the best in training first (step 3 of the method)."""
+"""Screening: evaluate candidates of the search on the validation set, the best in training first (step 3)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,8 +26,8 @@ class Validated:
     """A candidate that improves on the start in the validation set, or the start.
 
     Attributes:
-        trial: in the training set; a repaired one has the number of the trial that it was.
-        result: in the validation set.
+        trial: its evaluation on the training set; a repaired candidate keeps the number of its trial.
+        result: its evaluation on the validation set.
     """
 
     trial: Evaluation
@@ -35,12 +35,12 @@ class Validated:
 
 
 class Screening:
-    """Validated candidates, group by group, for as long as there are candidates, rollouts and time.
+    """Validates candidates group by group, while there are candidates, rollouts and time.
 
     Attributes:
-        constraints: with bounds that are numbers in the validation set.
-        start: the start; ``None`` where it takes no part: it violates more than bounds on single scenarios, or
-            objectives have no order.
+        constraints: with bounds as numbers for the validation set.
+        start: the start; ``None`` if it is excluded: it violates bounds on means or margins, or there are several
+            objectives.
     """
 
     def __init__(
@@ -51,14 +51,14 @@ class Screening:
         start: Evaluation,
         sizes: SampleSizes,
     ) -> None:
-        """Evaluate the start in the validation set.
+        """Evaluate the start on the validation set.
 
         Args:
             evaluator: of the problem.
             validation: the set.
             trials: of the search.
-            start: in the training set.
-            sizes: of the sets, at most.
+            start: its evaluation on the training set.
+            sizes: the largest sizes of the sets.
         """
         self._evaluator, self._validation, self._sizes = evaluator, validation, sizes
         self.constraints = validation.constraints
@@ -78,9 +78,10 @@ class Screening:
         self._back_off, self._stride, self._given = dict[str, float](), 2, False
 
     def following(self) -> list[Validated]:
-        """Validated candidates that come before the start, the best first: those of the next group that has any.
+        """Validated candidates that rank before the start, the best first, from the next group that has any.
 
-        Where no group had a feasible one that improves on the start, some of all groups that do; once.
+        If no group had a feasible candidate that improves on the start, then, once, a sample of all groups is evaluated
+        in all scenarios, and infeasible candidates that improve on the start count too.
         """
         while group := self._group():
             before = self._evaluator.rollouts
@@ -103,14 +104,14 @@ class Screening:
         return self._before_the_start(improved)
 
     def learn(self, draws: Sequence[Scenario], waiting: Sequence[Validated]) -> list[Validated]:
-        """Take draws in which a validated candidate violated a bound into the validation set.
+        """Add draws in which a validated candidate violated a bound to the validation set.
 
         Args:
-            draws: those.
+            draws: to add.
             waiting: other validated candidates.
 
         Returns:
-            Those of them that violate no bound in these draws.
+            The candidates of `waiting` that violate no bound in these draws.
         """
         added = self._validation.extend(draws)
         if not (added and waiting):
@@ -120,11 +121,11 @@ class Screening:
         return [each for each, out in zip(waiting, violated, strict=True) if not out]
 
     def repair(self, candidate: Validated, excess: float) -> list[Validated]:
-        """The first feasible candidate of a line search on the reserve; none where there is none.
+        """The first feasible candidate of a line search on the reserve; empty if there is none.
 
         Args:
-            candidate: whose peak violates its bound.
-            excess: by which share.
+            candidate: with a peak beyond its bound.
+            excess: violation, as a share of the bound.
         """
         trial, problem = candidate.trial, self._evaluator.training.problem
         steps = [repaired(trial.candidate, excess, problem, share) for share in self._config.repair_steps]
@@ -136,7 +137,7 @@ class Screening:
         return [Validated(replace(trial, candidate=each.candidate), each) for each in feasible[:1]]
 
     def screened(self, group: Sequence[Evaluation]) -> tuple[list[Validated], set[str]]:
-        """The candidates of a group that are feasible, as they are or repaired, and bounds that others violate."""
+        """The feasible candidates of a group, repaired ones included, and the bounds that the others violate."""
         problem = self._evaluator.training.problem
         results = self._validation.screen([trial.candidate for trial in group])
         found = [Validated(trial, each.feasible) for trial, each in zip(group, results, strict=True) if each.feasible]
@@ -156,10 +157,10 @@ class Screening:
         return found, {label for each in results for label, value in each.missing.items() if 0 < value < np.inf}
 
     def _group(self) -> list[Evaluation]:
-        """The next candidates, which keep twice the distance in training from bounds that others violated.
+        """The next candidates, with twice the back-off in training from bounds that earlier ones violated.
 
-        Where none keeps it, it is not the distance that matters: each group then takes twice as large steps through
-        what is left, so that it comes to calmer gains before the rollouts are spent.
+        If none keeps that back-off, it is not the cause of the violations: each group then takes twice as large steps
+        through the remaining candidates, to reach less aggressive gains before the rollouts are spent.
         """
         affords = not self._tried or self._evaluator.affords(self._sizes.after_validation)
         if self._spent > self._sizes.screening_rollouts or not affords:
@@ -172,7 +173,7 @@ class Screening:
         return group
 
     def _step(self, which: str, count: int) -> None:
-        """A step begins that runs so many candidates in the validation set."""
+        """Begin a step that runs `count` candidates in the validation set."""
         scenarios = len(self._validation.scenarios)
         status = f"choosing: {which} in {scenarios} validation scenarios"
         self._evaluator.step(SCREENING, count * scenarios, status)
@@ -190,7 +191,7 @@ class Screening:
 
 
 def before_the_start(found: Sequence[Validated], start: Validated | None, penalty: float) -> list[Validated]:
-    """Candidates by an exact penalty on their share of violations, as far as they come before the start."""
+    """Candidates that rank before the start by an exact penalty on their share of violations, the best first."""
     together = [*found, *([start] if start else [])]
     results = [each.result for each in together]
     shares = [result.violated / result.scenarios for result in results]
@@ -199,7 +200,7 @@ def before_the_start(found: Sequence[Validated], start: Validated | None, penalt
 
 
 def by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
-    """Complete trials that satisfy the bounds themselves, without the back-off, by objective; all where none does."""
+    """Complete trials that satisfy the bounds without back-off, in order of the objective; all trials if none does."""
     finished = [trials[index] for index in feasibility_first(trials) if not trials[index].pruned]
     near = [trial for trial in finished if trial.violation <= back_off]
     if not near or len(near[0].objectives) > 1:
@@ -208,5 +209,5 @@ def by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list
 
 
 def _keeps(trial: Evaluation, back_off: Mapping[str, float], at_first: float) -> bool:
-    """Whether a trial keeps a back-off from each bound in training, where its violations contain that at first."""
+    """Whether a trial keeps given back-offs from bounds in training; its violations contain the initial `at_first`."""
     return all(trial.violations.get(label, 0.0) - at_first <= -distance for label, distance in back_off.items())

@@ -3,27 +3,27 @@
 1. **Training set** (`tuning.scoring.training_set`): sample average approximation with common random numbers (Shapiro,
    Dentcheva and Ruszczyński, Lectures on Stochastic Programming, 2009, Chapter 5), strata by authority ratio, vertices,
    and a pool of active scenarios. Bounds on the worst case keep a back-off.
-2. **Search** (`tuning.optimisers`, `tuning.scoring.evaluation`): CMA-ES (Hansen, arXiv:1604.00772) and gradients, led
-   by an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2); in a batch successive halving
+2. **Search** (`tuning.optimisers`, `tuning.scoring.evaluation`): CMA-ES (Hansen, arXiv:1604.00772) and gradients, on
+   an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2); within a batch, successive halving
    over scenarios (Jamieson and Talwalkar, AISTATS 2016).
 3. **Validation set** (`tuning.scoring.screening`, `tuning.scoring.validation`): candidates that are feasible in
-   training, by training objective, are evaluated sequentially in draws of another stream, hardest scenarios first, out
-   at the first violation. After a group without a feasible one those of the next keep twice the back-off in training
-   from each bound that it violated; where none keeps it, groups step through what is left. The feasible ones that
-   improve on the start there are validated; where there are none, some of all groups. They are ordered by an exact
-   penalty on the share of scenarios that violate a bound, and what comes after the start is dropped. One repair: a peak
-   beyond its bound is taken back by the reserve.
-4. **Chance constraint** (`tuning.scoring.chance`): the validated candidates in their order are run in fresh draws, each
-   in its own, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). Draws in which one does join
-   the validation set (sequential probabilistic validation; Alamo, Tempo, Luque and Ramirez, Automatica 52, 2015), where
-   they rule out others, also of the candidates that are screened next; one that violates a peak is repaired by a line
-   search on the reserve and counts as another candidate. The start comes last, where it satisfies the bounds on means.
-   If none passes, one is chosen by an exact penalty on its share of violations, and the result says which probability
-   they support.
-5. **Test set**: evaluated once, for the choice, the start and the baseline controller; reported with its intervals and
-   never fed back. Where it contradicts the choice, the result says so.
+   training, in order of the training objective, are evaluated sequentially in draws of another stream, hardest
+   scenarios first, and rejected at the first violation. After a group without a feasible candidate, the next group
+   keeps twice the back-off in training from each violated bound; if no candidate keeps it, groups step through the
+   remaining ones. Feasible candidates that improve on the start are validated; if there are none, a sample of all
+   groups that improve on it. They are ordered by an exact penalty on the share of scenarios that violate a bound;
+   candidates behind the start are dropped. Repair: a peak beyond its bound is lowered by the reserve.
+4. **Chance constraint** (`tuning.scoring.chance`): validated candidates are run in this order, each in its own fresh
+   draws, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). Draws with a violation join the
+   validation set (sequential probabilistic validation; Alamo, Tempo, Luque and Ramirez, Automatica 52, 2015), where
+   they reject others, also of groups screened later; a candidate that violates a peak is repaired by a line search on
+   the reserve and counts as another candidate. The start comes last, if it satisfies the bounds on means. If no
+   candidate passes, one is selected by an exact penalty on its share of violations, and the result states the
+   supported probability.
+5. **Test set**: evaluated once, for the selected candidate, the start and the baseline controller; reported with
+   intervals, never fed back. The result states any contradiction to the selection.
 
-Without an ensemble the best feasible trial is chosen in the experiment. Hyper-parameters: `SelectionConfig`.
+Without an ensemble, the best feasible trial in the experiment is selected. Hyper-parameters: `SelectionConfig`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,13 +53,13 @@ def select(
     sizes: SampleSizes | None = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> SelectionResult:
-    """Choose the best trial by validation set and chance constraint, and score it in the test set.
+    """Select the best trial by validation set and chance constraint, and score it on the test set.
 
     Args:
         evaluator: of the problem.
         trials: finished trials, at least one.
-        sizes: of the sets, at most; default: those of the problem's `SelectionConfig`. They are smaller where the
-            evaluator's time is short, and counted anew once candidates are validated.
+        sizes: largest sizes of the sets; default: from the problem's `SelectionConfig`. They are reduced if the
+            evaluator's time is short, and computed again after validation.
         watch: gets both phases and their steps.
 
     Raises:
@@ -108,11 +108,11 @@ def select(
 
 
 def _contradiction(scores: Mapping[str, ControllerScore], chance: ChanceConstraint | None) -> str:
-    """In what the test set contradicts the choice or the probability, in words; empty where it does not.
+    """Contradiction of the test set to the selection or to its probability, in words; empty if there is none.
 
-    Means are those over feasible scenarios, by which the choice was made: where the motors' force is too small, the
-    vehicle falls behind whatever the gains, and a few such scenarios would decide. Violations that are no more frequent
-    than the fresh draws support are expected, and do not speak for the start.
+    Means are over feasible scenarios, as in validation: with too little force the vehicle falls behind whatever the
+    gains, and a few such scenarios would decide. Violations no more frequent than the fresh draws support are expected,
+    and are no argument for the start.
     """
     best, start = (scores[name].feasible for name in ("best", "start"))
     if chance:
@@ -124,7 +124,7 @@ def _contradiction(scores: Mapping[str, ControllerScore], chance: ChanceConstrai
 
 
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
-    """The start in the training set: the trial that is it, else from the rollouts of `prepare`."""
+    """The start's evaluation on the training set: its trial, else from the rollouts of `prepare`."""
     point = evaluator.training.problem.start
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
 
@@ -132,17 +132,17 @@ def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
 def _chance_constrained(
     evaluator: Evaluator, screening: Screening, first: Sequence[Validated], sizes: SampleSizes
 ) -> tuple[Validated | None, ChanceConstraint | None, str]:
-    """The first candidate without a violation in fresh draws of its own, else that with the fewest (step 4).
+    """The first candidate without a violation in its own fresh draws, else the best by an exact penalty (step 4).
 
     Args:
         evaluator: of the problem.
-        screening: gives further candidates.
+        screening: supplies more candidates.
         first: validated candidates.
         sizes: of the draws.
 
     Returns:
-        The candidate, ``None`` where there is none; what the draws say of it; and, where that is the start, a better
-        candidate that violates bounds now and then, in words.
+        The candidate, or ``None``; the result of its draws; and, if it is the start, a note on a better candidate that
+        rarely violates bounds.
     """
     problem, config = evaluator.training.problem, evaluator.training.problem.selection
     ensemble = problem.ensemble
@@ -178,7 +178,7 @@ def _chance_constrained(
 
 
 def _rarely(violations: int, candidate: Validated, draws: int, problem: TuningProblem) -> str:
-    """What a candidate reaches that violates bounds in some fresh draws, in words."""
+    """Note on a candidate that violates bounds in some fresh draws: its objective and number of violations."""
     trial, objective = candidate.trial, problem.objectives[0]
     reached = f"{objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()
     return f"trial {trial.number} reaches {reached}, but violates bounds in {violations} of {draws} fresh draws"

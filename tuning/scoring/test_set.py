@@ -1,4 +1,4 @@
-"""The test set: scenarios that score the chosen gains once, and take no part in search and choice."""
+"""The test set: scenarios for a single score of the selected gains, not used in search and selection."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,16 +20,16 @@ from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.selection_config import SampleSizes
 
 ALIKE = 1e-9
-"""Relative difference of all statistics below which the start does what the paper's controller does."""
+"""Largest relative difference of all statistics at which the start equals the paper's controller."""
 
 
 @dataclass(frozen=True)
 class MarginLocation:
-    """Where the worst of a stability margin is attained.
+    """Location of the worst value of a stability margin.
 
     Attributes:
-        worst: value, point and cut.
-        machine: what the machine is called.
+        worst: value, operating point and loop opening.
+        machine: name of the machine.
     """
 
     worst: WorstMargin
@@ -45,19 +45,19 @@ class MarginLocation:
         if worst.reason:
             return f"{worst.reason} at {point}, {self.machine}"
         if not worst.cut:
-            return "nothing of the kind makes it unstable"
+            return "no such change makes it unstable"
         return f"cut at {worst.cut}, {point}, {worst.frequency / (2 * math.pi):.3g} Hz, {self.machine}"
 
 
 @dataclass(frozen=True)
 class ControllerScore:
-    """The score of a controller in the test set.
+    """The score of a controller on the test set.
 
     Attributes:
-        evaluation: its statistics and violations there.
+        evaluation: its statistics and violations.
         feasible: the same with means over the scenarios within the actuators' authority, as in training and validation.
-        result: figures of merit of every scenario, one row.
-        attained: name of a stability margin that is bounded → where its worst is.
+        result: metrics of every scenario, one row.
+        attained: name of a bounded stability margin → location of its worst value.
     """
 
     evaluation: Evaluation
@@ -68,18 +68,17 @@ class ControllerScore:
 
 @dataclass(frozen=True)
 class SelectionResult:
-    """The chosen candidate and its score.
+    """The selected candidate and its score.
 
     Attributes:
-        best: the chosen trial in the training set; the start, where no trial improves on it.
-        obstacle: why the best is the start, in words; empty where it is a trial.
-        contradiction: in what the test set contradicts the choice, in words; empty where it does not.
-        validation: the best in the validation set; ``None`` without an ensemble, or where the start is kept.
-        chance: what fresh draws say of the probability that its bounds are violated; ``None`` likewise.
+        best: the selected trial on the training set; the start if no trial improves on it.
+        obstacle: why the start is kept, in words; empty if the best is a trial.
+        contradiction: of the test set to the selection, in words; empty if there is none.
+        validation: the best on the validation set; ``None`` without an ensemble, or if the start is kept.
+        chance: result of the chance constraint for the best; ``None`` likewise.
         test_violations: number of test scenarios in which the best violates a bound on the worst case.
-        scores: ``best``, ``start`` and ``paper`` → scores in the same test scenarios, which took no part in search and
-            choice; without an ensemble in the experiment.
-        constraints: of the problem, every bound a number in those scenarios.
+        scores: ``best``, ``start`` and ``paper`` → scores on the test set; without an ensemble, in the experiment.
+        constraints: of the problem, with bounds as numbers for those scenarios.
         has_test_set: whether those are drawn from an ensemble.
         within_authority: (scenarios,) whether each is within the actuators' authority.
         sizes: of the validation and test sets.
@@ -99,7 +98,7 @@ class SelectionResult:
 
     @property
     def improved(self) -> bool:
-        """Whether the best is a trial that improves on the start where it was chosen."""
+        """Whether the best is a trial, which improves on the start on the validation set."""
         return not self.obstacle
 
     @property
@@ -109,18 +108,18 @@ class SelectionResult:
 
     @property
     def scored(self) -> Evaluation:
-        """The best in the test set."""
+        """The best on the test set."""
         return self.scores["best"].evaluation
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Which scores say something different: the best, the start and the paper's, each where it is another."""
+        """Names of the distinct scores: the best, the start and the paper's."""
         start = () if self.start_is_papers or not self.improved else ("start",)
         return "best", *start, *(() if self.start_is_papers and not self.improved else ("paper",))
 
     @property
     def start_is_papers(self) -> bool:
-        """Whether the start does what the paper's controller does."""
+        """Whether the start has the same statistics as the paper's controller."""
         start, paper = (self.statistics(name) for name in ("start", "paper"))
         return all(abs(value - paper[name]) <= ALIKE * abs(paper[name]) for name, value in start.items())
 
@@ -130,7 +129,7 @@ class SelectionResult:
         return (score.feasible if feasible else score.evaluation).statistics
 
     def improvement(self, statistic: str, over: str = "paper", *, feasible: bool = False) -> float:
-        """How many times a statistic of the best is below that of the paper's gains or of the start."""
+        """Factor by which a statistic of the best is below that of the paper's gains or of the start."""
         ours, theirs = (self.statistics(name, feasible=feasible)[statistic] for name in ("best", over))
         return theirs / ours if ours else np.inf
 
@@ -139,7 +138,7 @@ class SelectionResult:
         return clopper_pearson(self.test_violations, self.scored.scenarios, confidence)
 
     def mean_interval(self, metric: str, confidence: float) -> tuple[float, float, float] | None:
-        """Mean of a figure of merit of the best with a percentile-bootstrap interval; ``None`` without two runs."""
+        """Mean of a metric of the best with its percentile-bootstrap interval; ``None`` with fewer than two runs."""
         result = self.scores["best"].result
         values = result.metrics[metric][0, result.outcomes[0] == "completed"]
         if len(values) < 2:
@@ -160,7 +159,7 @@ class TestSet:
     """
 
     def __init__(self, scorer: Scorer, count: int, seed: int) -> None:
-        """Draw so many scenarios, and run the baseline controller in them."""
+        """Draw `count` scenarios, and run the baseline controller in them."""
         problem, self._scorer = scorer.training.problem, scorer
         self.scenarios = problem.drawn(count, seed)
         self.within_authority = within_authority(self.scenarios)
@@ -172,7 +171,7 @@ class TestSet:
         self.paper = self._scored(Candidate({}, "paper"), result, with_paper, machines)
 
     def score(self, candidate: Candidate) -> ControllerScore:
-        """The score of a candidate."""
+        """Score a candidate."""
         return self._scored(candidate, self._scorer.run([candidate], self.scenarios), self.scenarios, self._machines)
 
     def _scored(

@@ -1,18 +1,18 @@
 """The training set of a tuning problem: a sample average approximation with common random numbers.
 
 Every candidate is run in the same scenarios (Shapiro, Dentcheva and Ruszczyński, Lectures on Stochastic Programming,
-2009, Chapter 5), which are chosen thus:
+2009, Chapter 5):
 
-1. Typical draws, for means: the median draw of each of as many equal strata by authority ratio, the force that a draw
-   needs over what the actuators deliver. A few draws at random are a poor mean, for one that needs nearly all the force
-   outweighs the others.
-2. Hard draws, for the worst case: those with the largest authority ratio. Where force is short the vehicle falls behind
-   and has to recover without a peak and without a slack rope; how far does not depend on gains
+1. Typical draws, for means: draws are divided into equal strata by authority ratio, the required force over the force
+   that the actuators deliver; the median draw of each stratum is used. The mean of a few random draws is poor, because
+   a draw that needs nearly all the force outweighs the others.
+2. Hard draws, for the worst case: the draws with the largest authority ratio. If force is short, the vehicle falls
+   behind and must recover without a peak or a slack rope; how far it falls behind does not depend on gains
    (`simulation.analysis.authority`).
-3. Vertices: all values differ at once, each by its standard deviation, with signs by chance. Of twice as many those
-   within the actuators' authority.
+3. Vertices, for the worst case: all values deviate at once, each by its standard deviation with a random sign. Of twice
+   the number of vertices, those within the actuators' authority are used.
 
-Of the hard scenarios every candidate is run in a few, the active ones (`ActiveScenarios`).
+Every candidate is run in a few of the hard scenarios, the active ones (`ActiveScenarios`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -59,7 +59,7 @@ class ScenarioChoice:
 
 
 def drawn(choices: Sequence[ScenarioChoice], ensemble: Ensemble, seed: int) -> list[Scenario]:
-    """The scenarios of some choices, in their order."""
+    """The scenarios of given choices, in the same order."""
     found: dict[ScenarioChoice, Scenario] = {}
     for vertex, nominal in ((False, False), (False, True), (True, False)):
         alike = [choice for choice in choices if (choice.vertex, choice.nominal_hardware) == (vertex, nominal)]
@@ -75,7 +75,7 @@ def drawn(choices: Sequence[ScenarioChoice], ensemble: Ensemble, seed: int) -> l
 def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Draws of one ensemble with every error of the machine and its sensors set to 0 (`Mark.UNKNOWN`).
 
-    What acts on the vehicle, noise, outages, lags and the plant's uncertain parameters stay.
+    Disturbance, noise, outages, lags and the plant's uncertain parameters stay.
     """
     if not scenarios:
         return []
@@ -96,16 +96,16 @@ def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
 def training_choices(
     ensemble: Ensemble, count: int, seed: int, config: SelectionConfig
 ) -> tuple[list[ScenarioChoice], list[ScenarioChoice]]:
-    """Typical and hard scenarios of an ensemble, in turns.
+    """Typical and hard scenarios of an ensemble, alternating.
 
     Args:
-        ensemble: is drawn from.
-        count: number of scenarios: half of them hard, of these half draws and half vertices.
+        ensemble: to draw from.
+        count: number of common scenarios: half of them hard, and of these half draws and half vertices.
         seed: of the draws.
         config: hyper-parameters.
 
     Returns:
-        The common scenarios, and the hard ones of the pool.
+        The common scenarios, and the further hard ones of the pool.
     """
     more, number, few = config.hard_training, count // 2, count // 4
     further = round(config.share_vertices * more)
@@ -119,7 +119,7 @@ def training_choices(
 
 
 def _in_turns(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
-    """One of each kind, again and again, for as long as there are any."""
+    """The scenarios of several kinds, alternating."""
     longest = max(map(len, kinds), default=0)
     return [kind[place] for place in range(longest) for kind in kinds if place < len(kind)]
 
@@ -127,8 +127,8 @@ def _in_turns(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
 def typical_draws(demands: Sequence[ForceDemand], count: int) -> list[ScenarioChoice]:
     """The median draw of each of `count` equal strata by authority ratio.
 
-    Two of three are on nominal hardware: there gains differ in their own errors alone, and hardly in what a filter has
-    to learn; the best in the mean of bad machines may be mediocre on a good one.
+    Two of three are on nominal hardware: there the error depends on the gains, and hardly on what a filter must learn.
+    The gains with the best mean over bad machines may be mediocre on a good one.
     """
     order = sorted(range(len(demands)), key=lambda index: demands[index].share)
     medians = (order[int((stratum + 0.5) / count * len(order))] for stratum in range(count))
@@ -138,23 +138,23 @@ def typical_draws(demands: Sequence[ForceDemand], count: int) -> list[ScenarioCh
 def hardest_draws(
     demands: Sequence[ForceDemand], count: int, others: set[int], config: SelectionConfig
 ) -> list[ScenarioChoice]:
-    """Draws with the largest authority ratio without some others; draws that fall behind too far come last."""
+    """The `count` draws with the largest authority ratio, except `others`; those that fall too far behind come last."""
     waiting = [index for index in range(len(demands)) if index not in others]
     waiting.sort(key=lambda index: (demands[index].shortfall > config.largest_lag, -demands[index].share))
     return [ScenarioChoice(index, hard=True) for index in waiting[:count]]
 
 
 def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:
-    """Vertices of the box of draws: of twice as many the first within authority, then those least beyond it."""
+    """Vertices of the box of draws: of twice `count`, those within authority, then those least beyond it."""
     demands = force_demands(ensemble.chosen(range(2 * count), seed, vertex=True))
     order = sorted(range(len(demands)), key=lambda index: demands[index].shortfall)
     return [ScenarioChoice(index, vertex=True, hard=True) for index in order[:count]]
 
 
 def validation_draws(scenarios: Sequence[Scenario], config: SelectionConfig) -> list[Scenario]:
-    """The draws in which the vehicle falls behind by no more than `largest_lag`; all where none of them counts.
+    """The draws in which the vehicle falls behind by at most `largest_lag`; all draws if only hard ones would remain.
 
-    Where it falls behind at all, that is most of the error, and hardly depends on gains: such draws are hard ones.
+    If it falls behind at all, the lag is most of the error and hardly depends on gains: such draws are marked hard.
     """
     kept = [
         replace(scenario, hard=asked.share > 1)
@@ -171,14 +171,14 @@ def survey(
     *,
     experiment: Experiment | None = None,
 ) -> MarginSurvey | None:
-    """The machines on which stability margins are computed; ``None`` where no margin is bounded.
+    """Survey of the machines on which stability margins are computed; ``None`` if no margin is bounded.
 
     Args:
-        problem: says what is bounded and what varies.
-        scenarios: drawn machines, the first `SelectionConfig.margin_machines_validated` of which are taken, vertices
-            before draws; the nominal machine comes first.
-        workers: of this machine, or an executor; default: one thread a core.
-        experiment: with another controller than the problem's, whose gains do not vary.
+        problem: has the bounded margins and the space.
+        scenarios: drawn machines; the survey has the nominal machine and the first
+            `SelectionConfig.margin_machines_validated` of these, vertices before draws.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        experiment: with another controller in place of the problem's, with fixed gains.
     """
     if not problem.margins:
         return None
@@ -193,10 +193,11 @@ def survey(
 def hardest_machines(
     problem: TuningProblem, scenarios: Sequence[Experiment | Scenario], workers: Workers = None
 ) -> list[int]:
-    """Indices of the scenarios on whose machines the start has the least margins, of any kind that is bounded.
+    """Indices of the scenarios with the machines on which the start has the least bounded margins.
 
-    At the largest amplitude: which machines they are hardly depends on it. All are looked at at the points where the
-    nominal machine has the least of each kind, and those that have the least margins there at all points.
+    Computed at the largest amplitude only, on which the selection hardly depends, in two stages: all machines at the
+    points where the nominal machine has the least of each kind; then the machines with the least margins there, at all
+    points.
     """
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
@@ -217,9 +218,9 @@ def hardest_machines(
 def _least_first(
     surveyed: MarginSurvey, kinds: Sequence[str], values: Sequence[Sequence[float]], loops: NDArray[np.intp]
 ) -> list[int]:
-    """The machines of some loops, those with the least margins of any kind first, each over the least of all.
+    """The machines of given loops in ascending order of margin, relative to the least of its kind on any machine.
 
-    Vertices may differ in what no margin depends on: one of such twins is enough.
+    Machines with equal margins, such as vertices that differ only in irrelevant values, appear once.
     """
     numbers = np.unique(surveyed.loops[loops, 0]).tolist()
     (found,) = surveyed.each(values, kinds, loops)
@@ -238,15 +239,15 @@ class TrainingSet:
     """A tuning problem with its training scenarios.
 
     Attributes:
-        problem: what is tuned.
+        problem: the tuning problem.
         scenarios: in which every candidate is run: typical and hard ones of the ensemble, or the experiment.
-        hard: those of the pool, for the best candidates; none without an ensemble.
-        constraints: the problem's, every bound a number.
-        paper: the baseline controller in `scenarios`, one row.
-        start: the start in `scenarios`, one row.
-        margins: machines on which stability margins of every candidate are computed; ``None``: none is bounded.
-        workers: that run what else is looked at in the scenarios.
-        pace: wall time in s that a rollout took, compiling apart.
+        hard: further hard ones of the pool, for the best candidates; none without an ensemble.
+        constraints: the problem's, with bounds as numbers.
+        paper: runs of the baseline controller in `scenarios`, one row.
+        start: runs of the start in `scenarios`, one row.
+        margins: survey of the machines for every candidate's stability margins; ``None``: none is bounded.
+        workers: for other computations in the scenarios.
+        pace: wall time of a rollout in s, without compilation.
     """
 
     problem: TuningProblem
@@ -263,11 +264,11 @@ class TrainingSet:
 def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS) -> TrainingSet:
     """Draw the training scenarios of a problem, and run the baseline controller and the start in them.
 
-    The rollouts that a search calls are compiled by then.
+    This also compiles the rollouts of a search.
 
     Args:
-        problem: what is tuned.
-        workers: of this machine, or an executor; default: one thread a core.
+        problem: the tuning problem.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
         watch: gets both phases.
 
     Raises:
@@ -284,7 +285,7 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
     paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
     run_start = partial(run_pairs, problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
     start, began = run_start(), clock.without_compiling()
-    run_start()  # the first loads what it calls
+    run_start()  # timed; the first call also loads libraries
     pace = (clock.without_compiling() - began) / len(scenarios)
     hard = _drawn(problem, more, problem.experiment) if more else ()
     hardest = hardest_machines(problem, [*scenarios, *hard], workers)
@@ -323,17 +324,16 @@ def _drawn(
 
 
 class ActiveScenarios:
-    """A pool of active scenarios (cutting set): the hard ones that the best candidates violate the most.
+    """A pool of active scenarios (cutting set): the hard scenarios with the largest violations of the best candidates.
 
-    Gains that violate a bound mostly do so in the same few scenarios, but as the search goes on these become others;
-    were every candidate run in the same ones, the search would follow those that satisfy the bounds just there. Of each
-    hard scenario the largest violation of the best candidates is smoothed exponentially. The hardest enter the set of
-    every candidate (`common`), the next the pool of the best (`active`), and the others (`inactive`) are run now and
-    then.
+    Gains that violate a bound mostly do so in the same few scenarios, which change during the search; with fixed
+    scenarios the search would favour gains that satisfy the bounds only there. For each hard scenario, the largest
+    violation of the best candidates is smoothed exponentially. The hardest scenarios are run for every candidate
+    (`common`), the next ones for the best candidates (`active`), and the others (`inactive`) occasionally.
     """
 
     def __init__(self, training: TrainingSet) -> None:
-        """Start with the order of the training set."""
+        """Set up with the order of the training set."""
         self._all = [*training.scenarios, *training.hard]
         self._order = np.arange(len(self._all))
         self._common = len(training.scenarios)
@@ -346,12 +346,12 @@ class ActiveScenarios:
 
     @property
     def common(self) -> tuple[Experiment | Scenario, ...]:
-        """Every candidate's scenarios, typical and hard ones in turns."""
+        """Scenarios for every candidate, typical and hard ones alternating."""
         return self._ordered(0, self._common)
 
     @property
     def active(self) -> tuple[Experiment | Scenario, ...]:
-        """The hardest of the others."""
+        """The next hardest scenarios, for the best candidates."""
         return self._ordered(self._common, self._common + self._config.pool_size)
 
     @property
@@ -360,7 +360,7 @@ class ActiveScenarios:
         return self._ordered(self._common + self._config.pool_size, None)
 
     def learn(self, results: Sequence[BatchResult]) -> None:
-        """Learn from results, a row each, in the common, the active and maybe the inactive scenarios, in order."""
+        """Update from results of one row each, in the common, active and possibly inactive scenarios, in order."""
         if not results:
             return
         places = self._order[: results[0].outcomes.shape[1]]
@@ -373,18 +373,18 @@ class ActiveScenarios:
 
 
 class ActiveLoops:
-    """The active loops of a margin survey (active set): of each machine and amplitude the points of least margins.
+    """The active loops of a margin survey (active set): the points of least margin for each machine and amplitude.
 
-    Margins at neighbouring points are alike, and which point has the least hardly depends on the gains. How near each
-    is to it, of each kind of margin, is smoothed exponentially over the gains whose margins are known in all loops.
+    Margins at neighbouring points are similar, and the point of least margin hardly depends on the gains. The ratio of
+    each loop's margin to the least, of each kind, is smoothed exponentially over gains with margins known in all loops.
     """
 
     def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
-        """All loops are active before `learn` is called.
+        """Set up; all loops are active until `learn` is called.
 
         Args:
-            surveyed: whose loops.
-            kinds: of margins, none of which is that of the drums' resonance.
+            surveyed: survey with the loops.
+            kinds: of margins, without that of the drums' resonance.
             config: hyper-parameters.
         """
         self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
@@ -392,7 +392,7 @@ class ActiveLoops:
         self._nearness: NDArray[np.float64] | None = None
 
     def learn(self, margins: Sequence[Mapping[str, WorstMargin]]) -> None:
-        """Learn from the margins of every loop with some gains."""
+        """Update from the margins of every loop with given gains."""
         values = np.nan_to_num([[of_loop[kind].value for kind in self._kinds] for of_loop in margins])  # some infinite
         least = np.array([values[self._groups == group].min(axis=0) for group in range(int(self._groups.max()) + 1)])
         nearness = np.minimum(values / np.maximum(least, np.finfo(float).tiny)[self._groups], self._largest)
@@ -401,7 +401,7 @@ class ActiveLoops:
 
     @property
     def indices(self) -> NDArray[np.intp]:
-        """Indices of the active loops, in their order."""
+        """Indices of the active loops, in ascending order."""
         nearness, chosen = self._nearness, set[int]()
         if nearness is None:
             return np.arange(len(self._groups))

@@ -1,7 +1,7 @@
-"""Validation set: sequential evaluation of candidates in scenarios of a stream of their own, and repair of the reserve.
+"""Validation set: sequential evaluation of candidates in scenarios of a separate stream, and repair of the reserve.
 
 Candidates that satisfy their constraints in the few training scenarios may violate them in others. They are evaluated
-sequentially, hardest scenarios first, and are out at the first violation (`ValidationSet`).
+sequentially, hardest scenarios first, and rejected at the first violation (`ValidationSet`).
 """
 
 import math
@@ -26,9 +26,9 @@ from dualwinch.tuning.space import ContinuousDimension
 
 
 def validation_scenarios(problem: TuningProblem, sizes: SampleSizes) -> list[Scenario]:
-    """Vertices of the box of draws within authority, and draws, of the stream `VALIDATION`.
+    """Vertices of the box of draws within authority, and draws, from the stream `VALIDATION`.
 
-    Draws in which the vehicle falls behind for lack of force, whatever the gains, are left out (`validation_draws`).
+    Draws in which the vehicle falls behind for lack of force with any gains are excluded (`validation_draws`).
     """
     if problem.ensemble is None:
         raise ValueError("only an ensemble has validation scenarios")
@@ -39,12 +39,12 @@ def validation_scenarios(problem: TuningProblem, sizes: SampleSizes) -> list[Sce
 
 @dataclass(frozen=True)
 class Screened:
-    """The result of a candidate in the validation set.
+    """The result of a candidate on the validation set.
 
     Attributes:
-        result: in all scenarios; ``None`` where a bound is violated in the first, or others are enough.
+        result: in all scenarios; ``None`` if a bound is violated in the first ones, or enough others are feasible.
         missing: label of a constraint in training → the largest violation of a run, as a share of the bound; infinite
-            where one was not completed, -infinite where it bounds no worst case.
+            if one is incomplete, -infinite if it bounds no worst case.
     """
 
     result: Evaluation | None
@@ -52,38 +52,38 @@ class Screened:
 
     @property
     def excess(self) -> float:
-        """The largest violation of all."""
+        """The largest violation."""
         return max(self.missing.values(), default=-math.inf)
 
     @property
     def feasible(self) -> Evaluation | None:
-        """The result where it satisfies every constraint."""
+        """The result if it satisfies every constraint, else ``None``."""
         return self.result if self.result is not None and self.result.feasible else None
 
 
 class ValidationSet:
-    """Sequential evaluation of candidates: hardest scenarios first, out at the first violation.
+    """Sequential evaluation of candidates: hardest scenarios first, rejection at the first violation.
 
-    Gains that are infeasible mostly fail in the same few scenarios, so the order is by the number of failures so far.
+    Infeasible gains mostly fail in the same few scenarios, so scenarios are ordered by the number of failures so far.
 
     Attributes:
         scenarios: of the set.
-        constraints: with bounds that are numbers there.
-        machines: of the scenarios, on which stability margins are computed.
+        constraints: with bounds as numbers for the set.
+        machines: of the scenarios, for stability margins.
     """
 
     def __init__(self, scorer: Scorer, scenarios: Sequence[Scenario]) -> None:
-        """Run the baseline controller, which bounds may refer to."""
+        """Run the baseline controller, to which bounds may refer."""
         self.scenarios, self.constraints = list(scenarios), scorer.bounds(scenarios)
         self._scorer, self.machines = scorer, scorer.survey(scenarios)
         self._first = scorer.training.problem.selection.first_screened
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def extend(self, draws: Sequence[Scenario]) -> list[Scenario]:
-        """Take further draws into the set, as the hardest ones; those that would be left out at first are now, too.
+        """Add draws to the set as its hardest scenarios, except those that `validation_scenarios` would exclude.
 
         Returns:
-            Those that were taken.
+            The added scenarios.
         """
         config = self._scorer.training.problem.selection
         added = [
@@ -96,7 +96,7 @@ class ValidationSet:
         return added
 
     def screen(self, candidates: Sequence[Candidate]) -> list[Screened]:
-        """The results of candidates; stability margins are computed where all else is satisfied, the best first."""
+        """Evaluate candidates; stability margins of those that satisfy all other constraints, the best first."""
         if not candidates:
             return []
         order = np.argsort(-self._failures, kind="stable")
@@ -119,10 +119,10 @@ class ValidationSet:
         return found if self.machines is None else self._with_margins(found)
 
     def _with_margins(self, found: Sequence[Screened]) -> list[Screened]:
-        """The results with stability margins, as far as all else is satisfied.
+        """The results, with stability margins of candidates that satisfy all other constraints.
 
-        With one objective they are computed by objective, until there are as many feasible candidates as the chance
-        constraint looks at; the others have no result.
+        With a single objective, margins are computed in its order until there are enough feasible candidates for the
+        chance constraint; the remaining ones have no result.
         """
         known, count = list(found), 0
         satisfied = [(row, each.result) for row, each in enumerate(found) if each.excess <= 0 and each.result]
@@ -145,7 +145,7 @@ class ValidationSet:
     def _run(
         self, candidates: Sequence[Candidate], indices: NDArray[np.intp]
     ) -> tuple[BatchResult, list[dict[str, float]]]:
-        """The runs in some scenarios, and each candidate's largest violation of every bound; failures are counted."""
+        """Run candidates in given scenarios, count failures; return also each one's largest violation of each bound."""
         scenarios = self._chosen(indices)
         result = self._scorer.run(candidates, scenarios, to_the_end=False)
         self._failures[indices] += (worst_of(result, self.constraints) > 0).sum(axis=0)
@@ -157,20 +157,20 @@ class ValidationSet:
 
 
 def repaired(candidate: Candidate, excess: float, problem: TuningProblem, share: float = 1.0) -> Candidate | None:
-    """Repair: the candidate with the reserve that takes its highest peak back within its bound.
+    """Repair: the candidate with the reserve that lowers its highest peak to its bound.
 
-    The reserve, by which tension commands keep off `tension_max`, lowers the highest peaks by nearly its own size and
-    costs next to nothing. A search does not see it: its few scenarios have lower peaks than hundreds do.
+    The reserve, the distance of tension commands from `tension_max`, lowers the highest peaks by nearly its own size at
+    almost no cost. A search does not see this: the peaks in its few scenarios are lower than in hundreds.
 
     Args:
-        candidate: has been run.
-        excess: of its highest peak over the bound, as a share; negative where it is lower.
-        problem: says what varies, and the back-off that the repaired peak keeps.
+        candidate: that was run.
+        excess: of its highest peak over the bound, as a share; negative if it is lower.
+        problem: has the space, and the back-off of the repaired peak.
         share: of the wanted change (line search).
 
     Returns:
-        ``None`` where the reserve does not vary or cannot be raised, nothing bounds the peak, or it is not the reserve
-        that matters.
+        The repaired candidate; ``None`` if the reserve is not tuned or cannot be raised, no constraint bounds the peak,
+        or the excess is too large for the reserve.
     """
     bounds = [each.bound for each in problem.constraints if each.statistic.name == PEAK and not each.at_least]
     varies = next((each for each in problem.space.dimensions if each.name == RESERVE), None)

@@ -1,4 +1,4 @@
-"""Connections to a database: errors in one line that never show the password, and patience while it restarts."""
+"""Connections to a database, with one-line errors that never show the password, and retries while it restarts."""
 
 import re
 import time
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 Returned = TypeVar("Returned")
 
 HEARTBEAT, GRACE = 5, 20
-"""Time in s between two beats of a worker, and the silence after which it counts as dead."""
+"""Heartbeat interval of a worker in s, and the time in s without heartbeat after which it counts as dead."""
 
 HARMLESS = {"host", "hostaddr", "port", "user", "dbname", "sslmode", "application_name", "connect_timeout", "service"}
-"""Parameters of a URL's query that are no secrets."""
+"""Parameters of a URL's query that are not secret."""
 
 PATIENCE = 120.0
-"""Time in s that a database may be away before a worker gives up."""
+"""Time in s for which a worker retries while the database is unavailable."""
 
 
 class StorageError(DualwinchError):
@@ -32,11 +32,11 @@ class StorageError(DualwinchError):
 
 
 WANTED = "postgresql+psycopg://USER@HOST/DATABASE"
-"""What a URL has to be."""
+"""Format of a URL."""
 
 
 def shown(url: str) -> str:
-    """Where a database is, without anything that could be a secret: no password, and nothing of a query."""
+    """A database's URL without possible secrets: no password and no query."""
     parts = _parts(url)
     if parts is None:
         return "(no URL)"
@@ -48,16 +48,16 @@ def shown(url: str) -> str:
 
 
 def check_url(url: str) -> None:
-    """Raise `ConfigurationError` where a URL is none; the message holds nothing of it."""
+    """Raise `ConfigurationError` for an invalid URL; the message shows no part of it."""
     if _parts(url) is None:
         raise ConfigurationError(
-            f"--storage: no URL of a database; must be {WANTED}, with a port that is a number, and with @, :, / and "
-            "others in a password written as %40, %3A, %2F"
+            f"--storage: not the URL of a database; must be {WANTED}, with a number as port, and with special "
+            "characters of a password such as @, : and / written as %40, %3A and %2F"
         )
 
 
 def _parts(url: str) -> "URL | None":
-    """A URL taken apart; nothing where that is not possible, or where a host would hold an @."""
+    """The parts of a URL; ``None`` if it is invalid, or if its host would contain an @."""
     import sqlalchemy.exc
     from sqlalchemy.engine import make_url
 
@@ -69,13 +69,13 @@ def _parts(url: str) -> "URL | None":
 
 
 def connected(url: str) -> "optuna.storages.RDBStorage":
-    """Connect to a database, with Optuna's tables in it.
+    """Connect to a database with Optuna's tables.
 
     Args:
         url: ``postgresql+psycopg://USER:PASSWORD@HOST/DATABASE``.
 
     Raises:
-        ConfigurationError: no URL.
+        ConfigurationError: an invalid URL.
         StorageError: it cannot be reached, or its tables are of another version of Optuna.
     """
     import optuna
@@ -95,7 +95,7 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
                 heartbeat_stale_trial_callback=optuna.storages.RetryHeartbeatStaleTrialCallback(),
             )
     except (sqlalchemy.exc.ArgumentError, ValueError):
-        raise ConfigurationError(f"--storage: no URL of a database; must be {WANTED}") from None
+        raise ConfigurationError(f"--storage: not the URL of a database; must be {WANTED}") from None
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise StorageError(f"cannot use the database {shown(url)}: {_reason(error, url)}") from None
     there, here = storage.get_current_version(), storage.get_head_version()
@@ -109,10 +109,10 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
 
 
 def patient(url: str, action: Callable[[], Returned]) -> Returned:
-    """Carry out an action on a database, again and again while the database is away.
+    """Carry out an action on a database, with retries while it is unavailable.
 
     Raises:
-        StorageError: it was away for longer than `PATIENCE`.
+        StorageError: it was unavailable for longer than `PATIENCE`.
     """
     import optuna
     import sqlalchemy.exc
@@ -129,7 +129,7 @@ def patient(url: str, action: Callable[[], Returned]) -> Returned:
 
 
 def _driver(url: str) -> str:
-    """The URL with the driver that is installed."""
+    """The URL with the psycopg driver."""
     return "postgresql+psycopg" + url.removeprefix("postgresql") if url.startswith("postgresql://") else url
 
 
@@ -145,7 +145,7 @@ def _reason(error: BaseException, url: str) -> str:
 
 
 def _secrets(url: str) -> set[str]:
-    """What of a URL is not to be seen, as it is written there and decoded."""
+    """Secrets in a URL, as written there and decoded."""
     parts = _parts(url)
     if parts is None:
         return {url}
@@ -159,7 +159,7 @@ def _secrets(url: str) -> set[str]:
 
 
 def quiet() -> None:
-    """Let Optuna speak of problems only, not of every study and trial, nor of progress bars it does not show."""
+    """Limit Optuna's messages to problems."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import optuna
@@ -168,15 +168,15 @@ def quiet() -> None:
 
 
 def is_database(storage: str) -> bool:
-    """Whether a storage is a database and not a file."""
+    """Whether a storage is a database, not a file."""
     return "://" in storage
 
 
 def check_storage(storage: str) -> None:
-    """Find out whether a storage can be one.
+    """Check the name of a storage.
 
     Raises:
-        ConfigurationError: a database that is none of PostgreSQL's, or a library that is missing.
+        ConfigurationError: a database other than PostgreSQL, or a missing library.
     """
     if not is_database(storage):
         if re.match(r"postgres[\w+]*:", storage, re.IGNORECASE) or re.search(r"passw\w*\s*=", storage, re.IGNORECASE):

@@ -1,23 +1,22 @@
-"""A study in a PostgreSQL database that many workers share, by Optuna's public functions alone.
+"""A study in a PostgreSQL database shared by many workers, with Optuna's public functions only.
 
-The number of trials is exact: each of as many as there shall be has a place (`PLACE`). A worker adds a running trial,
-with its point, at a free place, records heartbeats while it evaluates it, and finishes it by `tell`. The first
-candidates and the trials of dead workers (`fail_stale_trials`, `RetryHeartbeatStaleTrialCallback`) are queued with
-their points and places, and are popped by `ask` before anything is added. Of the trials of a place that have not
-failed only the first counts: a worker that finds its own to be a later one fails it before it evaluates it, so that
-nothing is counted twice. Trials are numbered in the order in which they are committed, so every worker sees the same
-one as the first.
+The number of trials is exact: each trial of the budget has a place (`PLACE`). A worker adds a running trial, with its
+point, at a free place, records heartbeats while it evaluates the trial, and finishes it by `tell`. The first candidates
+and the trials of dead workers (`fail_stale_trials`, `RetryHeartbeatStaleTrialCallback`) are queued with their points
+and places, and popped by `ask` before new trials are added. Of the trials at a place that have not failed, only the
+first counts: a worker whose own trial is a later one fails it before evaluation, so that nothing is counted twice.
+Trials are numbered in the order of their commits, so every worker sees the same first one.
 
-Why places, and not as many waiting trials as there shall be, enqueued when the study is made: no public function sets
-the point of a waiting trial. It is enqueued with its point, which is not known then, or a sampler hands the point out
-after `ask` has popped it, gain by gain, a transaction each: nearly twice as many a batch (`benchmarks.storages`). And a
+Why places, instead of enqueueing the budget's number of waiting trials with the study: no public function sets the
+point of a waiting trial. Either it is enqueued with its point, which is not known then, or a sampler provides the point
+after `ask`, gain by gain in a transaction each: nearly twice the transactions per batch (`benchmarks.storages`). And a
 budget in time or rollouts has no such number.
 
-What the public functions lack: neither `ask` nor `add_trial` records a heartbeat, so that a trial whose worker dies
-right behind it would run forever; other workers record one for it (`_revive`). To fail a trial and to queue it again
-are two transactions; between them its place is empty, and the next worker that looks queues it again (`_requeue`).
-There is no way to add or finish a batch at once, and each attribute of a trial is a transaction; so a trial is added
-with all that is known, in one, and everything that it came to is one attribute (`EVALUATION`).
+Limits of the public functions: neither `ask` nor `add_trial` records a heartbeat, so a trial whose worker dies right
+after it would run forever; other workers record one for it (`_revive`). Failing a trial and queueing it again are two
+transactions; between them its place is empty, and the next worker queues it again (`_requeue`). A batch cannot be added
+or finished at once, and each attribute of a trial is a transaction; so a trial is added with everything known in one
+transaction, and its entire result is one attribute (`EVALUATION`).
 """
 
 import os
@@ -56,21 +55,21 @@ from dualwinch.tuning.storage.record import (
 from dualwinch.tuning.storage.store import Propose, SearchBudget, StudyStorage, TrialClaim
 
 NOT_FIRST = False
-"""Of `Propose`: the first candidates are queued when the study is made."""
+"""Argument of `Propose`: the first candidates are queued when the study is created."""
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 PLACE, WORKER = "place", "worker"
-"""User attributes of a trial: which of the trials that there shall be it is, and which process evaluates it."""
+"""User attributes of a trial: its place among the budget's trials, and the name of the process that evaluates it."""
 
 
 class DatabaseStudy(StudyStorage):
-    """The storage of a study in a database, as one worker sees it."""
+    """Storage of a study in a database, as seen by one worker."""
 
     def __init__(self, url: str, study: str, storage: optuna.storages.RDBStorage, space: Space) -> None:
-        """A worker's view of a study that exists; see `begin` and `join`."""
+        """Open an existing study; see `begin` and `join`."""
         self._url, self._storage, self._space = url, storage, space
         sampler = optuna.samplers.RandomSampler()  # every trial has its point; none is sampled
         self._study = patient(url, lambda: optuna.load_study(study_name=study, storage=storage, sampler=sampler))
@@ -96,7 +95,7 @@ class DatabaseStudy(StudyStorage):
         *,
         resume: bool,
     ) -> "DatabaseStudy":
-        """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
+        """Begin or continue a study; arguments and errors as in `tuning.storage.opening.open_store`."""
         storage = connected(url)
         try:
             there = begun(study, storage, problem, definition, budget)
@@ -111,10 +110,10 @@ class DatabaseStudy(StudyStorage):
 
     @classmethod
     def join(cls, url: str, study: str) -> "DatabaseStudy":
-        """Join a study that exists.
+        """Join an existing study.
 
         Raises:
-            ConfigurationError: there is no such study, or it is none of this program.
+            ConfigurationError: there is no such study, or it is not one of this program.
             DualwinchError: the database cannot be reached or used.
         """
         storage = connected(url)
@@ -127,7 +126,7 @@ class DatabaseStudy(StudyStorage):
 
     @property
     def definition(self) -> dict[str, Any]:
-        """What is tuned."""
+        """The stored definition of the problem."""
         return self._study.user_attrs[DEFINITION]
 
     def finished(self) -> list[Evaluation]:
@@ -137,13 +136,13 @@ class DatabaseStudy(StudyStorage):
         return [evaluation_of(trial) for trial in trials]
 
     def news(self) -> list[Evaluation]:
-        """Trials that other workers have finished since the last call."""
+        """Trials finished by other workers since the last call."""
         trials = [trial for trial in self._trials(*FINISHED) if trial.number not in self._reported]
         self._reported |= {trial.number for trial in trials}
         return [evaluation_of(trial) for trial in trials if trial.user_attrs.get(WORKER) != self._name]
 
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take trials: queued ones with points, of dead workers and the first ones, and proposed ones."""
+        """Claim trials: first the queued ones (first candidates and those of dead workers), then proposed ones."""
         patient(self._url, self._revive)
         if budget.trials is not None:
             patient(self._url, self._requeue)
@@ -163,7 +162,7 @@ class DatabaseStudy(StudyStorage):
             raise
 
     def _own(self) -> list[FrozenTrial]:
-        """The running trials of this worker that are not claimed yet."""
+        """This worker's running trials that are not claimed yet."""
         return [
             trial
             for trial in self._trials(TrialState.RUNNING)
@@ -176,9 +175,9 @@ class DatabaseStudy(StudyStorage):
         ]
 
     def _pop(self) -> None:
-        """Take a trial that is queued; where others were faster it is a new one, which has no place."""
+        """Pop a queued trial; if other workers were faster, it is a new one without a place."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about heartbeats, which are recorded here
+            warnings.simplefilter("ignore")  # about heartbeats; this class records them
             trial = self._study.ask()
         self._popped.add(trial.number)
         trial.set_user_attr(WORKER, self._name)
@@ -194,7 +193,7 @@ class DatabaseStudy(StudyStorage):
         self._study.add_trial(self._trial(TrialState.RUNNING, candidate, place, {WORKER: self._name}))
 
     def _first_of_their_places(self) -> list[TrialClaim]:
-        """Claim the own trials that count; fail the others, of places where an earlier one has not failed."""
+        """Claim own trials that are the first of their places without failure; fail the others."""
         first: dict[int, int] = {}
         for there in self._trials(*FINISHED, TrialState.RUNNING, TrialState.WAITING):
             if (place := there.user_attrs.get(PLACE)) is not None:
@@ -226,7 +225,7 @@ class DatabaseStudy(StudyStorage):
             fail_stale_trials(self._study)
 
     def _queue(self, first: Sequence[Candidate], budget: SearchBudget) -> None:
-        """Queue the first candidates, as many as there shall be trials, that are not there."""
+        """Queue the missing first candidates, at most the budget's number of trials."""
         every = self._trials()
         if budget.trials is None:
             if not every:
@@ -238,7 +237,7 @@ class DatabaseStudy(StudyStorage):
                 self._study.add_trial(self._trial(TrialState.WAITING, candidate, place))
 
     def _requeue(self) -> None:
-        """Queue the first trial of each place again where all of them have failed."""
+        """Queue again the first trial of each place where all trials have failed."""
         failed: dict[int, FrozenTrial] = {}
         live = set[int | None]()
         for trial in self._trials():
@@ -252,7 +251,7 @@ class DatabaseStudy(StudyStorage):
                 self._retry(trial)
 
     def _retry(self, failed: FrozenTrial) -> None:
-        """Queue a failed trial again, with its point, its place and its origin."""
+        """Queue a failed trial again, with its point, place and origin."""
         if callback := self._storage.get_heartbeat_stale_trial_callback():
             callback(self._study, failed)
 
@@ -267,7 +266,7 @@ class DatabaseStudy(StudyStorage):
         )
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
-        """Write results, trial by trial; those of trials that were taken for dead are left out."""
+        """Write results, trial by trial; trials that other workers have failed as dead are skipped."""
         for claim, evaluation in zip(claims, evaluations, strict=True):
             with suppress(optuna.exceptions.UpdateFinishedTrialError):
                 patient(self._url, lambda claim=claim, evaluation=evaluation: self._finish(claim.trial, evaluation))
@@ -277,7 +276,7 @@ class DatabaseStudy(StudyStorage):
         finish(self._study, optuna.Trial(self._study, self._id_of(number)), evaluation)
 
     def release(self, claims: Sequence[TrialClaim]) -> None:
-        """Queue trials again that will not be evaluated here; not the ones that were finished after all."""
+        """Queue unfinished trials again that will not be evaluated here."""
         for claim in claims:
             self._held.discard(claim.trial)
             patient(self._url, lambda number=claim.trial: self._queue_again(number))
@@ -291,7 +290,7 @@ class DatabaseStudy(StudyStorage):
             self._retry(ended)
 
     def budget(self) -> SearchBudget:
-        """The study's budget as it stands in the database."""
+        """The study's current budget in the database."""
         return SearchBudget(**patient(self._url, lambda: self._study.user_attrs[BUDGET]))
 
     def set_budget(self, budget: SearchBudget) -> None:
@@ -321,19 +320,19 @@ class DatabaseStudy(StudyStorage):
         interval = self._storage.get_heartbeat_interval() or 1
         while not self._ended.wait(interval):
             for number in tuple(self._held):
-                with suppress(Exception):  # the database is restarting; the next beat may reach it
+                with suppress(Exception):  # the database may be restarting; the next heartbeat may reach it
                     self._beat(number)
 
 
 def _queued_again(trial: FrozenTrial) -> bool:
-    """Whether a trial is another's second try."""
+    """Whether a trial is a retry of another."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         return RetryHeartbeatStaleTrialCallback.retried_trial_number(trial) is not None
 
 
 def definition_in_database(url: str, study: str) -> dict[str, Any] | None:
-    """What a study in a database was begun with; ``None`` where there is no such study."""
+    """The stored definition of a study in a database; ``None`` if there is no such study."""
     storage = connected(url)
     try:
         known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}

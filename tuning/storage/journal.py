@@ -1,10 +1,10 @@
-"""A study in a journal file, as Optuna reads it: one process writes it, a batch of trials at a time, or several do.
+"""A study in a journal file in Optuna's format, written by a single process or by several.
 
-A trial is one line, written when it is finished, so that an interrupted batch leaves nothing behind. Lines go to the
-disk once a batch, and reading is never repeated: what a trial costs does not depend on how many there are.
+A trial is one line, written when it is finished, so that an interrupted batch leaves nothing behind. A single process
+writes lines once per batch and never reads them again: the cost of a trial does not depend on their number.
 
-In a folder that machines share, processes on all of them may work on a study (`SharedJournalStudy`); Optuna's lock
-keeps their lines apart. Only finished trials are written: a worker that dies takes its batch alone with it.
+In a folder shared by several machines, processes on all of them may work on a study (`SharedJournalStudy`); Optuna's
+lock keeps their lines apart. Only finished trials are written: when a worker dies, only its batch is lost.
 """
 
 import fcntl
@@ -57,14 +57,14 @@ class BufferedJournalFile(JournalFileBackend):
         self._waiting += logs
 
     def read_logs(self, log_number_from: int) -> Generator[dict[str, Any], None, None]:
-        """Logs of the file, then the waiting ones."""
+        """Logs in the file, then the unwritten ones."""
         if log_number_from < self._written:
             yield from super().read_logs(log_number_from)
         for log in self._waiting[max(log_number_from - self._written, 0) :]:
             yield json.loads(json.dumps(log))
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write the waiting logs."""
         if self._waiting:
             super().append_logs(self._waiting)
             self._written += len(self._waiting)
@@ -72,7 +72,7 @@ class BufferedJournalFile(JournalFileBackend):
 
 
 class JournalStudy(StudyStorage):
-    """The storage of a study in a file."""
+    """Storage of a study in a file, for a single process."""
 
     def __init__(
         self,
@@ -84,7 +84,7 @@ class JournalStudy(StudyStorage):
         *,
         resume: bool,
     ) -> None:
-        """Open or make the file; for the arguments and errors see `tuning.storage.opening.open_store`."""
+        """Open or create the file; arguments and errors as in `tuning.storage.opening.open_store`."""
         super().__init__(budget)
         self._lock = _locked(path)
         try:
@@ -105,7 +105,7 @@ class JournalStudy(StudyStorage):
         return [evaluation_of(trial) for trial in self._study.get_trials(deepcopy=False, states=FINISHED)]
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
-        """Write finished trials, all at once; an interrupt waits for that."""
+        """Write finished trials, all at once; an interrupt is deferred until then."""
         with _uninterrupted():
             self._study.add_trials([finished_trial(evaluation, self._space) for evaluation in evaluations])
             self._file.flush()
@@ -116,19 +116,19 @@ class JournalStudy(StudyStorage):
         return self._count
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Unlock and close the file."""
         self._lock.close()
 
 
 WORKER = "worker"
-"""User attribute of a trial: which process has evaluated it."""
+"""User attribute of a trial: name of the process that evaluated it."""
 
 
 class SharedJournalStudy(StudyStorage):
-    """The storage of a study in a file, as one of the processes sees it that work on the study."""
+    """Storage of a study in a file shared by several processes, as seen by one of them."""
 
     def __init__(self, path: Path, study: str, lock: IO[bytes], space: Space) -> None:
-        """A process's view of a study that exists, with its lock on the file; see `begin` and `join`."""
+        """Open an existing study, with this process's lock on the file; see `begin` and `join`."""
         super().__init__()
         self._path, self._lock, self._space = path, lock, space
         self._study = optuna.load_study(study_name=study, storage=_storage(path))
@@ -146,8 +146,8 @@ class SharedJournalStudy(StudyStorage):
         *,
         resume: bool,
     ) -> "SharedJournalStudy":
-        """Begin a study or go on with one; for the arguments and errors see `tuning.storage.opening.open_store`."""
-        with suppress(ConfigurationError), _locked(path):  # else others are at work on it
+        """Begin or continue a study; arguments and errors as in `tuning.storage.opening.open_store`."""
+        with suppress(ConfigurationError), _locked(path):  # not while others work on it
             _mend(path)
         lock = _locked(path, shared=True)
         try:
@@ -161,13 +161,15 @@ class SharedJournalStudy(StudyStorage):
 
     @classmethod
     def join(cls, path: Path, study: str) -> "SharedJournalStudy":
-        """Join a study that exists.
+        """Join an existing study.
 
         Raises:
-            ConfigurationError: there is no such study, or one process has the file for itself.
+            ConfigurationError: there is no such study, or a single process uses the file exclusively.
         """
         if not path.is_file():
-            raise ConfigurationError(f"--storage {path}: is not there; `dualwinch tune --shared` begins a study in it")
+            raise ConfigurationError(
+                f"--storage {path}: does not exist; begin a study in it with `dualwinch tune --shared`"
+            )
         lock = _locked(path, shared=True)
         try:
             definition = joined_definition(study, _storage(path))
@@ -178,7 +180,7 @@ class SharedJournalStudy(StudyStorage):
 
     @property
     def definition(self) -> dict[str, Any]:
-        """What is tuned."""
+        """The stored definition of the problem."""
         return self._study.user_attrs[DEFINITION]
 
     def finished(self) -> list[Evaluation]:
@@ -186,12 +188,12 @@ class SharedJournalStudy(StudyStorage):
         return [evaluation_of(trial) for trial in self._unreported(self._trials(), anew=True)]
 
     def news(self) -> list[Evaluation]:
-        """Trials that other processes have finished since the last call."""
+        """Trials finished by other processes since the last call."""
         unreported = self._unreported(self._trials())
         return [evaluation_of(trial) for trial in unreported if trial.user_attrs.get(WORKER) != self._name]
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
-        """Write finished trials, no more than there shall be; an interrupt waits for that."""
+        """Write finished trials up to the budget's number; an interrupt is deferred until then."""
         budget, trials = self.budget(), [finished_trial(evaluation, self._space) for evaluation in evaluations]
         with _uninterrupted(), self._finishing():
             left = None if budget.trials is None else max(0, budget.trials - self.count())
@@ -201,7 +203,7 @@ class SharedJournalStudy(StudyStorage):
 
     @contextmanager
     def _finishing(self) -> Iterator[None]:
-        """Nobody else finishes trials in here; a lock that a dead process has left is broken after half a minute."""
+        """Exclude other processes from finishing trials; a dead process's lock is broken after half a minute."""
         lock = JournalFileOpenLock(f"{self._path}.finish")
         lock.acquire()
         try:
@@ -214,7 +216,7 @@ class SharedJournalStudy(StudyStorage):
         return len(self._trials())
 
     def budget(self) -> SearchBudget:
-        """The study's budget as it stands in the file."""
+        """The study's current budget in the file."""
         return SearchBudget(**self._study.user_attrs[BUDGET])
 
     def set_budget(self, budget: SearchBudget) -> None:
@@ -222,7 +224,7 @@ class SharedJournalStudy(StudyStorage):
         self._study.set_user_attr(BUDGET, asdict(budget))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Unlock and close the file."""
         self._lock.close()
 
     def _trials(self) -> list[optuna.trial.FrozenTrial]:
@@ -241,7 +243,7 @@ def _storage(path: Path) -> optuna.storages.JournalStorage:
 
 
 def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
-    """What a study in a file was begun with; ``None`` where there is no such study."""
+    """The stored definition of a study in a file; ``None`` if there is no such study."""
     if not path.is_file() or not path.stat().st_size:
         return None
     with _locked(path):
@@ -252,7 +254,7 @@ def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
 
 
 def _locked(path: Path, *, shared: bool = False) -> IO[bytes]:
-    """The file, locked until it is closed or the process ends: for this process alone, or for all that share it."""
+    """The file, locked until it is closed or the process ends: exclusively, or shared with other such processes."""
     try:
         handle = path.open("ab")
     except OSError as error:
@@ -269,7 +271,7 @@ def _locked(path: Path, *, shared: bool = False) -> IO[bytes]:
 
 
 def _mend(path: Path) -> None:
-    """Cut off a last line that a killed process left half written.
+    """Cut off an incomplete last line, left by a killed process.
 
     Raises:
         ConfigurationError: the file is no journal.
@@ -284,14 +286,14 @@ def _mend(path: Path) -> None:
         except ValueError:
             known = False
         if not known:
-            raise ConfigurationError(f"--storage {path}: is a file, and no journal of a study")
+            raise ConfigurationError(f"--storage {path}: is not the journal of a study")
 
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Interrupts wait until the end of what is done in here, and come then.
+    """Defer interrupts to the end of the block.
 
-    Only the main thread is ever interrupted; in others there is nothing to do.
+    Only the main thread is ever interrupted; in others this does nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

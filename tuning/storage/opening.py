@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:
-    """What a study was begun with; ``None`` where there is no such study.
+    """The stored definition of a study; ``None`` if there is no such study.
 
     Args:
         storage: a file, or the URL of a database.
@@ -36,10 +36,10 @@ def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:
 
 
 def join_store(storage: str, study: str) -> "SharedJournalStudy | DatabaseStudy":
-    """The storage of a study that another process has begun, in a shared file or in a database.
+    """Open the storage of a study of another process, in a shared file or in a database.
 
     Raises:
-        ConfigurationError: there is no such study, or no other process may work on it.
+        ConfigurationError: there is no such study, or it is not shared.
         DualwinchError: the storage cannot be used.
     """
     check_storage(storage)
@@ -63,19 +63,19 @@ def open_store(
     resume: bool,
     shared: bool = False,
 ) -> StudyStorage:
-    """The storage of a study that is begun, or gone on with.
+    """Open the storage of a new study, or of one to continue.
 
     Args:
         storage: a file, or the URL of a database.
         study: the study's name.
-        problem: gives objectives and space.
-        definition: what is tuned, JSON-ready; kept with the study, and compared with what is there.
-        budget: kept with the study, for workers to see.
-        resume: whether a study of that name with trials may be gone on with.
-        shared: whether other processes may work on a study in a file; on one in a database they always may.
+        problem: has objectives and space.
+        definition: of the problem, for JSON; stored with a new study, and compared with that of an existing one.
+        budget: stored with the study, for workers.
+        resume: whether an existing study with trials may be continued.
+        shared: whether other processes may join a study in a file; one in a database is always shared.
 
     Raises:
-        ConfigurationError: a study of that name has another definition, or trials and `resume` is false.
+        ConfigurationError: a study of that name has another definition, or has trials and `resume` is false.
         DualwinchError: the storage cannot be used.
     """
     check_storage(storage)

@@ -1,4 +1,4 @@
-"""Parts of your own that a study rests on: noted with it, and found again wherever it is gone on with."""
+"""Your own parts used by a study: recorded with it, and imported again when it is continued or joined."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -12,11 +12,11 @@ from dualwinch.model.quantities.part import Part, built_in, digest, named, regis
 
 @dataclass(frozen=True)
 class StudyName:
-    """What messages call a study.
+    """Name of a study in messages.
 
     Attributes:
         study: its name.
-        file: that keeps it; ``None``: a database does.
+        file: of its storage; ``None``: it is in a database.
     """
 
     study: str
@@ -27,17 +27,17 @@ class StudyName:
 
     @property
     def another(self) -> str:
-        """What to do where it cannot be gone on with."""
+        """Advice in a message that it cannot be continued."""
         return "give another --study" if self.file is None else "give another --out or --study"
 
 
 class PartRecord(TypedDict):
-    """What is noted of a part.
+    """Record of a part.
 
     Attributes:
         what: such as ``position law``.
         kind: its name in files.
-        source: path of the file, or name of the module that defines it.
+        source: path of the file, or name of the module, that defines it.
         script: whether that is a script, which cannot be imported without running it.
         sha256: of the source.
     """
@@ -50,7 +50,7 @@ class PartRecord(TypedDict):
 
 
 def part_records(*holders: Any) -> list[PartRecord]:
-    """What is noted of the parts that some objects hold, without the built-in ones.
+    """Records of all parts in given objects, except built-in ones.
 
     Raises:
         ConfigurationError: a part has no source by which it could be identified.
@@ -62,14 +62,14 @@ def part_records(*holders: Any) -> list[PartRecord]:
 
 
 def part_record(part: type[Part]) -> PartRecord:
-    """What is noted of a part.
+    """The record of a part.
 
     Raises:
         ConfigurationError: it has no source by which it could be identified.
     """
     sha256 = digest(part)
     if not sha256:
-        raise ConfigurationError(f"{named(part)}: has no source to tell it from another by; define it in a file")
+        raise ConfigurationError(f"{named(part)}: has no source to identify it by; define it in a file")
     return PartRecord(
         what=part.registry.what if part.registry else "part",
         kind=part.kind,
@@ -80,22 +80,22 @@ def part_record(part: type[Part]) -> PartRecord:
 
 
 def in_words(parts: Sequence[PartRecord]) -> str:
-    """Noted parts in one line."""
+    """Records of parts in one line."""
     return "; ".join(
         f"{part['what']} '{part['kind']}' of {Path(part['source']).name}, sha256 {part['sha256']}" for part in parts
     )
 
 
 def check_parts(study: StudyName, ours: Sequence[PartRecord], theirs: Sequence[PartRecord]) -> None:
-    """Refuse to go on with a study with another part of the same kind.
+    """Check that a study is not continued with a different part of the same kind.
 
     Args:
-        study: which one.
-        ours: the parts there are.
-        theirs: those it was begun with.
+        study: for messages.
+        ours: the present parts.
+        theirs: the parts recorded with the study.
 
     Raises:
-        ConfigurationError: a part's source is another one.
+        ConfigurationError: a part's source differs.
     """
     before = {(part["what"], part["kind"]): part for part in theirs}
     for part in ours:
@@ -108,7 +108,7 @@ def check_parts(study: StudyName, ours: Sequence[PartRecord], theirs: Sequence[P
 
 
 def _parts(holder: Any) -> Iterator[Part]:
-    """Every part in an object: in its fields, lists and tables."""
+    """Every part in an object, including its fields, lists and tables."""
     if isinstance(holder, Part):
         yield holder
     if is_dataclass(holder) and not isinstance(holder, type):
@@ -122,14 +122,14 @@ def _parts(holder: Any) -> Iterator[Part]:
 
 
 def recall(study: StudyName, parts: Sequence[PartRecord]) -> None:
-    """Have the parts that a study was begun with registered, imported from where they were if nobody else gave them.
+    """Register the recorded parts of a study; those not registered yet are imported from their recorded source.
 
     Args:
-        study: which one.
-        parts: what was noted of them.
+        study: for messages.
+        parts: their records.
 
     Raises:
-        ConfigurationError: a part is not there, or another one than it was.
+        ConfigurationError: a part is missing or differs.
     """
     for part in parts:
         if _registered(part) is None:
@@ -138,7 +138,7 @@ def recall(study: StudyName, parts: Sequence[PartRecord]) -> None:
     check_parts(study, [part_record(known) for _, known in found if known is not None], parts)
     for part, known in found:
         if known is None:
-            raise _missing(study, part, "it is defined there no more")
+            raise _missing(study, part, "it is no longer defined there")
 
 
 def _registered(part: PartRecord) -> type[Part] | None:

@@ -1,4 +1,4 @@
-"""What a storage keeps of a study: its definition, its budget, and evaluations as trials of Optuna."""
+"""Records of a study in a storage: its definition, its budget, and evaluations as Optuna trials."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
 
 ORIGIN, OUTCOMES, SCENARIOS = "origin", "outcomes", "scenarios"
-"""Names of user attributes, beside one for each statistic, such as ``mean.mse [m^2]``."""
+"""Names of user attributes, besides one for each statistic, such as ``mean.mse [m^2]``."""
 
 EVALUATION = "evaluation"
-"""In a database: the user attribute that has all of these as one table, as each attribute takes a transaction."""
+"""In a database: the user attribute with all of these as one table, because each attribute takes a transaction."""
 
 
 def distributions(space: Space) -> "dict[str, BaseDistribution]":
-    """The space as Optuna writes it."""
+    """The space as Optuna distributions."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution
 
     return {
@@ -39,14 +39,14 @@ def distributions(space: Space) -> "dict[str, BaseDistribution]":
 
 
 def attributes(evaluation: Evaluation) -> dict[str, Any]:
-    """What is kept of an evaluation as user attributes, named and with units."""
+    """The user attributes of an evaluation, with units in their names."""
     statistics = {f"{name} [{evaluation.units[name]}]": value for name, value in evaluation.statistics.items()}
     own = {ORIGIN: evaluation.candidate.origin, OUTCOMES: evaluation.outcomes, SCENARIOS: evaluation.scenarios}
     return own | statistics
 
 
 def finished_trial(evaluation: Evaluation, space: Space) -> "optuna.trial.FrozenTrial":
-    """An evaluation as a trial that is complete, or pruned; never failed."""
+    """An evaluation as a complete or pruned Optuna trial."""
     from optuna.trial import TrialState, create_trial
 
     return create_trial(
@@ -61,7 +61,7 @@ def finished_trial(evaluation: Evaluation, space: Space) -> "optuna.trial.Frozen
 
 
 def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
-    """The evaluation that a finished trial records."""
+    """The evaluation of a finished Optuna trial."""
     from optuna.trial import TrialState
 
     kept = trial.user_attrs | trial.user_attrs.get(EVALUATION, {})
@@ -81,7 +81,7 @@ def evaluation_of(trial: "optuna.trial.FrozenTrial") -> Evaluation:
 
 
 def finish(study: "optuna.Study", trial: "optuna.Trial", evaluation: Evaluation) -> None:
-    """Finish a trial that was asked for with its evaluation, in as few transactions as there can be."""
+    """Finish an asked trial with its evaluation, in as few transactions as possible."""
     from optuna.trial import TrialState
 
     trial.set_user_attr(EVALUATION, attributes(evaluation))
@@ -95,18 +95,18 @@ def finish(study: "optuna.Study", trial: "optuna.Trial", evaluation: Evaluation)
 
 
 def first_candidates(problem: TuningProblem) -> list[Candidate]:
-    """What a study tries first: the paper's gains where its law is tuned, and the start."""
+    """First candidates of a study: the paper's gains, if its law is tuned, and the start."""
     paper, start = problem.paper_point, problem.start
     papers = [] if paper is None else [Candidate(paper, "paper")]
     return papers + ([Candidate(start, "start")] if start != paper else [])
 
 
 DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
-"""User attributes of a study: what is tuned, how far, and what the values of a trial are."""
+"""User attributes of a study: its definition, its budget, and names of the values of a trial."""
 
 
 def titles(objectives: Sequence[Statistic]) -> list[str]:
-    """What the values of a trial are, with units."""
+    """Names of the values of a trial, with units."""
     return [f"{statistic.name} [{statistic.unit}]" for statistic in objectives]
 
 
@@ -118,13 +118,13 @@ def begun(
     budget: SearchBudget,
     file: Path | None = None,
 ) -> "optuna.Study":
-    """A study that is there, and the one that is asked for; else one that is new.
+    """Load a study, or create it if it does not exist.
 
-    The definition is written last: a study without one, whose process was killed before that, is begun anew. Messages
-    name the file that keeps it, where there is one.
+    The definition is written last: a study without one, because its process was killed, is created again. Messages
+    name `file`, if given.
 
     Raises:
-        ConfigurationError: it has another definition.
+        ConfigurationError: the study has another definition.
     """
     import optuna
 
@@ -143,35 +143,35 @@ def begun(
 
 
 def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dict[str, Any]:
-    """What a study was begun with that is to be joined.
+    """The definition of a study to join.
 
     Raises:
-        ConfigurationError: there is no such study; the message names the nearest; or it is none of this program.
+        ConfigurationError: there is no such study (the message names the nearest), or it is not one of this program.
     """
     known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
     if study not in known:
         raise ConfigurationError(f"--study: {unknown('study', study, sorted(known))}")
     if DEFINITION not in known[study]:
-        raise ConfigurationError(f"--study {study}: is none of this program")
+        raise ConfigurationError(f"--study {study}: is not a study of this program")
     return known[study][DEFINITION]
 
 
 def check_definition(
     study: StudyName, ours: Mapping[str, Any], theirs: Mapping[str, Any] | None, spaces: tuple[Space, Space]
 ) -> None:
-    """Refuse to mix two problems in one study.
+    """Check that two definitions of a study agree.
 
     Args:
-        study: which one.
-        ours: the definition asked for.
+        study: for messages.
+        ours: the requested definition.
         theirs: the definition in the storage; ``None``: it is not a study of this program.
         spaces: both spaces.
 
     Raises:
-        ConfigurationError: they differ; the message says in what.
+        ConfigurationError: they differ; the message names the difference.
     """
     if theirs is None:
-        raise ConfigurationError(f"{study} exists, and is none of this program; {study.another}")
+        raise ConfigurationError(f"{study} exists, but is not a study of this program; {study.another}")
     check_parts(study, ours.get("parts", []), theirs.get("parts", []))
     difference = spaces[0].difference(spaces[1])
     if difference:
@@ -183,10 +183,10 @@ def check_definition(
 
 
 def check_resume(study: StudyName, count: int, *, resume: bool) -> None:
-    """Refuse to go on with a study by accident.
+    """Check that a study with trials is continued on purpose.
 
     Raises:
-        ConfigurationError: there are trials and nobody asked to go on.
+        ConfigurationError: there are trials, and `resume` is false.
     """
     if count and not resume:
-        raise ConfigurationError(f"{study} has {count} trials; go on with --resume, or {study.another}")
+        raise ConfigurationError(f"{study} has {count} trials; continue with --resume, or {study.another}")

@@ -1,4 +1,4 @@
-"""The storage of a study: what a search asks of it, and one in memory."""
+"""Storage of a study: the interface for searches, and an implementation in memory."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 
 Propose = Callable[[int, bool], list[Candidate]]
-"""``propose(count, first)``: candidates; `first` where the study has no trial yet."""
+"""``propose(count, first)``: candidates; `first`: the study has no trial yet."""
 
 
 @dataclass(frozen=True)
 class TrialClaim:
-    """A candidate that is this process's to evaluate.
+    """A candidate claimed by this process for evaluation.
 
     Attributes:
-        candidate: what to evaluate.
-        trial: its id in the storage; 0 where it appears there only when it is finished.
+        candidate: to evaluate.
+        trial: its id in the storage; 0 if only finished trials are stored.
     """
 
     candidate: Candidate
@@ -25,13 +25,12 @@ class TrialClaim:
 
 @dataclass(frozen=True)
 class SearchBudget:
-    """When a study is over.
+    """Limits of a search; it ends at the first.
 
     Attributes:
         trials: number of finished trials; ``None``: no limit.
         until: time in s since the epoch; ``None``: no limit.
-        rollouts: number of rollouts of the trials, of trials that were given up early what they ran; ``None``: no
-            limit.
+        rollouts: number of rollouts of the trials; pruned ones count those they ran; ``None``: no limit.
     """
 
     trials: int | None = None
@@ -43,14 +42,13 @@ NO_LIMIT = SearchBudget()
 
 
 class StudyStorage(ABC):
-    """A study's storage, as one process sees it.
+    """A study's storage, as seen by one process.
 
-    What is no abstract method is that of a study on which no other process works: finished trials alone are kept, and
-    what is under way needs no record.
+    The implemented methods are for a study of a single process: only finished trials are stored, not those under way.
     """
 
     def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
-        """The storage of a study that is over when `budget` says so."""
+        """Set up with a budget."""
         self._budget = budget
 
     @abstractmethod
@@ -59,27 +57,27 @@ class StudyStorage(ABC):
 
     @abstractmethod
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:
-        """Keep the evaluations of candidates."""
+        """Store the evaluations of claimed candidates."""
 
     @abstractmethod
     def count(self) -> int:
         """Number of finished trials."""
 
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
-        """Take candidates, none where the budget's trials are all finished or under way."""
+        """Claim up to `count` candidates; none if the budget's trials are all finished or under way."""
         finished = self.count()
         left = count if budget.trials is None else min(count, budget.trials - finished)
         return [TrialClaim(candidate) for candidate in propose(left, not finished)] if left > 0 else []
 
     def release(self, claims: Sequence[TrialClaim]) -> None:  # noqa: B027  # empty where nothing is recorded
-        """Give candidates back that will not be evaluated here."""
+        """Release claimed candidates that will not be evaluated here."""
 
     def news(self) -> list[Evaluation]:
-        """Trials that other processes have finished since the last call."""
+        """Trials finished by other processes since the last call."""
         return []
 
     def budget(self) -> SearchBudget:
-        """The study's budget as it stands."""
+        """The study's current budget."""
         return self._budget
 
     def set_budget(self, budget: SearchBudget) -> None:
@@ -87,7 +85,7 @@ class StudyStorage(ABC):
         self._budget = budget
 
     def complete(self, budget: SearchBudget) -> bool:
-        """Whether as many trials are finished as there shall be."""
+        """Whether the budget's number of trials is finished."""
         return budget.trials is not None and self.count() >= budget.trials
 
     def close(self) -> None:  # noqa: B027  # empty in memory
@@ -95,7 +93,7 @@ class StudyStorage(ABC):
 
 
 class MemoryStorage(StudyStorage):
-    """The storage of a study in this process alone."""
+    """Storage of a study in the memory of this process."""
 
     def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
         super().__init__(budget)
@@ -106,7 +104,7 @@ class MemoryStorage(StudyStorage):
         return list(self._trials)
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
-        """Keep the evaluations of candidates."""
+        """Store the evaluations of claimed candidates."""
         first = len(self._trials)
         self._trials += [replace(evaluation, number=first + index) for index, evaluation in enumerate(evaluations)]
 

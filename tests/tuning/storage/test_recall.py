@@ -89,7 +89,7 @@ def test_parts_that_have_changed_are_refused(tmp_path: Path) -> None:
     part = noted_spring(tmp_path)
     for text, reason in (
         (changed(("self.damping * e2", "2 * self.damping * e2")), "was begun with another position law 'spring'"),
-        (changed(('"spring"', '"string"')), "it is defined there no more; give the file that defines it"),
+        (changed(('"spring"', '"string"')), "it is no longer defined there; give the file that defines it"),
         ("x = 1\n", "defines no part"),
     ):
         (tmp_path / "law.py").write_text(text)
@@ -135,7 +135,7 @@ def test_a_part_without_a_source_cannot_be_noted() -> None:
     namespace: dict[str, object] = {"__name__": "nowhere"}
     exec("from tests.own_parts import StateFeedback\nclass Typed(StateFeedback):\n    kind = 'typed'\n", namespace)  # noqa: S102
     typed = namespace["Typed"]
-    with pytest.raises(ConfigurationError, match=r"^nowhere\.Typed: has no source to tell it from another by; define"):
+    with pytest.raises(ConfigurationError, match=r"^nowhere\.Typed: has no source to identify it by; define"):
         part_record(typed)  # pyright: ignore[reportArgumentType]
 
 
