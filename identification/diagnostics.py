@@ -1,4 +1,4 @@
-"""Diagnostics: plausible logs and fits, white innovations, unidentifiable directions, profile likelihoods."""
+"""Diagnostics: plausibility checks, whiteness tests, unidentifiable directions, profile likelihoods."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -28,7 +28,7 @@ def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = D
     """Refuse a log with implausible columns.
 
     Raises:
-        ConfigurationError: a column that never changes, or one that must be in another unit; with the log's notes.
+        ConfigurationError: a column never changes, or must be in another unit; with the log's notes.
     """
     try:
         _check_changes(log)
@@ -53,9 +53,9 @@ def _check_changes(log: Log) -> None:
 
 
 def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
-    """Refuse a log with readings out of their ranges, with the units that would be within; few rows may be no readings.
+    """Refuse a log with readings out of their ranges, and suggest units; a few such rows may be marks of gaps.
 
-    That speeds are in another unit in most rows, `_check_ways` finds.
+    Speeds with a wrong unit in most rows are left to `_check_ways`.
     """
     for name, (low, high) in plausible_ranges(experiment, options).items():
         if name not in (*TORQUES, *log.readings):
@@ -83,10 +83,10 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
 
 
 def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
-    """Refuse a log whose positions, drum angles and integrated speeds are not one way, with the likeliest reason.
+    """Refuse a log with contradictory positions, drum angles and integrated speeds, with the likeliest reason.
 
-    1. Ways do not count what lies in gaps of the log.
-    2. The way that most others equal is the right one.
+    1. Compute the displacement by each sensor, without gaps of the log.
+    2. The displacement that agrees with most others is the right one.
     """
     steps, around = np.diff(log.t), dict[str, float]()
     inside = steps <= longest_step(log.t, DEFAULTS.resampling.longest_gap)
@@ -106,7 +106,7 @@ def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) 
         return
 
     def ratio_of(one: str, other: str) -> float | None:
-        """How many times the way of the other one makes; None: they are not alike."""
+        """Ratio of the displacements of `one` and `other`; ``None`` if they are not correlated."""
         own, way = ways[one], ways[other]
         alike = abs(own @ way) > options.like * np.sqrt((own @ own) * (way @ way))
         return float(own @ way) / float(way @ way) if alike else None
@@ -120,13 +120,13 @@ def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) 
         ratio = ratio_of(name, first)
         if ratio is not None and not equal(ratio):
             reason = _reason(name, first, ratio, log, experiment, options, sure=same[first] > 0)
-            raise ConfigurationError(f"{log.name}: {name} makes {ratio:.3g} times the way of {first}: {reason}")
+            raise ConfigurationError(f"{log.name}: {name} moves {ratio:.3g} times as far as {first}: {reason}")
 
 
 def _reason(
     name: str, first: str, ratio: float, log: Log, experiment: Experiment, options: PlausibilityOptions, *, sure: bool
 ) -> str:
-    """Why a reading makes so many times the way of another one, which is the right one if that is sure."""
+    """The likeliest reason for a ratio of two readings' displacements; `sure`: `first` is the right one."""
     step, found = float(np.median(np.diff(log.t))), list[str]()
 
     def add(reading: str, by: float) -> None:
@@ -148,7 +148,7 @@ def _reason(
 
 
 def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
-    """Refuse a log whose rows are so far from or near to each other that its times must be in another unit."""
+    """Refuse a log with an implausible time step, and suggest units."""
     step, (low, high) = float(np.median(np.diff(log.t))), (options.shortest_step, options.longest_step)
     if low <= step <= high:
         return
@@ -162,7 +162,7 @@ def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) 
 
 
 def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
-    """Refuse a log whose torques hold other tensions than its load cells read, on average."""
+    """Refuse a log if its mean torques hold other tensions than its load cells read on average."""
     held = vars(holding_torques(2.0, experiment.plant))  # 1 N in each rope
     for number in (1, 2):
         torque, tension = f"tau_{number}", f"F{number}"
@@ -186,7 +186,7 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
 
 
 def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> str | None:
-    """Which columns fit on average if those of the two sides change places."""
+    """The columns that fit on average after swapping the two sides, as a question; ``None`` if there are none."""
     if not {"F1", "F2"} <= set(log.readings):
         return None
     mean = {name: float(np.nanmean(log.columns[name])) for name in (*TORQUES, "F1", "F2")}
@@ -201,14 +201,14 @@ def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) 
 
 
 def _unit_by(by: float, name: str) -> str | None:
-    """The unit, other than SI, by which a reading is so much larger; None: there is none."""
+    """The unit, other than SI, with a factor near `by`; ``None`` if there is none."""
     units = {unit: factor for unit, factor in UNITS[UNIT_OF[name]].items() if factor != 1}
     unit = min(units, key=lambda each: abs(np.log(units[each] / by)), default=None) if by > 0 else None
     return unit if unit and abs(np.log(units[unit] / by)) < 0.2 else None
 
 
 def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> dict[str, tuple[float, float]]:
-    """Column → lowest and highest value, in SI units, of a log of such a machine."""
+    """Column → lowest and highest plausible value in a log of such a machine, in SI units."""
     plant, strongest = experiment.plant, options.beyond_limits * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
     beyond, torques = options.beyond_track * length, holding_torques(2 * strongest, plant)
@@ -228,7 +228,7 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
 
 
 class UnrecordedForceError(ConfigurationError):
-    """A fit needs a large force that is not recorded: the model lacks a sea, or the log is of another machine."""
+    """A fit needs a large unrecorded force: the model lacks a sea, or the log is of another machine."""
 
 
 def check_fit(
@@ -238,15 +238,14 @@ def check_fit(
     options: EstimationOptions = DEFAULTS,
     unrecorded: float | None = None,
 ) -> tuple[str, ...]:
-    """Refuse a fit whose unrecorded disturbances or noise are implausibly large.
+    """Refuse a fit with implausibly large unrecorded disturbances or noise.
 
     Returns:
         Notes on disturbances above ``options.plausibility.unrecorded`` but below `unrecorded`, if that is given.
 
     Raises:
-        UnrecordedForceError: unrecorded forces as large as recorded ones.
-        ConfigurationError: unrecorded torques as large as recorded ones, or noise of a sensor that is far larger than
-            its own jumps.
+        UnrecordedForceError: unrecorded forces too large in relation to recorded ones.
+        ConfigurationError: unrecorded torques likewise, or residuals of a sensor far larger than its own noise.
     """
     plausibility, name = options.plausibility, sections[0].name
     most = plausibility.unrecorded if unrecorded is None else unrecorded
@@ -259,10 +258,10 @@ def check_fit(
     counts = np.isfinite(readings).sum(axis=0)
     seen = counts[[READINGS.index(reading) for reading in ("x", "v", "F1", "F2")]].any()
     excess = {
-        f"unrecorded torques of {further['torque_1']:.3g} N m would have to act beside the recorded {torque:.3g} N m": (
+        f"unrecorded torques of {further['torque_1']:.3g} N m would be needed besides the recorded {torque:.3g} N m": (
             further["torque_1"] / torque
         ),
-        f"an unrecorded force of {further['force']:.3g} N would have to act on the vehicle beside the {force:.3g} N of "
+        f"an unrecorded force of {further['force']:.3g} N on the vehicle would be needed besides the {force:.3g} N of "
         "the ropes": further["force"] / force if seen else 0.0,
     }
     unlike = f"it is of another machine, {other_reasons(sections, experiment, plausibility)}"
@@ -287,7 +286,7 @@ def check_fit(
 def other_reasons(
     sections: Sequence[LogSection], experiment: Experiment, options: PlausibilityOptions = DEFAULTS.plausibility
 ) -> str:
-    """What else may be behind torques that do not explain the readings."""
+    """Other reasons why torques do not explain the readings, in words."""
     changes = [np.diff(section.torques, axis=0) for section in sections]
     every = np.concatenate(changes)
     moved = every[every.any(axis=1)]
@@ -306,11 +305,11 @@ class WhitenessTest:
 
     Attributes:
         name: of the reading.
-        count: readings.
-        variance: of the whitened innovations; 1 where the model is right.
-        correlation, lag: the largest autocorrelation in magnitude, and after how many samples.
-        torque_correlation, torque_lag: the largest correlation with changes of the torques, and how many samples later.
-        bound: magnitude up to which a correlation is chance, or negligible.
+        count: number of readings.
+        variance: of the whitened innovations; 1 if the model is right.
+        correlation, lag: the largest autocorrelation in magnitude, and its lag in samples.
+        torque_correlation, torque_lag: the largest correlation with changes of the torques, and its lag in samples.
+        bound: magnitude up to which a correlation is insignificant or negligible.
     """
 
     name: str
@@ -324,7 +323,7 @@ class WhitenessTest:
 
     @property
     def white(self) -> bool:
-        """Whether no correlation is beyond the bound."""
+        """Whether no correlation exceeds the bound."""
         return max(abs(self.correlation), abs(self.torque_correlation)) <= self.bound
 
     @property
@@ -340,9 +339,9 @@ class WhitenessTest:
 def whiteness_tests(
     innovations: Sequence[Floats], torques: Sequence[Floats], options: DiagnosticsOptions = DEFAULTS.diagnostics
 ) -> tuple[WhitenessTest, ...]:
-    """Test the whitened innovations of every sensor against its past and that of the torques.
+    """Test the whitened innovations of every sensor for correlation with their own past and that of the torques.
 
-    Innovations are (samples, readings) of each section, NaN where nothing was read; torques (samples, 2).
+    Innovations are (samples, readings) for each section, NaN without a reading; torques (samples, 2).
     """
     found, lags = [], options.lags
     for column, name in enumerate(READINGS):
@@ -373,7 +372,7 @@ def whiteness_tests(
 
 
 def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) -> Floats:
-    """Correlation of the first with the second, 1 to `lags` samples later; (lags,)."""
+    """(lags,) correlation of the first with the second, 1 to `lags` samples later."""
     sums = np.zeros((3, lags))
     for early, late in zip(first, second, strict=True):
         known, there = np.isfinite(early), np.isfinite(late)
@@ -387,7 +386,7 @@ def _correlations(first: Sequence[Floats], second: Sequence[Floats], lags: int) 
 def rms_innovations(
     innovations: Sequence[Floats], step: float, options: DiagnosticsOptions = DEFAULTS.diagnostics
 ) -> dict[str, Floats]:
-    """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in windows of time."""
+    """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in time windows."""
     every = np.concatenate(innovations)
     count = max(1, min(options.windows, len(every) // options.window_samples))
     starts = np.array([window[0] for window in np.array_split(np.arange(len(every)), count)])
@@ -405,7 +404,7 @@ class UnidentifiableDirection:
     """A direction in which parameters can change together without any effect on the readings.
 
     Attributes:
-        keys: the parameters that take part, the largest component first.
+        keys: its main parameters, the largest component first.
         deviation: of the direction by the logs alone, over the parameters' uncertainties; infinite: no information.
     """
 
@@ -426,7 +425,7 @@ def unidentifiable_directions(
     unknowns: Sequence[UnknownParameter],
     options: DiagnosticsOptions = DEFAULTS.diagnostics,
 ) -> tuple[UnidentifiableDirection, ...]:
-    """Eigenvectors of the (p, p) information of the logs of which these know less than the priors, the worst first."""
+    """Eigenvectors of the logs' (p, p) information with less information than the priors, the worst first."""
     by = np.array([each.uncertainty for each in unknowns])
     eigenvalues, vectors = np.linalg.eigh(information * np.outer(by, by))
     found = []
@@ -434,9 +433,9 @@ def unidentifiable_directions(
         if eigenvalue * options.unidentifiable**2 >= 1:
             continue
         size, order = np.abs(vector), np.argsort(-np.abs(vector))
-        taking = [int(index) for index in order if size[index] >= options.participation * size[order[0]]]
+        main = [int(index) for index in order if size[index] >= options.participation * size[order[0]]]
         deviation = float(1 / np.sqrt(eigenvalue)) if eigenvalue > 0 else np.inf
-        found.append(UnidentifiableDirection(tuple(unknowns[index].key for index in taking), deviation))
+        found.append(UnidentifiableDirection(tuple(unknowns[index].key for index in main), deviation))
     return tuple(found)
 
 
@@ -445,7 +444,7 @@ def uninformed_keys(
     deviations: Floats,
     options: DiagnosticsOptions = DEFAULTS.diagnostics,
 ) -> tuple[str, ...]:
-    """Keys whose deviation after a fit is hardly less than that of their prior."""
+    """Keys with a posterior deviation hardly smaller than the prior one."""
     return tuple(
         unknown.key
         for unknown, deviation in zip(unknowns, deviations.tolist(), strict=True)
@@ -454,10 +453,10 @@ def uninformed_keys(
 
 
 def sandwich_factors(method: PredictionErrorMethod, estimate: ParameterEstimate) -> Floats:
-    """(p,) by how much the sandwich covariance widens each standard deviation; 1 where it does not.
+    """(p,) factors by which the sandwich covariance widens the standard deviations, at least 1.
 
-    The gradient of the innovations is summed over blocks of time; the scatter of these sums takes the place of the
-    information that innovations have if they are white (White, Econometrica 50 (1982) 1; batch means).
+    The gradient of the innovations is summed over blocks of time; the covariance of these sums replaces the
+    information, which equals it only for white innovations (White, Econometrica 50 (1982) 1; batch means).
     """
     filters, experiment, noise = method.filters, estimate.experiment, estimate.noise
     parameters, blocks, scores = filters.parameters(experiment, noise), method.options.diagnostics.blocks, []
@@ -478,15 +477,15 @@ def sandwich_factors(method: PredictionErrorMethod, estimate: ParameterEstimate)
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodProfile:
-    """The profile likelihood of a parameter: all others are estimated anew at each of its values.
+    """The profile likelihood of a parameter: all others are estimated again at each of its values.
 
-    Where it is a parabola, the standard deviation says all; where it is not, its own interval counts (Raue et al.,
+    If it is a parabola, the standard deviation suffices; else its own interval is the right one (Raue et al.,
     Bioinformatics 25 (2009) 1923).
 
     Attributes:
         key: of the parameter.
-        values: (n,) of it, ascending.
-        rise: (n,) of the deviance above the best.
+        values: (n,) of the parameter, ascending.
+        rise: (n,) of the deviance above its minimum.
     """
 
     key: str
@@ -495,7 +494,7 @@ class LikelihoodProfile:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of 95 %; infinite where the profile does not rise so far."""
+        """The 95 % interval; an end is infinite if the profile does not rise to the bound."""
         bound = np.sqrt(float(chi2.ppf(0.95, 1)))
         best = int(np.argmin(self.rise))
         ends = []
@@ -513,7 +512,7 @@ class LikelihoodProfile:
 def likelihood_profiles(
     method: PredictionErrorMethod, estimate: ParameterEstimate, keys: Sequence[str], workers: Workers = None
 ) -> tuple[LikelihoodProfile, ...]:
-    """The profile likelihood of each of some parameters; an executor's workers compute them side by side."""
+    """Profile likelihoods of several parameters; an executor's workers compute them in parallel."""
     if isinstance(workers, Executor):
         tasks = ((*method.made_of, estimate, key) for key in keys)
         return tuple(in_order(spread(workers, profile_of, tasks)))
@@ -533,7 +532,7 @@ def profile_of(
 
 
 def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimate, key: str) -> LikelihoodProfile:
-    """The profile likelihood of a parameter around the best estimate, with R and Q as they are there."""
+    """The profile likelihood of a parameter around the best estimate, with fixed R and Q."""
     options, unknowns = method.options.diagnostics, method.unknowns
     index = next(number for number, unknown in enumerate(unknowns) if unknown.key == key)
     covariance = covariance_of(estimate.information, unknowns)
@@ -541,7 +540,7 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
     coordinates = method.coordinates(itself=index)
 
     def maximised(at: Floats, fixed: int | None) -> tuple[Floats, float]:
-        """Coordinates of the largest likelihood, and the deviance there; one coordinate may be fixed."""
+        """Coordinates of the largest likelihood, possibly with one coordinate fixed, and the deviance there."""
         step = None
         for _ in range(options.profile_steps):
             found = method.likelihood.step(at, estimate.noise, coordinates, step, fixed)

@@ -1,4 +1,4 @@
-"""The prediction-error method: from a start to the maximum of the likelihood of the innovations.
+"""The prediction-error method: maximise the likelihood of the innovations from a start.
 
 L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen and S. B. Jørgensen, Automatica 40
 (2004) 225, for filters with unrecorded disturbances.
@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 
 
 class DivergedFilterError(ConfigurationError):
-    """Filters diverge where a search would begin."""
+    """Filters diverge at the start of a search."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class ParameterEstimate:
         information: (p, p) of the logs alone, without priors.
         noise: R and Q.
         experiment: with these values.
-        deviance: minus twice the log-likelihood, but for a constant.
-        passes: passes through the logs so far.
+        deviance: minus twice the log-likelihood, up to a constant.
+        passes: number of passes through the logs so far.
         converged: whether the last step found no likelier values.
     """
 
@@ -71,11 +71,12 @@ def _with_values(experiment: Experiment, keys: Sequence[str], values: Floats) ->
 class PredictionErrorMethod:
     """Maximum likelihood of the innovations of extended Kalman filters.
 
-    1. Where the filters diverge at the start, process noise Q is widened until they do not.
-    2. Rounds of least squares: with the filters' gains given, the whitened innovations are a least-squares problem with
-       exact derivatives. Solve it, filter anew, until values are near. Parameters with a prior stay near it in the
-       first rounds; then Q (by maximum likelihood) and R (by expectation maximisation) are estimated along.
-    3. Newton steps by differences of the likelihood, Q and R along with them, until the deviance falls no more.
+    1. If the filters diverge at the start, increase process noise Q until they do not.
+    2. Rounds of least squares: with fixed gains of the filters, the whitened innovations are a least-squares problem
+       with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
+       parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
+       are estimated too.
+    3. Newton steps by differences of the likelihood, with updates of Q and R, until the deviance stops falling.
     """
 
     def __init__(
@@ -86,7 +87,7 @@ class PredictionErrorMethod:
         options: EstimationOptions = DEFAULTS,
         threads: int | None = None,
     ) -> None:
-        """A method for some sections and unknowns; compiles the filter."""
+        """Set up for given sections and unknowns; compiles the filter."""
         self.unknowns, self.options = tuple(unknowns), options
         self.made_of = sections, experiment, self.unknowns, options
         self._experiment, self._search, self._threads = experiment, options.search, threads
@@ -95,13 +96,13 @@ class PredictionErrorMethod:
         self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
-        self._machine = partial(_with_values, experiment, keys)  # no method, which would keep logs alive in a circle
+        self._machine = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
         self.likelihood = Likelihood(self.filters, self._machine, columns, options.search)
         self._noise = NoiseEstimator(self.filters, experiment, options.noise)
 
     @property
     def passes(self) -> int:
-        """Passes through the logs so far."""
+        """Number of passes through the logs so far."""
         return self.filters.passes
 
     def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
@@ -113,18 +114,18 @@ class PredictionErrorMethod:
         return self._machine(values)
 
     def initial_noise(self) -> NoiseCovariances:
-        """R and Q to begin with."""
+        """Initial R and Q."""
         readings = np.concatenate([section.readings for section in self.filters.sections])
         variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
         process = described_disturbances(self._experiment, self.options.noise)
         return NoiseCovariances(variances, process, self._experiment.plant.vehicle)
 
     def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
-        """Coordinates of the unknowns; arguments as of `SearchCoordinates`."""
+        """Coordinates of the unknowns; arguments as in `SearchCoordinates`."""
         return SearchCoordinates(self.unknowns, within, itself, self._search)
 
     def information(self, values: Floats) -> Floats | None:
-        """(p, p) information of the logs at some values with the initial noise; None: filters diverge."""
+        """(p, p) information of the logs at given values with the initial noise; ``None`` if filters diverge."""
         noise = self.initial_noise()
         filtered = self.likelihood.filtered(values, noise)
         if not all_completed(filtered):
@@ -133,7 +134,7 @@ class PredictionErrorMethod:
         return normal[:-1, :-1] if np.isfinite(normal).all() else None
 
     def deviance(self, values: Floats) -> float:
-        """Minus twice the log-likelihood at some values, with the likeliest process noise of a rough grid."""
+        """Minus twice the log-likelihood at given values, with process noise from a rough search."""
         experiment = self.with_values(values)
         noise = self._noise.with_process_noise(experiment, self.initial_noise(), anywhere=True, roughly=True)
         return float(self.filters.deviances([experiment], noise)[0])
@@ -149,10 +150,10 @@ class PredictionErrorMethod:
         """Search from a start.
 
         Args:
-            start: (p,) where the search begins.
-            progress: called now and then with the share that is done.
-            noise: R and Q where they are known; default: they are estimated.
-            unless: whether a machine and R and Q at the end of the least squares are not worth Newton steps.
+            start: (p,) initial values.
+            progress: called repeatedly with the share of the work that is done.
+            noise: known R and Q; default: estimated.
+            unless: decides from the experiment and the noise after least squares whether to skip Newton steps.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -199,7 +200,7 @@ class PredictionErrorMethod:
         )
 
     def _unfinished(self, values: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates) -> ParameterEstimate:
-        """What least squares come to, without Newton steps."""
+        """The estimate by least squares, without Newton steps."""
         information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
         (deviance,) = self.likelihood.deviances([coordinates.of(values)], noise, coordinates)
         experiment = self.with_values(values)
@@ -212,7 +213,7 @@ class PredictionErrorMethod:
     def _least_squares_rounds(
         self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
     ) -> tuple[Floats, NoiseCovariances]:
-        """Values and noise near the best, by least squares with new gains in every round."""
+        """Values and noise near the optimum, by least squares with new gains in every round."""
         search = self._search
         cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
         if estimated and self.options.resampling.torque_rows and not self._has_speed:
@@ -227,7 +228,7 @@ class PredictionErrorMethod:
             if number == 0:
                 self._check_effects(information)
             variances = np.diag(covariance_of(information, self.unknowns))
-            if not (variances > 0).all():  # derivatives that have grown beyond all measure, as where a rope slackens
+            if not (variances > 0).all():  # derivatives that grew without limit, as when a rope slackens
                 break
             deviation = np.sqrt(variances)
             move = (unwrapped(found, self.unknowns) - values) / deviation
@@ -252,12 +253,12 @@ class PredictionErrorMethod:
 
     @property
     def _has_speed(self) -> bool:
-        """Whether the vehicle's speed is read anywhere, which keeps chatter and a further force apart."""
+        """Whether any speed of the vehicle is recorded, which separates chatter from an unrecorded force."""
         column = READINGS.index("v")
         return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
 
     def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
-        """Values on the way from here to there, as far as no filter diverges, and the passes with them."""
+        """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
         for _ in range(self._search.shortenings):
             filtered = self.likelihood.filtered(there, noise)
             if all_completed(filtered):
@@ -275,10 +276,10 @@ class PredictionErrorMethod:
 
 
 def damped(move: Floats, last: Floats) -> Floats:
-    """A move, shorter where it reverses the last one (Aitken's extrapolation).
+    """A move, shortened if it reverses the last one (Aitken's extrapolation).
 
-    New gains may take a fit from one side of its optimum to the other. Were each move r times the one before, all of
-    them would add up to 1 / (1 - r) of this one.
+    New gains may move a fit from one side of its optimum to the other. If each move is r times the one before, their
+    sum is 1 / (1 - r) times this one.
     """
     ratio = float(move @ last) / max(float(last @ last), np.finfo(float).tiny)
     return move / (1 - np.clip(ratio, -1.0, 0.0))
@@ -286,11 +287,11 @@ def damped(move: Floats, last: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LocalOptimum:
-    """Where one or several searches converged.
+    """A local optimum at which one or more searches converged.
 
     Attributes:
         values: (p,) of the unknowns.
-        deviance: above that of the best.
+        deviance: above that of the best optimum.
         searches: number of searches that converged there.
     """
 
@@ -310,7 +311,7 @@ def multistart(
 ) -> list[ParameterEstimate]:
     """Estimates from several starts of the first `drawn` unknowns (`starts_of`), the likeliest first.
 
-    The first start led to `first`; all other unknowns begin where it began. An executor's workers search side by side.
+    The first start led to `first`; all other unknowns have the same starts. An executor's workers search in parallel.
     """
     others = [unknown.start for unknown in method.unknowns[drawn:]]
     further = [np.array([*own, *others]) for own in starts_of(method.unknowns[:drawn], starts, seed)[1:]]
@@ -322,7 +323,7 @@ def multistart(
 def _searches(
     method: PredictionErrorMethod, starts: Sequence[Floats], progress: Progress, workers: Workers
 ) -> Iterator[ParameterEstimate | ConfigurationError]:
-    """What comes of a search from each start; an error where the filter diverges there."""
+    """The result of a search from each start; an error if the filter diverges there."""
     if isinstance(workers, Executor):
         tasks = ((*method.made_of, start) for start in starts)
         for number, found in enumerate(in_order(spread(workers, estimate_from, tasks))):
@@ -351,12 +352,12 @@ def estimate_from(
     options: EstimationOptions,
     start: Floats,
 ) -> ParameterEstimate | ConfigurationError:
-    """A search from a start on one thread of a worker; an error where the filter diverges there."""
+    """A search from a start on one thread of a worker; returns an error if the filter diverges there."""
     return _search(PredictionErrorMethod(sections, experiment, unknowns, options, 1), start)
 
 
 def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> list[Floats]:
-    """Starts: the unknowns' own, then draws of their priors, or between half and twice their own."""
+    """Starts: the unknowns' own, then draws from their priors or, without a prior, between half and twice their own."""
     drawn, starts = np.random.default_rng(seed), [np.array([unknown.start for unknown in unknowns])]
     for _ in range(count - 1):
         moved = [
@@ -374,9 +375,9 @@ def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> li
 def distinct_optima(
     estimates: Sequence[ParameterEstimate], covariance: Floats, distance: float
 ) -> tuple[LocalOptimum, ...]:
-    """The distinct optima of some estimates, the likeliest of which comes first and has the given (p, p) covariance.
+    """The distinct optima of estimates in order of likelihood, the first of which has the given (p, p) covariance.
 
-    Two are distinct where a parameter is further apart than `distance`, in standard deviations.
+    Two are distinct if a parameter differs by more than `distance` standard deviations.
     """
     deviations, distinct = np.sqrt(np.diag(covariance)), list[LocalOptimum]()
     for estimate in estimates:

@@ -1,7 +1,7 @@
-"""Experiment design: the motion whose log determines some parameters best.
+"""Experiment design: search for the motion with the most informative log, by CMA-ES.
 
-Candidates go from rest to rest through way-points, within limits of track, speed, acceleration, tension and torque. The
-information of each simulated log gives the covariance of the estimates; CMA-ES searches for the best candidate.
+Candidates move from rest to rest through way-points, within limits of track, speed, acceleration, tension and torque.
+The information of each simulated log gives the covariance of the estimates; CMA-ES searches for the best candidate.
 D-optimal motions have the smallest joint confidence region, A-optimal ones the smallest mean variance, each parameter
 over its prior deviation (Pukelsheim, Optimal Design of Experiments; Goodwin and Payne, Dynamic System Identification:
 Experiment Design and Data Analysis).
@@ -50,12 +50,12 @@ Floats = NDArray[np.float64]
 Criterion = Literal["D", "A"]
 
 LARGEST_SEED = 2**32 - 1
-"""Largest seed that the search takes."""
+"""Largest seed of the search."""
 
 
 @dataclass(frozen=True)
 class MotionLimits(MoveLimits):
-    """Limits of a run: of its moves, and farthest position in m, largest tension in N and motor torque in N m."""
+    """Limits of a run: those of its moves, farthest position in m, largest tension in N and motor torque in N m."""
 
     farthest: float
     tension: float
@@ -71,7 +71,7 @@ def motion_limits(
     torque: float | None = None,
     options: ExcitationOptions = DEFAULTS.excitation,
 ) -> MotionLimits:
-    """The limits of an experiment, some of them tightened; arguments as of `excite`.
+    """The limits of an experiment, possibly tightened; arguments as in `excite`.
 
     Raises:
         ConfigurationError: a limit out of range.
@@ -95,18 +95,18 @@ def motion_limits(
 
 
 def motion_dimensions(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
-    """Number of coordinates of a motion of some duration in s: two, and two of each move."""
+    """Number of coordinates of a motion of a given duration in s: two, plus two per move."""
     return 2 + 2 * int(np.clip(duration // options.time_per_move, options.fewest_moves, options.most_moves))
 
 
 def motion_of(
     shares: Floats, limits: MotionLimits, duration: float, options: ExcitationOptions = DEFAULTS.excitation
 ) -> Reference | None:
-    """The motion of a duration in s with some coordinates, in round numbers; None: nothing moves.
+    """The motion of a duration in s with given coordinates, in round numbers; ``None`` if nothing moves.
 
-    These are (dimensions,) shares between 0 and 1: speed and acceleration, then of every move its target and its time.
-    Each move goes as far towards its target as there is time, and rests for the remainder: so every motion is over in
-    time, and changes little where its coordinates do.
+    Coordinates are (dimensions,) shares between 0 and 1: speed and acceleration, then target and time of every move.
+    Each move goes as far towards its target as its time permits, and rests for the remainder: so every motion ends in
+    time, and depends continuously on its coordinates.
     """
     speed, acceleration = (
         min(float(f"{options.slowest ** (1 - share) * largest:.2g}"), largest)
@@ -137,13 +137,13 @@ def motion_of(
 
 
 def _move_time(way: float, limits: MoveLimits) -> float:
-    """Time in s from rest to rest over a way in m."""
+    """Time in s from rest to rest over a distance in m."""
     speed = top_speed(way, limits)
     return gaining_time(speed, limits) + way / speed
 
 
 def _farthest(time: float, limits: MoveLimits, options: ExcitationOptions) -> float:
-    """The longest way in m for a time in s, by bisection."""
+    """The largest distance in m in a time in s, by bisection."""
     low, high = 0.0, max(limits.speed * time, options.shortest_way)
     for _ in range(options.bisections):
         middle = (low + high) / 2
@@ -152,14 +152,14 @@ def _farthest(time: float, limits: MoveLimits, options: ExcitationOptions) -> fl
 
 
 def _floor(value: float) -> float:
-    """A number in m or s, or a little less, with two decimals."""
+    """A number rounded down to two decimals."""
     return float(np.floor(100 * value) / 100)
 
 
 class ExpectedCovariance(NamedTuple):
-    """The (p, p) covariance to expect of a run's estimates, priors included; None: the run violates a limit.
+    """The expected (p, p) covariance of a run's estimates, priors included; ``None`` if the run violates a limit.
 
-    Then there are the limit that is violated most, in words, and by which share of it.
+    Then `violation` is the largest violation, as a share of the limit, and `words` describe it.
     """
 
     covariance: Floats | None
@@ -168,7 +168,7 @@ class ExpectedCovariance(NamedTuple):
 
 
 def with_motion(experiment: Experiment, reference: Reference, duration: float) -> Experiment:
-    """An experiment with another motion, whose rows have the sensors' readings."""
+    """An experiment with another motion, and with sensor readings in its rows."""
     simulation = replace(experiment.simulation, duration=duration, readings=True)
     return replace(experiment, reference=reference, simulation=simulation)
 
@@ -179,7 +179,7 @@ def expected_covariance(
     limits: MotionLimits | None,
     options: EstimationOptions = DEFAULTS,
 ) -> ExpectedCovariance:
-    """The covariance of estimates from a run's log, by the information of its simulated log; without limits, of any."""
+    """The expected covariance of estimates from a run, by the information of its simulated log within given limits."""
     run = simulate(experiment)
     if run.outcome != "completed":
         return ExpectedCovariance(None, 1.0, f"the run {run.outcome.replace('_', ' ')}")
@@ -195,7 +195,7 @@ def expected_covariance(
 
 
 def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) -> tuple[float, str]:
-    """The limit that a run violates most: by which share, not above 0 where it violates none; and it in words."""
+    """The largest violation of a limit in a run, as a share of it (<= 0: none), and in words."""
     peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
     torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))
     speed, fastest = float(np.abs(run["v"]).max()), (1 + options.overshoot) * limits.speed
@@ -211,15 +211,15 @@ def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) ->
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExcitationDesign(UncertainEstimates):
-    """A motion that determines some parameters.
+    """A motion designed to determine parameters.
 
     Attributes:
-        experiment: with the motion as its reference; its rows have the sensors' readings.
-        unknowns, covariance: the parameters to estimate, and (p, p) covariance of the estimates' errors to expect.
-        present: (p, p) covariance to expect of the experiment's own motion; None: its run does not complete.
+        experiment: with the motion as its reference, and with sensor readings in its rows.
+        unknowns, covariance: the parameters to estimate, and expected (p, p) covariance of the estimates' errors.
+        present: expected (p, p) covariance with the experiment's own motion; ``None`` if its run does not complete.
         criterion: ``D`` or ``A``.
         duration: of the run in s.
-        tried: motions that were simulated.
+        tried: number of simulated motions.
         seed: of the search.
         seconds: wall time.
     """
@@ -234,7 +234,7 @@ class ExcitationDesign(UncertainEstimates):
 
     @property
     def present_deviations(self) -> Floats:
-        """(p,) standard deviations to expect of the experiment's own motion; NaN: its run does not complete."""
+        """(p,) expected standard deviations with the experiment's own motion; NaN if its run does not complete."""
         return np.full(len(self.keys), np.nan) if self.present is None else np.sqrt(np.diag(self.present))
 
     @property
@@ -251,7 +251,7 @@ class ExcitationDesign(UncertainEstimates):
 
     @property
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows: the standard deviations to expect of the present motion, and of this one."""
+        """Headings and rows: expected standard deviations with the present motion, and with this one."""
         rows = []
         for unknown, before, after in zip(self.unknowns, self.present_deviations, self.deviations, strict=True):
             known = np.isfinite(before)
@@ -275,7 +275,7 @@ class ExcitationDesign(UncertainEstimates):
         ], rows
 
     def to_record(self) -> dict[str, Any]:
-        """All results, as JSON takes them; standard deviations in the unit of their parameter."""
+        """All results as a dictionary for JSON; standard deviations in the unit of their parameter."""
         reference = self.experiment.reference
         return {
             "criterion": self.criterion,
@@ -307,14 +307,14 @@ class ExcitationDesign(UncertainEstimates):
         return "\n".join([f"Excited: {self.headline}", "", markdown(*self.table), "", self.motion])
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         return page("Excited", f"{self.headline}. {self.motion}", table(*self.table))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw the motion, and the deviations to expect beside those of the present motion.
+        """Draw the motion, and its expected deviations compared with those of the present motion.
 
         Args:
-            ax: two axes to draw into; default: a figure of its own.
+            ax: two axes to draw into; default: a new figure.
         """
         reference, present = self.experiment.reference, self.present_deviations
         return excitation_figure(
@@ -332,7 +332,7 @@ def excitation_figure(
     *,
     ax: GivenAxes = None,
 ) -> Figure:
-    """Draw a motion, and the deviations to expect of it; see `ExcitationDesign`."""
+    """Draw a motion and its expected deviations; see `ExcitationDesign`."""
     rows = range(len(unknowns))
     with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", headline) as page:
         left, right = page.panels(1, 2)
@@ -371,18 +371,19 @@ def excite(
     threads: int | None = None,
     progress: Progress = no_progress,
 ) -> ExcitationDesign:
-    """Design the motion whose log determines some parameters best, by CMA-ES on the information of simulated logs.
+    """Design the most informative motion for estimating parameters, by CMA-ES on the information of simulated logs.
 
-    1. Candidates go from rest to rest through way-points; the closed loop follows each in a simulation.
+    1. Candidates move from rest to rest through way-points; the closed loop follows each in a simulation.
     2. The information of its log in the filter of `identify`, with the priors, gives the covariance of the estimates.
-    3. CMA-ES (Hansen) searches for the smallest criterion of that; a violated limit counts as a penalty.
+    3. CMA-ES (Hansen) minimises a criterion of the covariance; a violated limit adds a penalty.
 
     Args:
         keys: parameters to estimate, as for `identify`.
         experiment: machine, sensors and sea; its controller follows the motion; default: the ensemble's, or
             ``Experiment()``.
         duration: of the run in s.
-        ensemble: name or file of an ensemble, such as ``rig``: what it draws is estimated as well, as in `identify`.
+        ensemble: name or file of an ensemble, such as ``rig``: parameters that it draws are estimated too, as in
+            `identify`.
         priors: key → mean and standard deviation of a normal prior.
         criterion: ``D``: the volume of the estimates' confidence region; ``A``: the mean of their variances, each over
             its prior.
@@ -390,16 +391,15 @@ def excite(
         speed: largest in m/s; default: the reference's.
         acceleration: largest in m/s²; default: by half of the ropes' largest net force (``options.excitation``).
         torque: largest of a motor in N m; default: any. Tensions stay within the controller's limits anyway.
-        trials: motions that are simulated; default: ``options.excitation.trials``, or any number within
-            `seconds`.
+        trials: number of simulated motions; default: ``options.excitation.trials``, or any number within `seconds`.
         seconds: time after which no further generation of motions begins.
         seed: of the search.
         options: of estimation and search.
-        threads: default: one a core.
-        progress: called after every generation with the share that is done.
+        threads: default: one per core.
+        progress: called after every generation with the share of the work that is done.
 
     Returns:
-        The experiment with that motion, and the standard deviations to expect beside those of its own motion.
+        The experiment with that motion, and its expected standard deviations compared with those of its own motion.
 
     Raises:
         ConfigurationError: a key, prior or limit out of range, or no motion within the limits.
@@ -460,7 +460,7 @@ def excite(
 
 
 def _present_motion(experiment: Experiment, duration: float) -> Experiment:
-    """The experiment's own motion for the same time; for its own where it would leave the track by then."""
+    """The experiment's own motion for the same duration, or for its own if it would otherwise leave the track."""
     longer = with_motion(experiment, experiment.reference, duration)
     try:
         prepare(longer)
@@ -472,7 +472,7 @@ def _present_motion(experiment: Experiment, duration: float) -> Experiment:
 def _cost(
     there: ExpectedCovariance, unknowns: Sequence[UnknownParameter], criterion: Criterion, options: ExcitationOptions
 ) -> float:
-    """The logarithm of a typical standard deviation over its prior; of a motion that violates a limit, a penalty."""
+    """The logarithm of a typical standard deviation over its prior, or a penalty for a violated limit."""
     if there.covariance is None:
         return options.infeasible + there.violation
     by = np.array([each.uncertainty for each in unknowns])

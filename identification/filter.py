@@ -35,11 +35,11 @@ Found = TypeVar("Found")
 
 
 class LogFilters:
-    """Extended Kalman filters, one a section; sections run on all cores.
+    """Extended Kalman filters, one per section; sections run in parallel.
 
     Attributes:
         sections: of the logs.
-        passes: passes through the logs so far.
+        passes: number of passes through the logs so far.
     """
 
     def __init__(
@@ -50,13 +50,13 @@ class LogFilters:
         options: EstimationOptions,
         threads: int | None = None,
     ) -> None:
-        """Filters by a compiled predictor of some structure; `threads`: default one a core."""
+        """Set up with a compiled predictor of a structure; `threads`: default one per core."""
         self.sections = tuple(sections)
         self.passes = 0
         self._predictor, self._structure, self._options, self._threads = predictor, structure, options, threads
 
     def parameters(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
-        """The predictor's parameters, of an experiment and the disturbances' correlation times."""
+        """The predictor's parameters, from an experiment and the disturbances' correlation times."""
         values = leaves(experiment) | {f"time.{name}": each.time for name, each in noise.process.items()}
         return np.array([float(values[name]) for name in parameter_names(self._structure)])
 
@@ -75,9 +75,9 @@ class LogFilters:
         Args:
             experiment: the machine.
             noise: R and Q.
-            robust: whether outliers count less (``options.search.outlier``).
-            samples: first samples of each section that are filtered; default: all.
-            into: earlier passes over the same sections whose arrays may be overwritten.
+            robust: whether to down-weight outliers (``options.search.outlier``).
+            samples: number of first samples of each section to filter; default: all.
+            into: earlier passes over the same sections, with arrays to overwrite.
             how: `gains`, `rows`, `watched` of `codegen.drivers.prediction.Predictor.filter`.
         """
         known = [*into, *[None] * (len(self.sections) - len(into))]
@@ -97,9 +97,9 @@ class LogFilters:
         return self._predictor.filter(self.parameters(experiment, noise), data, covariances, outlier=outlier, **how)
 
     def deviances(self, experiments: Sequence[Experiment], noise: NoiseCovariances) -> Floats:
-        """Minus twice the log-likelihood of all innovations, but for a constant, for each of some machines.
+        """Minus twice the log-likelihood of all innovations, up to a constant, for each of several experiments.
 
-        Infinite where a filter diverges.
+        Infinite if a filter diverges.
         """
 
         def deviance(experiment: Experiment, section: LogSection) -> float:
@@ -120,9 +120,9 @@ class LogFilters:
         *,
         rows: bool = False,
     ) -> list[FixedGainPrediction]:
-        """Predict every section with given gains; experiment and noise give the initial states.
+        """Predict every section with given gains; experiment and noise determine the initial states.
 
-        Parameters are those of `parameters`, in part replaced; with `rows` the innovations are kept.
+        Parameters are in the order of `parameters`; with `rows` the innovations are kept.
         """
 
         def predicted(section: LogSection, own: FilterPass) -> FixedGainPrediction:
@@ -135,7 +135,7 @@ class LogFilters:
         """Estimate the disturbances in every section from all its readings.
 
         Returns:
-            Of each section (samples, states) filtered states, (samples, disturbances) smoothed disturbances, and
+            For each section (samples, states) filtered states, (samples, disturbances) smoothed disturbances, and
             (samples, disturbances, disturbances) their covariances.
         """
         passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
@@ -148,13 +148,13 @@ class LogFilters:
         return self._each(smoothed, passes)
 
     def whitened_innovations(self, experiment: Experiment, noise: NoiseCovariances) -> list[Floats]:
-        """(samples, readings) whitened innovations of each section; NaN where nothing was read."""
+        """(samples, readings) whitened innovations of each section; NaN without a reading."""
         filtered = self.run(experiment, noise, robust=False)
         predictions = self.predict(self.parameters(experiment, noise), experiment, noise, filtered, rows=True)
         return [each.innovations for each in predictions if each.innovations is not None]
 
     def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
-        """A section with its initial state, and the covariance of that."""
+        """A section with its initial state, and the covariance of the state."""
         early = section.readings[: self._options.resampling.first_reading_samples]
         first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
         start, covariance = initial_state(
@@ -169,7 +169,7 @@ class LogFilters:
         return FilterData(section.inputs, section.readings, start), covariance
 
     def process_variances(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
-        """The variances that a sample adds to the states, (states,)."""
+        """(states,) variances that process noise adds to the states per sample."""
         step, variances = experiment.simulation.sample_time, dict.fromkeys(leaves(state_template(self._structure)), 0.0)
         for name, each in noise.states.items():
             added = each.deviation**2 * -np.expm1(-2 * step / each.time)
@@ -177,7 +177,7 @@ class LogFilters:
         return np.array(list(variances.values()))
 
     def _each(self, work: Callable[[LogSection, Any], Found], along: Sequence[Any]) -> list[Found]:
-        """What some work makes of every section and of what goes with it."""
+        """The results of some work on every section with its element of `along`, in parallel."""
         self.passes += 1
         return map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
 

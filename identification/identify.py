@@ -1,4 +1,4 @@
-"""From logs to a machine's parameters in one call."""
+"""Estimate a machine's parameters from logs in one call."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -71,42 +71,42 @@ def identify(
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 
     1. Logged torques drive the plant; the filter predicts position, speed, tensions and drum angles one sample ahead.
-       Its state is augmented by the disturbances that no log records.
-    2. Parameters, measurement noise R and process noise Q are those of the largest likelihood
+       Its state is augmented by unrecorded disturbances.
+    2. Parameters, measurement noise R and process noise Q maximise the likelihood
        (`identification.estimate.PredictionErrorMethod`).
     3. The curvature of the likelihood gives standard deviations and correlations; tests of the innovations show whether
-       the model lacks something.
+       the model is incomplete.
 
     Args:
-        logs: of one machine, each in a state of its own at its start: files (CSV, Parquet, MATLAB, NumPy), results with
+        logs: of one machine, each with its own initial state: files (CSV, Parquet, MATLAB, NumPy), results with
             ``simulation.readings``, or `Log`.
         keys: parameters to estimate, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
-        experiment: values of all other parameters, and where the search begins; default: the ensemble's, or
+        experiment: values of all other parameters, and start of the search; default: the ensemble's, or
             ``Experiment()``.
         ensemble: name or file of an ensemble, such as ``rig``: every parameter that it draws and a log determines is
             estimated as well, with its distribution as a prior.
         priors: key → mean and standard deviation of a normal prior.
-        columns: of files, such as ``F1=load_cell_left:kN``, where they have other names or units.
-        csv: separator and decimal mark of CSV files, such as ``;,``; default: as each file shows.
-        hold_out: share of each log, its end, that is not fitted but predicted.
+        columns: of files, such as ``F1=load_cell_left:kN``, if they have other names or units.
+        csv: separator and decimal mark of CSV files, such as ``;,``; default: detected in each file.
+        hold_out: share at the end of each log that is predicted, not fitted.
         starts: number of searches from different starts; all but the first are drawn.
         seed: of these draws.
-        profiles: estimated parameters whose profile likelihood is computed.
-        forces: whether the unrecorded force on the vehicle is smoothed: `forces` of the result, for
+        profiles: estimated parameters for which to compute profile likelihoods.
+        forces: whether to estimate the unrecorded force on the vehicle: `forces` of the result, for
             ``disturbance.force``.
-        unrecorded: RMS torque or force that is not recorded, over the recorded one, from which on a fit is refused: the
-            log is of another machine, or the model lacks something; default: ``options.plausibility.unrecorded``.
+        unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
+            another machine, or the model is incomplete; default: ``options.plausibility.unrecorded``.
         options: of the method.
-        workers: of this machine, or an executor; default: one thread a core.
-        progress: called now and then with the share that is done.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done.
 
     Returns:
         Estimates with deviations and correlations, unidentifiable directions, and tests of the innovations. It has a
-        table as text and in a notebook; `experiment` and `ensemble` go on from there.
+        table as text and in a notebook; its `experiment` and `ensemble` have the estimates.
 
     Raises:
-        ConfigurationError: a file that cannot be read, a key or prior out of range, or a log that no such machine can
-            have made.
+        ConfigurationError: a file that cannot be read, a key or prior out of range, or a log that is implausible for
+            such a machine.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
@@ -205,7 +205,7 @@ def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> 
 
 
 def _check_different(sources: Sequence[Source]) -> None:
-    """Raise `ConfigurationError` where a log is given twice: it would count as two."""
+    """Raise `ConfigurationError` for a log given twice, which would count as two."""
     files = [Path(source).resolve() if isinstance(source, (str, PathLike)) else source for source in sources]
     for index, file in enumerate(files):
         if any(file is other or (isinstance(file, Path) and file == other) for other in files[:index]):
@@ -213,7 +213,7 @@ def _check_different(sources: Sequence[Source]) -> None:
 
 
 def _sensor_noise(sections: Sequence[LogSection], estimate: ParameterEstimate) -> dict[str, float]:
-    """Standard deviation of the noise of every sensor that was read."""
+    """Standard deviation of the noise of every recorded sensor."""
     read = np.any([np.isfinite(section.readings).any(axis=0) for section in sections], axis=0)
     deviations = np.sqrt(estimate.noise.measurement).tolist()
     return {name: deviation for name, deviation, here in zip(READINGS, deviations, read, strict=True) if here}

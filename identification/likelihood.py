@@ -1,12 +1,12 @@
-"""Maximum likelihood of the filters' innovations, of the noise covariances and of the parameters.
+"""Maximise the likelihood of the filters' innovations over noise covariances and parameters.
 
 R is estimated by expectation maximisation, Q by line searches of the likelihood.
 
-With the gains of the filters given, the whitened innovations are a least-squares problem in the parameters with exact
-derivatives, which leads near the maximum. But gains and variances depend on the parameters, too. Newton steps by
-differences of the likelihood itself account for that. They are taken along directions of one standard deviation each
-that are hardly correlated, so that each has its own slope and curvature; directions in which least squares turn out to
-be right are not differenced again.
+With fixed gains of the filters, the whitened innovations are a least-squares problem in the parameters with exact
+derivatives, which leads near the maximum. But gains and variances depend on the parameters, too: Newton steps by
+differences of the likelihood itself account for that. Differences are taken along hardly correlated directions of one
+standard deviation each, so that each has its own slope and curvature; directions in which least squares prove right are
+not differenced again.
 """
 
 import math
@@ -34,21 +34,21 @@ NORMAL_MEDIAN = 0.6745
 """Median of a standard normal variable's magnitude."""
 
 LOAD_CELLS = ("F1", "F2")
-"""Sensors that are quiet only where torques are."""
+"""Sensors that are quiet only while torques are."""
 
 ESTIMATED = (("force",), ("torque_1", "torque_2"))
-"""Disturbances that no experiment describes, whose deviations are estimated; those of a group have one."""
+"""Disturbances that no experiment describes, in groups with a common estimated deviation."""
 
 DESCRIBED = ("current", "normal_force_variation")
-"""Disturbances that an experiment describes; deviations and correlation times are estimated with priors around that."""
+"""Disturbances that an experiment describes; deviations and correlation times have priors around the described ones."""
 
 SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0.0, 1.0])
-"""Changes of the logarithms of deviation and correlation time that are searched: of the size, of the time with the
-variance that a sample adds as it is, which a log shows best, and of the time of what has its size."""
+"""Search directions for the logarithms of deviation and correlation time: the deviation; the time with a constant
+variance added per sample, which a log determines best; and the time alone."""
 
 
 def finest_noise(options: NoiseOptions) -> Floats:
-    """Least standard deviations of the sensors' noise, (readings,): no sensor is perfect, nor is the model."""
+    """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
     finest = {
         "x": options.finest_position,
         "v": options.finest_speed,
@@ -63,10 +63,10 @@ def finest_noise(options: NoiseOptions) -> Floats:
 
 
 def initial_measurement_noise(readings: Floats, sensors: Sensors, options: NoiseOptions) -> Floats:
-    """Variances of all sensors to begin with, (readings,).
+    """(readings,) initial variances of all sensors.
 
-    As the experiment describes them, quantisation included; for sensors that it describes as perfect, by the log's own
-    differences from sample to sample.
+    As described by the experiment, quantisation included; for sensors described as perfect, from differences between
+    the log's samples.
     """
     described = {
         "x": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
@@ -82,7 +82,7 @@ def initial_measurement_noise(readings: Floats, sensors: Sensors, options: Noise
 
 
 def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
-    """Standard deviations of all sensors, (readings,), by third differences, which cancel most of a motion."""
+    """(readings,) standard deviations of all sensors' noise, by third differences, which cancel most of a motion."""
     own = [
         _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
         for name, values in zip(READINGS, readings.T, strict=True)
@@ -91,7 +91,7 @@ def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
 
 
 def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
-    """Standard deviation of white noise, by third differences; of a sensor that counts at least that of rounding."""
+    """Standard deviation of white noise by third differences; for a quantised sensor at least that of rounding."""
     if len(values) < 10:
         return 0.0
     steps = np.abs(np.diff(values))
@@ -107,24 +107,24 @@ def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
 
 
 def _minimum(cost: Callable[[float], float], low: float, high: float, tolerance: float, evaluations: int) -> float:
-    """Where a cost is least between two ends, by Brent's method."""
+    """Minimise a cost between two ends by Brent's method."""
     options = {"xatol": tolerance, "maxiter": evaluations}
     best: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options=options)
     return float(best.x)
 
 
 class NoiseEstimator:
-    """Estimates R and Q for a machine that is known well enough."""
+    """Estimates R and Q for approximately known parameters."""
 
     def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
-        """An estimator whose least deviations are the ones that an experiment describes."""
+        """Set up; the least deviations are those that the experiment describes."""
         self._filters, self._options = filters, options
         self._described = described_disturbances(experiment, options)
         self._least = {name: each.deviation for name, each in self._described.items()}
         self._samples = round(options.section_time / experiment.simulation.sample_time)
 
     def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
-        """The least process noise of a grid with which no filter diverges; as given where there is none."""
+        """The least process noise of a grid with which no filter diverges; as given if there is none."""
         wider = sorted(self._grid(noise), key=lambda each: each.process["torque_1"].deviation)
         return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
 
@@ -135,9 +135,9 @@ class NoiseEstimator:
 
         Args:
             experiment: the machine.
-            noise: R, and Q to begin with.
-            anywhere: whether a grid over the whole range is searched first.
-            roughly: whether the beginning of each section is enough.
+            noise: R, and initial Q.
+            anywhere: whether to search a grid over the whole range first.
+            roughly: whether to use the beginning of each section only.
         """
         samples = self._samples if roughly else None
         if anywhere:
@@ -147,9 +147,9 @@ class NoiseEstimator:
         return noise
 
     def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
-        """Estimate Q of the further torques alone, roughly, over its whole range.
+        """Estimate Q of the unrecorded torques only, roughly, over its whole range.
 
-        What a machine is not known well enough for yet must not become a further force.
+        Errors of parameters that are not yet estimated well must not be attributed to an unrecorded force.
         """
         torques = ESTIMATED[1]
         grid = [self._scaled(noise, torques, factor) for factor in self._factors]
@@ -157,9 +157,9 @@ class NoiseEstimator:
         return self._line_search(experiment, best, torques, self._samples)
 
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
-        """Estimate size and correlation time of the disturbances that an experiment describes, by maximum likelihood.
+        """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
 
-        Their priors are log-normal around what is described.
+        Their priors are log-normal around the described values.
         """
         options = self._options
         reach = math.log(options.described_reach)
@@ -188,7 +188,7 @@ class NoiseEstimator:
         return noise
 
     def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
-        """Negative logarithm of the prior density of the described disturbances, but for a constant."""
+        """Negative logarithm of the prior density of the described disturbances, up to a constant."""
         process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
         of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
         factors = {**of_sea, VORTICES: (1.0, options.vortex_time_factor)}
@@ -201,7 +201,7 @@ class NoiseEstimator:
 
     @property
     def _factors(self) -> list[float]:
-        """Of a deviation over its least one, over its whole range."""
+        """Grid of factors on the least deviation, over its whole range."""
         options = self._options
         return (options.grid ** np.arange(np.ceil(np.log(options.range) / np.log(options.grid)))).tolist()
 
@@ -215,7 +215,7 @@ class NoiseEstimator:
     def _line_search(
         self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None
     ) -> NoiseCovariances:
-        """The likeliest deviation of one group near where it is."""
+        """The likeliest deviation of one group near the present one."""
         options, here = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
         reach = np.log(options.grid)
         best = _minimum(
@@ -228,7 +228,7 @@ class NoiseEstimator:
         return self._scaled(noise, names, np.exp(best))
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
-        """With a group's deviation so many times its least one."""
+        """The noise with a group's deviation as a multiple of its least one."""
         deviation = float(factor) * self._least[names[0]]
         scaled = {name: replace(noise.process[name], deviation=deviation) for name in names}
         return replace(noise, process={**noise.process, **scaled})
@@ -242,7 +242,7 @@ class NoiseEstimator:
     def with_measurement_noise(
         self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
     ) -> NoiseCovariances:
-        """Estimate R by expectation maximisation, beginning with passes through the sections with this noise."""
+        """Estimate R by expectation maximisation, starting from passes with the given noise."""
         noise, changed = self._em_step(noise, filtered)
         for _ in range(self._options.em_steps):
             if changed < self._options.em_tolerance:
@@ -265,18 +265,18 @@ class NoiseEstimator:
 
 @dataclass(frozen=True)
 class NewtonStep:
-    """A Newton step of the deviance: minus twice the log-likelihood, but for a constant.
+    """A Newton step of the deviance: minus twice the log-likelihood, up to a constant.
 
     Attributes:
-        at: (p,) coordinates where it leads.
-        deviance: there.
-        fall: by how much it fell.
-        expected_fall: by how much it should have fallen.
-        slopes: (p,) slopes of half of it along the directions, less those of least squares.
-        curvatures: (p,) likewise second derivatives; 1 is what least squares have.
-        information: (p, p) where it begins, of the logs alone, in units of the unknowns, with these curvatures. One
-            above 1 counts as 1: mostly that is a direction that turns, as an angle's does, and is straight for a part
-            of the deviation only.
+        at: (p,) coordinates after the step.
+        deviance: after the step.
+        fall: of the deviance.
+        expected_fall: of the deviance, by the quadratic model.
+        slopes: (p,) slopes of half the deviance along the directions, less those of least squares.
+        curvatures: (p,) second derivatives likewise; 1 is that of least squares.
+        information: (p, p) before the step, of the logs alone, in units of the unknowns, with these curvatures.
+            Curvatures above 1 count as 1: mostly such a direction is curved, as that of an angle, and straight over
+            only a part of the deviation.
     """
 
     at: Floats
@@ -289,7 +289,7 @@ class NewtonStep:
 
 
 class Likelihood:
-    """The likelihood of logs and priors; the unknowns in the coordinates of a search."""
+    """The likelihood of logs and priors, over the unknowns in the coordinates of the search."""
 
     def __init__(
         self,
@@ -298,12 +298,12 @@ class Likelihood:
         columns: Sequence[int],
         options: SearchOptions,
     ) -> None:
-        """A likelihood; `machine` makes an experiment of values, `columns` are these among the filters' parameters."""
+        """Set up; `machine` makes an experiment from values, `columns` are their indices in the filters' parameters."""
         self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
         self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
 
     def filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
-        """Passes at some values; those of the last call where it was for the same, else in the place of them."""
+        """Passes at given values: those of the last call if it was for the same, else new ones in the same arrays."""
         parameters = self._filters.parameters(self._machine(values), noise)
         last_parameters, last_noise, filtered = self._last
         if last_noise is not noise or not np.array_equal(parameters, last_parameters):
@@ -318,9 +318,9 @@ class Likelihood:
         filtered: Sequence[FilterPass],
         start: Floats | None = None,
     ) -> Floats:
-        """(p + 1, p + 1) normal equations: products of the derivatives by p unknowns, and of the innovations, summed.
+        """(p + 1, p + 1) normal equations: sums of products of the derivatives by p unknowns and the innovations.
 
-        NaN where filters diverge. The machine with the (p,) values, or with those of `start`, gives the initial states.
+        NaN if filters diverge. Initial states are those of the (p,) values, or of `start`.
         """
         experiment = self._machine(values if start is None else start)
         parameters = self._filters.parameters(experiment, noise)
@@ -337,10 +337,11 @@ class Likelihood:
         coordinates: SearchCoordinates,
         tolerance: float = 1e-8,
     ) -> tuple[Floats, Floats]:
-        """Least squares of the whitened innovations with given gains, within bounds (trust region reflective).
+        """Least squares of the whitened innovations with fixed gains, within bounds (trust region reflective).
 
-        Begins at (p,) values, and ends where the sum of squares changes by less than a relative `tolerance`. Unknowns
-        without a prior are held near their starts by one as wide as their scale: what logs do not determine stays.
+        Starts at (p,) values, and ends when the relative change of the sum of squares is below `tolerance`. Unknowns
+        without a prior get one with their scale as deviation, so that those the logs do not determine stay near their
+        starts.
 
         Returns:
             (p,) values, and (p, p) information of the logs.
@@ -371,7 +372,7 @@ class Likelihood:
         return coordinates.values(found), squares(found)[2][:-1, :-1]
 
     def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
-        """Residuals (p + 1,) and their Jacobian in some coordinates, with the same squares as all innovations have."""
+        """(p + 1,) residuals and their Jacobian in coordinates, with the same sum of squares as all innovations."""
         p, largest = len(jacobian), self._options.largest_sum
         if not np.isfinite(normal).all() or normal[-1, -1] > largest:
             return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
@@ -382,7 +383,7 @@ class Likelihood:
         return root[:, -1], root[:, :-1]
 
     def deviances(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
-        """Minus twice the logarithm, but for a constant, at each of some points; infinite where filters diverge."""
+        """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge."""
         machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
         logs = self._filters.deviances(machines, noise) if machines else np.zeros(0)
         return logs + np.array([_prior_deviance(point, coordinates) for point in points])
@@ -395,20 +396,20 @@ class Likelihood:
         before: NewtonStep | None = None,
         fixed: int | None = None,
     ) -> NewtonStep | None:
-        """One Newton step towards the maximum of the likelihood; None: filters diverge where it would begin.
+        """One Newton step towards the maximum of the likelihood; ``None`` if filters diverge at its start.
 
-        1. Least squares with the gains at this point give a gradient and an information matrix, whose Cholesky factor
+        1. Least squares with the gains at this point give a gradient and an information matrix; its Cholesky factor
            gives directions of one standard deviation each.
         2. Differences of the likelihood along these correct slope and curvature.
-        3. The step is halved while it does not lower the deviance. Where no length does, the step of least squares is
-           taken instead.
+        3. The step is halved while it does not lower the deviance. If no length does, the step of least squares is
+           used instead.
 
         Args:
             at: (p,) coordinates.
             noise: R and Q.
             coordinates: of the unknowns.
-            before: the last step; directions in which it corrected nothing are not differenced.
-            fixed: index of a coordinate that stays as it is.
+            before: the last step; directions in which its corrections were negligible are not differenced.
+            fixed: index of a coordinate to keep.
         """
         values, jacobian = coordinates.values(at), coordinates.jacobian(at)
         filtered = self.filtered(values, noise)
@@ -424,7 +425,7 @@ class Likelihood:
         block = np.ix_(free, free)
         try:
             root = np.linalg.cholesky(known[block])
-        except np.linalg.LinAlgError:  # derivatives that have grown beyond all measure, as where a rope slackens
+        except np.linalg.LinAlgError:  # derivatives that grew without limit, as when a rope slackens
             return None
         directions = np.zeros_like(known)
         directions[block] = np.linalg.inv(root)
@@ -433,7 +434,7 @@ class Likelihood:
         here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
         slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
-        # a kink of the likelihood, as where a rope slackens, makes differences useless: then least squares alone
+        # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone
         move, there, expected = np.zeros_like(at), here, 0.0
         for more, bent in ((slopes, curvatures), (np.zeros_like(slopes), np.ones_like(curvatures))):
             way = np.where(reach > least, -(plain + more) / bent, 0.0) @ directions
@@ -459,9 +460,9 @@ class Likelihood:
         noise: NoiseCovariances,
         coordinates: SearchCoordinates,
     ) -> tuple[Floats, float]:
-        """A move, halved until the deviance falls, or none, and the deviance where it leads.
+        """A move, halved until the deviance falls, or none; and the deviance after it.
 
-        Where next to nothing is expected, it is not checked.
+        It is not checked if the expected fall is negligible.
         """
         options = self._options
         if expected < options.small_gain:
@@ -484,7 +485,7 @@ class Likelihood:
         coordinates: SearchCoordinates,
         before: NewtonStep | None,
     ) -> tuple[Floats, Floats]:
-        """Along each direction the slope beyond the plain one of least squares, and the curvature."""
+        """Along each direction the slope in excess of that of least squares, and the curvature."""
         negligible = self._options.negligible
         last_slopes, last_curvatures = np.zeros(len(at)), np.ones(len(at))
         wanted = (reach > self._options.least_difference) & directions.any(axis=1)

@@ -1,6 +1,6 @@
-"""Logs: torque commands and sensor readings of a machine, of arrays, of simulated runs, and of files.
+"""Logs: torque commands and sensor readings of a machine, from arrays, simulated runs and files.
 
-Files are CSV of any data logger, Parquet, MATLAB and NumPy; a map says which column is which reading, in which unit.
+Files are CSV of any data logger, Parquet, MATLAB and NumPy; a map gives the column and unit of each reading.
 """
 
 import difflib
@@ -33,10 +33,10 @@ from dualwinch.simulation.rows import READ
 Floats = NDArray[np.float64]
 
 TORQUES = ("tau_1", "tau_2")
-"""Torque commands, which drive the prediction."""
+"""Torque commands, the inputs of the prediction."""
 
 POSITIONS = ("x", "theta_1", "theta_2")
-"""Readings of which a log has at least one."""
+"""Readings of which a log needs at least one."""
 
 UNIT_OF = {
     "t": "s",
@@ -55,7 +55,7 @@ class Log:
         columns: name → (n,) in SI units: torque commands ``tau_1``, ``tau_2`` at the motors, and some of
             `identification.predictor.READINGS`. NaN where nothing was recorded.
         name: of the log in messages.
-        notes: what was noticed while it was read.
+        notes: from reading it.
     """
 
     t: Floats
@@ -64,10 +64,10 @@ class Log:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check it.
+        """Check the log.
 
         Raises:
-            ConfigurationError: no rows, time that stands still or goes back, no torques, no position or encoder.
+            ConfigurationError: no rows, times that do not ascend, no torques, no position or encoder.
         """
         if len(self.t) < 2:
             raise self.refused(f"{self.name}: has {len(self.t)} rows: must be 2 or more")
@@ -91,13 +91,13 @@ class Log:
             )
 
     def refused(self, words: str) -> ConfigurationError:
-        """The error that refuses it, with what was noticed while it was read."""
+        """The error that refuses the log, with its notes."""
         notes = "; ".join(note.removeprefix(f"{self.name}: ") for note in self.notes)
         return ConfigurationError(f"{words} (noticed: {notes})" if notes else words)
 
     @property
     def readings(self) -> tuple[str, ...]:
-        """The sensors it has, in the order of `READINGS`."""
+        """The recorded sensors, in the order of `READINGS`."""
         return tuple(name for name in READINGS if name in self.columns and np.isfinite(self.columns[name]).any())
 
     @property
@@ -106,22 +106,22 @@ class Log:
         return float(self.t[-1] - self.t[0])
 
     def split(self, share: float) -> tuple["Log", "Log"]:
-        """All but a share of its duration at the end, and that."""
+        """The log in two parts, the second with a share of its duration at the end."""
         early = self.t < self.t[0] + (1 - share) * (self.t[-1] - self.t[0])
         return self.rows(early), self.rows(~early)
 
     def rows(self, which: NDArray[np.bool_] | slice) -> "Log":
-        """Some rows of it."""
+        """The log with the selected rows only."""
         return replace(self, t=self.t[which], columns={name: each[which] for name, each in self.columns.items()})
 
     def from_zero(self) -> "Log":
-        """The same, with the time since its first row."""
+        """The log with times counted from its first row."""
         return replace(self, t=self.t - self.t[0])
 
     def between_gaps(self, longest: float, least_rows: int) -> list["Log"]:
         """The log in parts, split where torques are missing for longer than `longest` seconds, or twice the usual step.
 
-        Rows without torques are left out at the ends of a part, and so are parts of fewer than `least_rows`.
+        Rows without torques at the ends of a part are dropped, and so are parts of fewer than `least_rows`.
 
         Raises:
             ConfigurationError: no part is left.
@@ -153,15 +153,15 @@ class Log:
 
 
 def longest_step(t: Floats, longest: float) -> float:
-    """The longest step of the times t that is no gap: `longest` seconds, or twice the usual step."""
+    """The longest step of the times t that is not a gap: `longest` seconds, or twice the usual step."""
     return max(longest, 2 * float(np.median(np.diff(t))))
 
 
 def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
-    """A log of arrays: ``t`` in s, torque commands, and readings, all in SI units.
+    """A log from arrays: ``t`` in s, torque commands, and readings, all in SI units.
 
     Raises:
-        ConfigurationError: an unknown column, columns of different lengths, or no log (`Log`).
+        ConfigurationError: an unknown column, columns of different lengths, or an invalid log (`Log`).
     """
     for column in columns:
         if column not in UNIT_OF:
@@ -176,7 +176,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
 
 
 def log_of(run: Result, name: str = "run") -> Log:
-    """The log of a simulated run: its sensor readings where the run has them (``simulation.readings``), else the truth.
+    """The log of a simulated run: its sensor readings (``simulation.readings``) or, without them, the true values.
 
     Raises:
         ConfigurationError: the run has too few rows.
@@ -188,9 +188,9 @@ def log_of(run: Result, name: str = "run") -> Log:
 
 
 def check_columns(source: str, found: Iterable[str], columns: Iterable[str] = (), required: Sequence[str] = ()) -> None:
-    """Raise `ConfigurationError` where torques, a position or another required name was not found in a log.
+    """Raise `ConfigurationError` if torques, a position or another required name is missing in a log.
 
-    The message names the nearest of all columns of its file, if it is one, and all.
+    The message names the columns of its file, if it is from one, and the nearest.
     """
     found, columns = list(found), list(columns)
     spare = {name.lower(): name for name in columns if name.removesuffix(READ) not in UNIT_OF}
@@ -210,41 +210,41 @@ def check_columns(source: str, found: Iterable[str], columns: Iterable[str] = ()
 
 
 def listed(columns: Iterable[str], most: int = 12) -> str:
-    """Names of columns in a message, no more than so many."""
+    """Names of columns for a message, at most `most`."""
     names = list(columns)
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 TIMES = ("t", "time", "Time", "TIME", "timestamp", "Timestamp")
-"""Names of the times."""
+"""Names of the column of times."""
 
 SAME_TIME = 1e-3
-"""Share of the step of the times within which two times are one: conversion of units rounds them."""
+"""Share of the time step within which two times are equal, because unit conversion rounds them."""
 
 LEAST_SPAN = 0.05
-"""Share of the time of the torques that own times of a reading span, at least: else they are in another unit."""
+"""Least share of the torques' time span that a reading's own times must cover: else their unit is wrong."""
 
 OMITTED = "-"
-"""In the place of a column's name: the reading is left out."""
+"""In place of a column's name: the reading is omitted."""
 
 EPOCHS = {"s": (3e8, 1e10), "ms": (3e11, 1e13), "us": (3e14, 1e16), "ns": (3e17, 1e19)}
-"""Unit of times without one → numbers that are the time since 1970 in it (from 1979 on), and no time of a run."""
+"""Unit → range of numbers that are taken as a time since 1970 in this unit (from 1979 on), if none is stated."""
 
 TEXT, NUMBER = "text", "a single number"
-"""What files have beside their columns."""
+"""Other contents of files."""
 
 OTHER_CONTENTS = {"c": "complex", "b": "true or false", "U": TEXT, "S": TEXT, "O": "cells", "V": "complex"}
-"""Kind of an array without real numbers → its words. MATLAB's cells are objects, its complex numbers pairs in HDF5."""
+"""Kind of an array without real numbers → its content. MATLAB's cells are objects, complex numbers in HDF5 pairs."""
 
 CONTENTS = ("data", "values", "Data", "Values", "signals")
-"""Last names of a MATLAB structure's fields that are named after what contains them."""
+"""Generic names of a MATLAB structure's fields; the column is named after the structure instead."""
 
 
 def column_map(texts: str | Sequence[str]) -> dict[str, str]:
     """Reading → column, from texts such as ``F1=load cell left``, ``F1=left:kN``, ``F1=left@left_time:ms`` or ``F1=-``.
 
     Raises:
-        ConfigurationError: another form, an unknown reading, or two columns for one.
+        ConfigurationError: an invalid text, an unknown reading, or two columns for one.
     """
     found = dict[str, str]()
     for text in [texts] if isinstance(texts, str) else texts:
@@ -260,20 +260,20 @@ def column_map(texts: str | Sequence[str]) -> dict[str, str]:
 
 
 def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None, csv: str = "") -> Log:
-    """Read a log from a file: CSV, also packed by gzip, Parquet, MATLAB or NumPy.
+    """Read a log from a file: CSV, possibly compressed by gzip, Parquet, MATLAB or NumPy.
 
-    1. Columns are found by the names of readings (``x``, ``F1``, ...), or by these with ``_read``, as runs have them
-       that were written with ``simulation.readings``; units by a header ``F1 [kN]``, a row of units or metadata.
-    2. Time stamps (ISO 8601) and times since 1970 in s, ms, µs or ns become seconds.
-    3. Columns with times of their own are put in their place between the others.
+    1. Find columns by the names of readings (``x``, ``F1``, ...), or by these with ``_read``, as in runs with
+       ``simulation.readings``; and units by a header ``F1 [kN]``, a row of units or metadata.
+    2. Convert time stamps (ISO 8601) and times since 1970 in s, ms, µs or ns to seconds.
+    3. Merge columns that have their own times.
 
     Args:
         file: its path.
-        columns: reading → its column (`column_map`), where that has another name, unit or times of its own.
-        csv: separator and decimal mark of a CSV file, such as ``;,``; default: as the file shows.
+        columns: reading → its column (`column_map`), if it has another name, another unit or its own times.
+        csv: separator and decimal mark of a CSV file, such as ``;,``; default: detected.
 
     Raises:
-        ConfigurationError: the file cannot be read, lacks a column that was named, or is no log (`Log`).
+        ConfigurationError: the file cannot be read, lacks a named column, or is an invalid log (`Log`).
     """
     path, columns = Path(file), columns or {}
     table = read_columns(path, csv)
@@ -299,7 +299,7 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
 
 
 class LogColumn(NamedTuple):
-    """The column of a reading, its unit where it was named, the column of its own times, and their unit."""
+    """The column of a reading, its named unit, the column of its own times, and their named unit."""
 
     column: TableColumn
     unit: str | None = None
@@ -308,10 +308,10 @@ class LogColumn(NamedTuple):
 
 
 def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[str]:
-    """A note on rows without a finite number that are no gaps either.
+    """A note on rows with neither a finite number nor a gap.
 
     Raises:
-        ConfigurationError: these are most rows.
+        ConfigurationError: most rows are such.
     """
     filled, count = int(np.isfinite(column.values).sum()), len(column.words)
     if 2 * count > filled + count:
@@ -328,7 +328,7 @@ def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[s
 
 
 def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
-    """Reading → its column, as named or by the readings' names; times without a name are those of ``tau_1``."""
+    """Reading → its column, as named or by the reading's name; unnamed times default to those of ``tau_1``."""
     chosen = dict[str, LogColumn]()
     for reading in UNIT_OF:
         if reading in columns:
@@ -348,13 +348,13 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
 
 
 def _is_other(column: TableColumn, reading: str) -> bool:
-    """Whether what looks like a unit at the end of a name, such as that of ``x_d``, is none of the reading's."""
+    """Whether the end of a name, such as ``x_d``, looks like a unit but not one of the reading."""
     ends = f"{column.name}_{column.unit}" == column.header.rpartition(".")[2]
     return ends and column.unit is not None and not is_unit(column.unit, UNIT_OF[reading])
 
 
 def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
-    """The column with a header or name."""
+    """The column with a given header or name, or ``None``."""
     found = named_columns([each for each in table if not each.content], name) or named_columns(table, name)
     if len(found) > 1:
         headers = dict.fromkeys(each.header for each in found)
@@ -401,12 +401,12 @@ def _with_unit(table: Sequence[TableColumn], text: str, path: Path) -> tuple[Tab
 
 
 def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Floats:
-    """A reading in SI units; adds a note where a unit was named that is not the file's."""
+    """A reading in SI units; adds a note if the named unit differs from the file's."""
     column, unit = chosen.column, chosen.unit
     if column.stamps and reading != "t":
         raise ConfigurationError(f"{path}: column '{column.header}': has time stamps: must be real numbers")
     if unit and column.unit and not is_same_unit(unit.removeprefix("-"), column.unit):
-        notes.append(f"{path.name}: {column.header}: is read in {unit}, as --column says, and not in {column.unit}")
+        notes.append(f"{path.name}: {column.header}: is read in {unit}, as --column says, not in {column.unit}")
     return (
         _seconds(column, path, unit)
         if reading == "t"
@@ -422,7 +422,7 @@ def _factor(column: TableColumn, si: str, unit: str | None, path: Path) -> float
 
 
 def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats:
-    """Times in s: time stamps, times since 1970, or as the unit says."""
+    """Times in s, from time stamps, times since 1970, or times in a given unit."""
     if column.stamps:
         if unit:
             raise ConfigurationError(
@@ -436,7 +436,7 @@ def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats
 
 
 def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn | None) -> TableColumn | None:
-    """The column of a reading's own times: as named, or named after it, or beside it in a structure."""
+    """The column of a reading's own times: as named, named after the reading, or next to it in a structure."""
     if chosen.times or chosen is t:
         return chosen.times
     name, (*places, _) = chosen.column.name, chosen.column.header.split(".")
@@ -467,10 +467,10 @@ def _check_times(
     times: Mapping[str, TableColumn],
     own: Mapping[str, Floats],
 ) -> None:
-    """Refuse readings most of which have no time, or none within those of the torques.
+    """Refuse readings that mostly have no time, or times outside those of the torques.
 
     Raises:
-        ConfigurationError: a reading of another length than its times, or of other times.
+        ConfigurationError: a reading and its times differ in length, or its times are implausible.
     """
     of_torques = own["tau_1"][np.isfinite(own["tau_1"])]
     for reading, at in own.items():
@@ -505,7 +505,7 @@ def _check_times(
 
 
 def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str, Floats]:
-    """All readings over one time: that of the log, and in between those of columns with times of their own."""
+    """All readings over a common time: that of the log, and the times of columns that have their own."""
     if all(times is values["t"] for times in own.values()):
         known = np.isfinite(values["t"])
         return {reading: each[known] for reading, each in values.items()}
@@ -522,14 +522,14 @@ def _merged(values: Mapping[str, Floats], own: Mapping[str, Floats]) -> dict[str
 
 
 def _rounded_to(t: Floats, times: Floats) -> Floats:
-    """Times, but those of t where they are next to them."""
+    """Times, rounded to those of t where they are equal within `SAME_TIME`."""
     right = np.searchsorted(t, times).clip(1, len(t) - 1)
     nearest = np.where(times - t[right - 1] < t[right] - times, t[right - 1], t[right])
     return np.where(np.abs(times - nearest) < SAME_TIME * np.median(np.diff(t)), nearest, times)
 
 
 def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
-    """A note on the columns that were not used, each with the option that would use it."""
+    """A note on unused columns, each with the option to use it."""
     spare = [each for each in spare if each.header and each.name.removesuffix(READ) not in chosen]
     missing = [reading for reading in UNIT_OF if reading not in chosen]
     words = []
@@ -549,7 +549,7 @@ def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogC
 
 
 def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
-    """Read all columns of numbers of a file.
+    """Read all columns of a file.
 
     Raises:
         ConfigurationError: an unknown suffix, or a file that cannot be read.
@@ -575,7 +575,7 @@ def _numpy(path: Path) -> list[TableColumn]:
         for name in arrays.files:
             try:
                 tree[name] = arrays[name]
-            except ValueError:  # NumPy reads no Python objects
+            except ValueError:  # an array of Python objects
                 tree[name] = np.zeros(1, object)
     if "units" in tree:
         try:
@@ -601,7 +601,7 @@ def _matlab(path: Path) -> list[TableColumn]:
 
 
 def _matlab_7_3(path: Path) -> dict[str, Any]:
-    """Groups and arrays of a file of version 7.3, which is HDF5."""
+    """Groups and arrays of a file of version 7.3, which is in HDF5."""
     try:
         h5py: Any = import_module("h5py")
     except ImportError:
@@ -610,7 +610,7 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         ) from None
 
     def tree(group: Any) -> dict[str, Any]:
-        own = [name for name in group if isinstance(group.get(name, getlink=True), h5py.HardLink)]  # no link elsewhere
+        own = [name for name in group if isinstance(group.get(name, getlink=True), h5py.HardLink)]  # no external links
         items = {name: group[name] for name in own if not name.startswith("#")}
         return {name: array(each) if isinstance(each, h5py.Dataset) else tree(each) for name, each in items.items()}
 
@@ -626,7 +626,7 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
 def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[TableColumn]:
     """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part.
 
-    ``units`` beside them is their common unit, but for times, or has one for each name.
+    A field ``units`` is their common unit, except for times, or has a unit for each name.
     """
     found, stated = list[TableColumn](), tree.get("units")
     units = {name: str(each) for name, each in stated.items() if each} if isinstance(stated, Mapping) else {}
@@ -659,12 +659,12 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
 
 
 def _without_numbers(header: str, content: str) -> TableColumn:
-    """A column that cannot be a reading, by what it has in the place of real numbers."""
+    """A column that cannot be a reading, with its content in place of real numbers."""
     return TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
 
 
 def _parts(item: Any) -> Mapping[str, Any] | None:
-    """What is within a structure, a list or a structured array; None: it is none of these."""
+    """The fields of a structure, a list or a structured array; ``None`` for anything else."""
     if isinstance(item, list):
         return {str(number): each for number, each in enumerate(item, start=1)}
     names = getattr(getattr(item, "dtype", None), "names", None)
@@ -674,7 +674,7 @@ def _parts(item: Any) -> Mapping[str, Any] | None:
 
 
 def _content(array: NDArray[Any]) -> str:
-    """What an array has in the place of columns of real numbers; empty: it has these."""
+    """The content of an array without columns of real numbers, in words; else empty."""
     kind = array.dtype.kind
     if kind not in "fiuM":
         return OTHER_CONTENTS.get(kind, str(array.dtype))
@@ -684,7 +684,7 @@ def _content(array: NDArray[Any]) -> str:
 
 
 def _name(header: str) -> tuple[str, str | None]:
-    """The last part of a header that does not merely say that it has the contents of what is before, and its unit."""
+    """The last part of a header that is not generic (`CONTENTS`), and its unit."""
     parts = header.split(".")
     while len(parts) > 1 and parts[-1] in CONTENTS:
         parts.pop()
@@ -692,7 +692,7 @@ def _name(header: str) -> tuple[str, str | None]:
 
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
-"""Suffixes of files with cells between separators."""
+"""Suffixes of CSV files."""
 
 READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".parquet": read_parquet, ".npz": _numpy, ".mat": _matlab}
-"""Suffix → reader of the others."""
+"""Suffix → reader of other files."""

@@ -1,7 +1,7 @@
-"""The model of a log: the experiment as it is described or, where that leaves innovations coloured, a wider one.
+"""Model choice for logs: the experiment as described or, if its innovations are coloured, a wider model.
 
-What hardly any user knows is then estimated along, with wide priors: inertia of the winches, damping of the ropes,
-Strouhal number, delay of the torques, and a sea that no experiment describes.
+The wider model has nuisance parameters with wide priors, which are estimated too: inertia of the winches, damping of
+the ropes, Strouhal number, delay of the torques, and a sea that the experiment does not describe.
 """
 
 import math
@@ -45,13 +45,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A model and the estimate by it.
+    """A model with its estimate.
 
     Attributes:
         experiment: with sea and delay of the model.
-        method: of the estimate; its unknowns are those to estimate and, behind them, those estimated along.
-        estimate: by it.
-        others: estimates of searches that began elsewhere.
+        method: of the estimate; its unknowns are the requested parameters and, behind them, nuisance parameters.
+        estimate: the best one.
+        others: estimates from other starts.
     """
 
     experiment: Experiment
@@ -60,7 +60,7 @@ class FittedModel:
     others: tuple[ParameterEstimate, ...] = ()
 
     def notes(self, described: Experiment) -> tuple[str, ...]:
-        """What the model has beside what an experiment describes, in words."""
+        """Differences of the model from the described experiment, in words."""
         own, given, found = self.experiment, described.disturbance, list[str]()
         if (delay := own.simulation.delay_samples) != described.simulation.delay_samples:
             found.append(
@@ -75,7 +75,7 @@ class FittedModel:
         if self.method.options.resampling.torque_rows:
             found.append(
                 "torques changed more often than they were logged: between rows their mean over "
-                f"{self.method.options.resampling.torque_rows} rows is taken to act, and chatter as noise"
+                f"{self.method.options.resampling.torque_rows} rows is used, and chatter is treated as noise"
             )
         if names := [name for name, added in sea.items() if added]:
             found.append(f"estimated with {', '.join(names)}, which the experiment does not describe")
@@ -89,7 +89,7 @@ class FittedModel:
         return (*found, *self._sea_of_another_size(described))
 
     def _sea_of_another_size(self, described: Experiment) -> Iterator[str]:
-        """A line for each described disturbance that these logs show to be of clearly another size."""
+        """A note on each described disturbance with a clearly different size in the logs."""
         options, vehicle = self.method.options.noise, described.plant.vehicle
         usual, far = described_disturbances(described, options), math.sqrt(options.described_factor)
         names = {
@@ -106,14 +106,14 @@ class FittedModel:
                 )
 
     def along(self, count: int, wider: Floats) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of the unknowns behind the first so many, each so many times as wide."""
+        """Value and standard deviation, times a factor of `wider`, of the unknowns behind the first `count`."""
         unknowns, estimate = self.method.unknowns, self.estimate
         deviations = wider * np.sqrt(np.diag(covariance_of(estimate.information, unknowns)))
         pairs = zip(estimate.values[count:].tolist(), deviations[count:].tolist(), strict=True)
         return {each.key: pair for each, pair in zip(unknowns[count:], pairs, strict=True)}
 
     def contradicts(self, key: str, most: float) -> bool:
-        """Whether the logs contradict the prior of an unknown: it is further off than `most` expected deviations."""
+        """Whether the logs contradict the prior of an unknown: at a bound, or off by `most` expected deviations."""
         index = next((number for number, each in enumerate(self.method.unknowns) if each.key == key), None)
         unknown = None if index is None else self.method.unknowns[index]
         if index is None or unknown is None or not unknown.prior:
@@ -125,12 +125,12 @@ class FittedModel:
 
     @property
     def samples(self) -> int:
-        """Of the logs, as far as they count."""
+        """Number of samples of the logs that are used."""
         return sum(len(section.readings) for section in self.method.filters.sections)
 
     @property
     def mean_deviance(self) -> float:
-        """A sample's: with another delay of the torques there are others."""
+        """Deviance per sample, comparable between delays of the torques, which have different numbers of samples."""
         return self.estimate.deviance / self.samples
 
     @property
@@ -140,7 +140,7 @@ class FittedModel:
 
 
 def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances) -> bool:
-    """Whether innovations are white, but for those of encoders, which count in steps, beside other sensors."""
+    """Whether innovations are white, except those of encoders, which are quantised."""
     innovations = method.filters.whitened_innovations(experiment, noise)
     torques = [section.torques for section in method.filters.sections]
     tests = whiteness_tests(innovations, torques, method.options.diagnostics)
@@ -149,30 +149,30 @@ def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: Nois
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """Chooses the model of some logs.
+    """Chooses the model for logs.
 
-    1. Where torques were logged every few samples only, the likelier at the start is chosen of torques that are held
-       from row to row, and of torques that change in between (`CoarseLogOptions`), of these with each delay.
-    2. The experiment as it is described is chosen where its innovations are white and smoothed readings show no other
-       vortices (slow forces leave innovations white), or nothing may be estimated along.
-    3. The delay of torques that were logged in every sample is that of ARX models of the load cells (`torque_lags`);
-       where these do not show it clearly, the likeliest of the fits (`_with_likelier_delay`).
-    4. Candidates are the experiment with friction of its drums (`unknowns.with_drum_friction`) and, where it describes
-       no sea or only a part, the same with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The
-       search begins anew: where a model without them ends says little.
-    5. Where the Strouhal number is among the unknowns, a search begins at each at which the logs are likely
-       (`vortices.vortex_starts`); the optima are reported.
-    6. The likeliest is chosen, or the experiment as it is described if that is likelier still, by the sum of its
-       deviances with the noise of each of them: noise of sensors and torques that is not quite at its maximum changes
+    1. If torques were logged only every few samples, choose the likelier at the start of two models: torques held from
+       row to row, or torques that change in between (`CoarseLogOptions`), the latter with each delay.
+    2. Choose the described experiment if its innovations are white and smoothed readings show no other vortices (slow
+       forces leave innovations white), or if nuisance parameters are switched off.
+    3. Take the delay of torques logged in every sample from ARX models of the load cells (`torque_lags`) or, if these
+       do not determine it clearly, from the likeliest fit (`_with_likelier_delay`).
+    4. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
+       sea, also with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search restarts, because
+       the optimum of a model without them is a poor start.
+    5. If the Strouhal number is unknown, search from each likely value (`vortices.vortex_starts`); the optima are
+       reported.
+    6. Choose the likeliest candidate, or the described experiment if that is likelier still, by the sum of a model's
+       deviances with the noise of every model: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
-    7. Vortices have the kind of phase that smoothed readings show (`vortices.likelier_phase`); where the amplitude of
+    7. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
        the paper's kind is far from the described one, the other kind is tried.
 
     Attributes:
         logs: of one machine.
         unknowns: to estimate.
         options: of the method.
-        threads: default: one a core.
+        threads: default: one per core.
         progress: of the searches.
     """
 
@@ -185,17 +185,17 @@ class ModelChoice:
     def of(
         self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True
     ) -> FittedModel:
-        """The model chosen for an experiment.
+        """Choose the model for an experiment.
 
         Args:
             experiment: as described.
-            check: refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Of such an
-                estimate nothing but another delay makes a better one, or a sea where a force is missing.
-            sea: whether a sea may be estimated along; else all forces that no experiment describes are one.
+            check: refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Only another delay
+                can improve such an estimate, or a sea if a force is missing.
+            sea: whether to estimate a sea; else all unrecorded forces are combined.
 
         Raises:
             DivergedFilterError: the filter diverges with every model.
-            ConfigurationError: an estimate that is refused; a parameter without a prior has no effect at all.
+            ConfigurationError: the estimate is refused, or a parameter without a prior has no effect at all.
         """
         chosen, coarse = self.with_likeliest_torques(experiment)
         return chosen.with_torques_as_they_are(experiment, coarse, check, sea=sea)
@@ -208,7 +208,7 @@ class ModelChoice:
         *,
         sea: bool,
     ) -> FittedModel:
-        """The model chosen; as `of`, with the result of `with_likeliest_torques`."""
+        """Choose the model as `of`, with the result of `with_likeliest_torques`."""
         search, plain, notes, refusal = self.options.search, None, (), None
         roughly = partial(self._fitted, coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
         try:
@@ -245,9 +245,10 @@ class ModelChoice:
         return found if coarse else self._with_likelier_delay(found)
 
     def _with_likelier_phase(self, model: FittedModel) -> FittedModel:
-        """A model, or that with vortices of an integrated phase where the amplitude of its own is far from described.
+        """A model, or the likelier one with an integrated phase of vortices, tried if the amplitude is implausible.
 
-        Weak vortices hardly show in smoothed readings, and those of the wrong kind come to nothing, or to far too much.
+        Weak vortices hardly show in smoothed readings, and with the wrong kind of phase their estimated amplitude is
+        almost zero or far too large.
         """
         own, search = model.experiment.disturbance, self.options.search
         share = model.estimate.experiment.disturbance.vortex_amplitude / (own.vortex_amplitude or 1.0)
@@ -257,26 +258,26 @@ class ModelChoice:
         return self._likeliest([other], [model], 0.0) or model
 
     def _with_sea(self, experiment: Experiment) -> Experiment:
-        """An experiment with a sea, whose vortices have the kind of phase that logs show."""
+        """An experiment with a sea, with the kind of the vortices' phase that logs show."""
         sea = with_sea(experiment, self.options.search)
         integrated = likelier_phase(self.logs, sea, self._strouhal_reach(sea), self.options)
         return replace(sea, disturbance=replace(sea.disturbance, integrated_phase=integrated))
 
     def _other_vortices(self, model: FittedModel) -> bool:
-        """Whether logs show vortices that an estimate lacks: slow forces leave innovations white."""
+        """Whether logs show vortices that an estimate lacks; white innovations do not exclude such slow forces."""
         own = model.estimate.experiment
         return shows_other_vortices(self.logs, own, self._strouhal_reach(own), self.options)
 
     def _strouhal_reach(self, experiment: Experiment) -> float:
-        """How far from an experiment's the Strouhal number may be."""
+        """Largest deviation of the Strouhal number from an experiment's."""
         search = self.options.search
         return search.strouhal_reach * search.strouhal_share * experiment.disturbance.strouhal
 
     def _with_likelier_delay(self, model: FittedModel) -> FittedModel:
-        """A model with the delay of the torques next to its own, as long as that is clearly likelier.
+        """A model with the delay of the torques changed sample by sample, as long as that is clearly likelier.
 
-        An ARX model shows the delay badly where drums answer slowly to torques that hardly chatter, and a fit makes up
-        for a sample by inertia and damping. Where it shows one delay clearly, no other is looked at.
+        An ARX model does not determine the delay well if drums respond slowly to torques without chatter, and a fit can
+        compensate a sample by inertia and damping. If it determines one delay clearly, no other is tried.
         """
         search = self.options.search
         lags = self._lags(model.experiment)
@@ -308,9 +309,10 @@ class ModelChoice:
         return torque_lags(sections, self.options.search.delay_order)
 
     def with_likeliest_torques(self, experiment: Experiment) -> "tuple[ModelChoice, Experiment | None]":
-        """The choice and the experiment by which torques between rows, and their delay, are likeliest at the start.
+        """Choose the model of torques between rows, and their delay, by the likelihood at the start.
 
-        None in the place of the experiment: torques are held from row to row.
+        Returns:
+            The choice with its options, and the experiment with the delay; ``None`` if torques are held between rows.
 
         Raises:
             ConfigurationError: torques change between rows that are too far apart.
@@ -333,14 +335,14 @@ class ModelChoice:
         return other, delayed
 
     def likeliest_at_start(self, experiment: Experiment) -> tuple[float, Experiment]:
-        """The least deviance where the search begins, and the experiment with the delay of the torques that has it."""
+        """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
         delayed = [_delayed(experiment, late) for late in range(self.options.search.most_delay_samples + 1)]
         return min(((self.deviance_at_start(each), each) for each in delayed), key=itemgetter(0))
 
     def _check_spacing(self, experiment: Experiment) -> None:
-        """Refuse logs with torques that change between rows, and rows too far apart to see the drums' resonance.
+        """Refuse logs with torques that change between rows, and rows too far apart for the drums' resonance.
 
-        Load cells alias the resonance then, and masses come out too large by several standard deviations.
+        Load cells then alias the resonance, and estimated masses are too large by several standard deviations.
         """
         plant = experiment.plant
         least = min(
@@ -356,14 +358,14 @@ class ModelChoice:
                 )
 
     def deviance_at_start(self, experiment: Experiment) -> float:
-        """Of an experiment whose drums rub, where the search for the unknowns begins, with the likeliest Q."""
+        """Deviance of an experiment with drum friction at the unknowns' starts, with Q from a rough search."""
         rubbing = with_drum_friction(experiment, self.options.search)
         sections = sections_of(self.logs, rubbing, self.options.resampling)
         method = PredictionErrorMethod(sections, rubbing, self.unknowns, self.options, self.threads)
         return method.deviance(np.array([unknown.start for unknown in self.unknowns]))
 
     def _with_delay(self, experiment: Experiment) -> Experiment:
-        """The experiment with the delay of the torques that the logs have, as far as they show it."""
+        """The experiment with the delay of the torques in the logs, if these determine it clearly."""
         search, significance = self.options.search, self._lags(experiment)
         delay, described = (
             int(np.argmax(significance[: search.most_delay_samples + 1])),
@@ -374,7 +376,7 @@ class ModelChoice:
         return _delayed(experiment, delay)
 
     def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
-        """The estimate with parameters estimated along, the vortices' amplitude near the described one if possible."""
+        """The estimate with nuisance parameters, with the vortices' amplitude near the described one if possible."""
         search, keys = self.options.search, [unknown.key for unknown in self.unknowns]
         wide = replace(search, amplitude_share=search.wide_amplitude_share)
 
@@ -394,13 +396,13 @@ class ModelChoice:
     def _likeliest(
         self, candidates: Sequence[Experiment], others: Sequence[FittedModel], lead: float
     ) -> FittedModel | None:
-        """The likeliest of some experiments with parameters estimated along, and others; None: all filters diverge.
+        """The likeliest of several experiments with nuisance parameters, and others; ``None`` if all filters diverge.
 
-        What is estimated along makes each likelier, others have a lead in the deviance for that.
+        Others have a `lead` in the deviance, because nuisance parameters increase the likelihood of any model.
         """
         found, ends = list[FittedModel](), np.linspace(0.4, 1.0, len(candidates) + 1).tolist()
         for number, each in enumerate(candidates):
-            words = f"fitting friction, inertia and damping of winches and ropes along{', and a sea' * (number > 0)}"
+            words = f"fitting also friction, inertia and damping of winches and ropes{', and a sea' * (number > 0)}"
             try:
                 found.append(self._with_nuisances(each, words, (ends[number], ends[number + 1])))
             except DivergedFilterError:
@@ -415,7 +417,7 @@ class ModelChoice:
     def _deviance_with_all_noises(self, own: FittedModel, every: Sequence[FittedModel]) -> float:
         """The sum of a model's deviances with its own sea and the noise of sensors and torques of every model.
 
-        Standstill counts with none: whether it does depends on friction of the drums.
+        Standstill is excluded for every model; otherwise that would depend on friction of the drums.
         """
         moving = sections_of(
             self.logs, with_drum_friction(own.experiment, self.options.search), self.options.resampling
@@ -438,9 +440,9 @@ class ModelChoice:
         unless_coloured: bool = False,
         starts: Sequence[Floats] | None = None,
     ) -> FittedModel:
-        """The estimate by a model; one that leaves coloured innovations may be but a rough one.
+        """The estimate with a model; with `unless_coloured` only a rough one if innovations are coloured.
 
-        Searches begin at `starts`, by default those of the method's.
+        Searches begin at `starts`; default: `starts` of the method.
         """
         sections = sections_of(self.logs, experiment, self.options.resampling)
         method = PredictionErrorMethod(sections, experiment, unknowns, self.options, self.threads)
@@ -464,7 +466,7 @@ class ModelChoice:
         return FittedModel(experiment, method, best, tuple(rest))
 
     def starts(self, method: PredictionErrorMethod) -> list[Floats]:
-        """Where searches begin: where the unknowns start, with each Strouhal number at which the logs are likely."""
+        """Starts of searches: the unknowns' own, with each Strouhal number at which the logs are likely."""
         own, index = method.unknowns, {unknown.key: number for number, unknown in enumerate(method.unknowns)}
         start = np.array([unknown.start for unknown in own])
         if STROUHAL not in index:
@@ -485,10 +487,10 @@ def _delayed(experiment: Experiment, samples: int) -> Experiment:
 
 
 def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:
-    """(order,) squares of the t-values of the torques of 0, 1, ... samples ago in ARX models of the load cells.
+    """(order,) squared t-values of the torques 0, 1, ... samples ago in ARX models of the load cells.
 
-    Each tension is regressed on its own last `order` values, which leaves nothing of the loop that makes the torques,
-    and on as many torques of the past. Zeros where no load cell shows it.
+    Each tension is regressed on its own last `order` values, which removes the effect of the loop that commands the
+    torques, and on as many past torques. Zeros without usable load cells.
     """
     squares = np.zeros(order)
     for section, side in product(sections, (0, 1)):
@@ -507,6 +509,6 @@ def torque_lags(sections: Sequence[LogSection], order: int) -> Floats:
 
 
 def marginal(information: Floats, unknowns: Sequence[UnknownParameter], n: int) -> Floats:
-    """(n, n) information on the first n of some unknowns, the others unknown but for their priors."""
+    """(n, n) marginal information on the first n unknowns; the others are known by their priors only."""
     own = information[n:, n:] + np.diag([1 / each.uncertainty**2 for each in unknowns[n:]])
     return information[:n, :n] - information[:n, n:] @ np.linalg.solve(own, information[n:, :n])

@@ -1,4 +1,4 @@
-"""Options of an estimation: every number of the method that is not a machine's, with unit, meaning and range."""
+"""Options of an estimation: the method's own numbers, with unit, meaning and range."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -15,30 +15,26 @@ Count = Annotated[int, Ge(1)]
 
 @dataclass(frozen=True)
 class ResamplingOptions:
-    """How a log is brought to the samples of the filter."""
+    """Resampling of logs at the samples of the filter."""
 
-    least_rows: Annotated[int, Ge(2), Quantity("1", "rows that a log must have")] = 200
-    longest_gap: Annotated[Positive, Quantity("s", "longest gap in the torques, which their last value bridges")] = 0.1
-    repeats: Annotated[int, Ge(2), Quantity("1", "equal readings in a row from which on a sensor counts as silent")] = (
-        20
-    )
+    least_rows: Annotated[int, Ge(2), Quantity("1", "least number of rows of a log")] = 200
+    longest_gap: Annotated[Positive, Quantity("s", "longest gap in the torques that their last value bridges")] = 0.1
+    repeats: Annotated[int, Ge(2), Quantity("1", "number of equal readings at which a sensor counts as silent")] = 20
     first_reading_samples: Annotated[Count, Quantity("1", "samples searched for each sensor's first reading")] = 50
     standstill_speed: Annotated[Positive, Quantity("m/s", "speed below which the machine stands still")] = 0.05
     standstill_window: Annotated[Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
-    shortest_move: Annotated[Positive, Quantity("s", "shortest interval of motion that is used alone")] = 2.0
+    shortest_move: Annotated[Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     torque_rows: Annotated[
         int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
     ] = 0
-    chatter_window: Annotated[Positive, Quantity("s", "time over which the size of the torques' chatter is taken")] = (
-        0.5
-    )
-    least_chatter: Annotated[Share, Quantity("1", "least size of it, over the mean of both torques")] = 0.1
-    least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is kept")] = 5.0
+    chatter_window: Annotated[Positive, Quantity("s", "time over which the torques' chatter is averaged")] = 0.5
+    least_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its mean size")] = 0.1
+    least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is used too")] = 5.0
 
 
 @dataclass(frozen=True)
 class InitialStateOptions:
-    """Standard deviations of the state that is expected before the first reading."""
+    """Standard deviations of the initial state, before the first reading."""
 
     position: Annotated[Positive, Quantity("m", "position of vehicle and drums together")] = 5e-3
     stretch: Annotated[Positive, Quantity("1", "stretch of each rope, as a share of it")] = 0.2
@@ -47,7 +43,7 @@ class InitialStateOptions:
 
 @dataclass(frozen=True)
 class NoiseOptions:
-    """Measurement noise R and process noise Q: where their estimation begins, and how far it goes."""
+    """Estimation of measurement noise R and process noise Q: initial values, ranges and accuracy."""
 
     finest_position: Annotated[Positive, Quantity("m", "least deviation of the position sensor's noise")] = 1e-5
     finest_speed: Annotated[Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = 1e-5
@@ -58,30 +54,38 @@ class NoiseOptions:
         float,
         Gt(0),
         Le(1),
-        Quantity("1", "share of a load cell's readings, the quietest, by which R begins"),
+        Quantity("1", "share of a load cell's readings, the quietest, for the initial R"),
     ] = 1.0
-    quiet_readings: Annotated[Count, Quantity("1", "length of a window of readings that is quiet or not")] = 200
-    force_time: Annotated[Positive, Quantity("s", "correlation time of the further force")] = 1.0
-    torque_time: Annotated[Positive, Quantity("s", "correlation time of the further torques")] = 0.05
+    quiet_readings: Annotated[Count, Quantity("1", "readings in a window that is classified as quiet or not")] = 200
+    force_time: Annotated[Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
+    torque_time: Annotated[Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
     vortex_time: Annotated[
-        Positive, Quantity("s", "correlation time of vortices with an integrated phase: they keep it")
+        Positive, Quantity("s", "correlation time of vortices with an integrated phase, which is lasting")
     ] = 1e4
-    vortex_time_factor: Annotated[float, Ge(1), Quantity("1", "its prior deviation, as a factor; 1: known")] = 30.0
-    least_force: Annotated[Positive, Quantity("1", "least deviation of it, over the friction at 1 m/s")] = 1e-4
-    least_torque: Annotated[Positive, Quantity("N m", "least deviation of them")] = 1e-3
+    vortex_time_factor: Annotated[
+        float, Ge(1), Quantity("1", "prior deviation of `vortex_time`, as a factor; 1: known")
+    ] = 30.0
+    least_force: Annotated[
+        Positive, Quantity("1", "least deviation of the unrecorded force, over the friction at 1 m/s")
+    ] = 1e-4
+    least_torque: Annotated[Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
     line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
-    line_evaluations: Annotated[Count, Quantity("1", "evaluations of a line search, at most")] = 5
+    line_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of a line search")] = 5
     described_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of the size of current and rail load, as a factor; 1: known")
     ] = 3.0
-    described_time_factor: Annotated[float, Ge(1), Quantity("1", "the same of their correlation times")] = 2.0
+    described_time_factor: Annotated[
+        float, Ge(1), Quantity("1", "prior deviation of their correlation times, as a factor; 1: known")
+    ] = 2.0
     described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
-    described_tolerance: Annotated[Positive, Quantity("1", "its tolerance, in a logarithm")] = 0.1
-    described_evaluations: Annotated[Count, Quantity("1", "its evaluations, at most")] = 7
-    section_time: Annotated[Positive, Quantity("s", "beginning of each section that a rough search uses")] = 10.0
-    em_steps: Annotated[int, Ge(0), Quantity("1", "further steps of expectation maximisation for R, at most")] = 8
+    described_tolerance: Annotated[Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
+    described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
+    section_time: Annotated[Positive, Quantity("s", "time at the start of each section used by a rough search")] = 10.0
+    em_steps: Annotated[
+        int, Ge(0), Quantity("1", "largest number of further steps of expectation maximisation for R")
+    ] = 8
     em_tolerance: Annotated[Positive, Quantity("1", "change of a variance's logarithm that ends these steps")] = 0.1
     em_factor: Annotated[Factor, Quantity("1", "largest change of a variance in one step, as a factor")] = 4.0
     diverged: Annotated[Positive, Quantity("1", "negative log-likelihood of a filter that diverges")] = 1e12
@@ -89,7 +93,7 @@ class NoiseOptions:
 
 @dataclass(frozen=True)
 class TypicalSizes:
-    """Scales of parameters that are zero unless they are known, by the end of their keys."""
+    """Scales of parameters with the default zero, by the end of their keys."""
 
     encoder_zero: Annotated[Positive, Quantity("m", "encoder zeros, along the rope")] = 1e-3
     load_cell_zero: Annotated[Positive, Quantity("N", "load cell zeros")] = 30.0
@@ -105,15 +109,15 @@ class TypicalSizes:
 
 @dataclass(frozen=True)
 class CoarseLogOptions:
-    """What stands in the place of other options where torques changed more often than they were logged.
+    """Replacements of other options if torques changed more often than they were logged.
 
-    The further torques are then the torques' chatter: white, and relative to the size that the logged ones show.
+    The unrecorded torques then represent chatter: white, and relative to the size of the logged torques' chatter.
     """
 
     rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
-    spacing: Annotated[Factor, Quantity("samples", "time between rows from which on that is looked for")] = 1.5
+    spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
-    least_chatter: Annotated[Positive, Quantity("1", "least chatter, over the size that the logged torques show")] = 0.7
+    least_chatter: Annotated[Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
     quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
 
 
@@ -127,119 +131,115 @@ class SearchOptions:
     range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
     typical: TypicalSizes = field(default_factory=TypicalSizes)
     nuisance_share: Annotated[
-        float, Ge(0), Quantity("1", "prior deviation of inertia and damping that are estimated along; 0: never")
+        float, Ge(0), Quantity("1", "prior deviation of inertia and damping as additional parameters; 0: not estimated")
     ] = 0.3
-    strouhal_share: Annotated[Positive, Quantity("1", "the same of the Strouhal number")] = 0.1
-    amplitude_share: Annotated[Positive, Quantity("1", "the same of the vortices' amplitude")] = 0.05
-    wide_amplitude_share: Annotated[Positive, Quantity("1", "the same where logs contradict that")] = 1.0
+    strouhal_share: Annotated[Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")] = 0.1
+    amplitude_share: Annotated[Positive, Quantity("1", "prior deviation of the vortices' amplitude, likewise")] = 0.05
+    wide_amplitude_share: Annotated[Positive, Quantity("1", "the same if logs contradict the described one")] = 1.0
     other_amplitude: Annotated[
         Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
     ] = 1.7
     weak_amplitude: Annotated[
-        Share, Quantity("1", "estimated amplitude of vortices, over the usual one, below which it comes to nothing")
+        Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which there are none")
     ] = 0.25
     contradiction: Annotated[
-        Positive, Quantity("1", "estimate less its prior mean that contradicts the prior, in expected deviations")
+        Positive, Quantity("1", "deviation of an estimate that contradicts its prior, in expected deviations")
     ] = 2.5
     strouhal_reach: Annotated[
-        Positive, Quantity("1", "range of Strouhal numbers where a search may begin, in prior deviations")
+        Positive, Quantity("1", "range of Strouhal numbers for starts of a search, in prior deviations")
     ] = 2.0
-    delay_order: Annotated[Count, Quantity("samples", "past of tensions and torques in the ARX models for it")] = 8
+    delay_order: Annotated[Count, Quantity("samples", "order of the ARX models for the delay of the torques")] = 8
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
     likelier_delay: Annotated[
-        Factor, Quantity("1", "significance of another delay, over that of the described one, from which on it counts")
+        Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
     ] = 3.0
     likelier_deviance: Annotated[
-        Positive, Quantity("1", "fall of the deviance from which on another delay, or more than white needs, is taken")
+        Positive,
+        Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
     ] = 20.0
     drum_friction: Annotated[
-        Positive, Quantity("1", "drum friction that nobody described, over the largest torque of the rope")
+        Positive, Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope")
     ] = 0.02
     friction_share: Annotated[Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
-    current_sigma: Annotated[Positive, Quantity("m/s", "current of a sea that nobody described")] = 0.05
-    normal_force_sigma: Annotated[Positive, Quantity("1", "rail load of it, over the mean")] = 0.1
-    most_delay_samples: Annotated[
-        int, Ge(0), Quantity("samples", "largest delay of the torques that is looked for")
-    ] = 4
+    current_sigma: Annotated[Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
+    normal_force_sigma: Annotated[Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = 0.1
+    most_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4
     least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
-    rounds: Annotated[int, Ge(0), Quantity("1", "least-squares problems with new gains each, at most")] = 40
-    cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and noise as it is")] = 3
+    rounds: Annotated[int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")] = 40
+    cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and fixed noise")] = 3
     cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
-    evaluations: Annotated[Count, Quantity("1", "evaluations of derivatives with the same gains, at most")] = 5
+    evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")] = 5
     least_squares_tolerance: Annotated[Positive, Quantity("1", "relative change that ends least squares")] = 1e-6
-    largest_sum: Annotated[Positive, Quantity("1", "sum of squares where a filter diverges")] = 1e12
-    shortenings: Annotated[int, Ge(0), Quantity("1", "times that a move is halved where filters diverge, at most")] = 6
+    largest_sum: Annotated[Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
+    shortenings: Annotated[int, Ge(0), Quantity("1", "largest number of halvings of a move if filters diverge")] = 6
     noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
     near: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
-    steps: Annotated[Count, Quantity("1", "Newton steps, at most")] = 12
+    steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
     process_noise_steps: Annotated[int, Ge(0), Quantity("1", "first Newton steps, before which Q is estimated")] = 2
     tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
     difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
-    least_difference: Annotated[Positive, Quantity("1", "least step between bounds of a direction that is used")] = 0.01
+    least_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
     least_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible: Annotated[Positive, Quantity("1", "difference of slope or curvature that is neglected")] = 0.1
+    negligible: Annotated[Positive, Quantity("1", "negligible correction of slope or curvature")] = 0.1
     small_gain: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
-    large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance that is insisted on")] = 4.0
-    halvings: Annotated[Count, Quantity("1", "lengths tried of a step with a smaller expected fall")] = 2
-    insistent_halvings: Annotated[Count, Quantity("1", "lengths tried of a step with a larger one")] = 8
+    large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
+    halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
+    insistent_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
 
 
 @dataclass(frozen=True)
 class VortexOptions:
-    """The search for the time origin of vortices in a log that begins under way."""
+    """The search for the time origin of vortices in a log that begins in motion."""
 
     smoothing: Annotated[Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")] = 0.3
     reach: Annotated[Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
     spacing: Annotated[Positive, Quantity("s", "time between the rows of the regression")] = 0.2
-    least_rows: Annotated[Count, Quantity("1", "rows of motion below which there is none")] = 25
-    most_rows: Annotated[Count, Quantity("1", "first rows of motion that are used")] = 500
-    longest_before: Annotated[Positive, Quantity("s", "longest time before the log that is looked at")] = 120.0
+    least_rows: Annotated[Count, Quantity("1", "least number of rows of motion")] = 25
+    most_rows: Annotated[Count, Quantity("1", "number of first rows of motion that are used")] = 500
+    longest_before: Annotated[Positive, Quantity("s", "longest considered time before the log")] = 120.0
     phase_step: Annotated[Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
-    strouhal_share: Annotated[Share, Quantity("1", "range of the Strouhal number, over it, to each side")] = 0.2
-    strouhal_points: Annotated[Count, Quantity("1", "Strouhal numbers in it")] = 41
+    strouhal_share: Annotated[Share, Quantity("1", "relative range of the Strouhal number to each side")] = 0.2
+    strouhal_points: Annotated[Count, Quantity("1", "number of Strouhal numbers in that range")] = 41
     nearly_least: Annotated[
-        Factor, Quantity("1", "squares left over the least, up to which a further Strouhal number is tried")
+        Factor, Quantity("1", "ratio of residual squares to the least up to which another Strouhal number is tried")
     ] = 1.5
     least_gain: Annotated[
-        Share, Quantity("1", "squares left over those with the first row as origin, from which down one is taken")
+        Share, Quantity("1", "ratio of residual squares to those with the first row as origin below which one is used")
     ] = 0.8
-    correlated: Annotated[
-        Count, Quantity("1", "rows of the regression over which its residuals are one independent value")
-    ] = 8
+    correlated: Annotated[Count, Quantity("1", "rows of the regression per independent residual")] = 8
     other_phase: Annotated[
-        Positive, Quantity("1", "fall of the regression's deviance from which on another kind of phase is tried")
+        Positive, Quantity("1", "fall of the regression's deviance from which another kind of phase is tried")
     ] = 6.0
-    alike: Annotated[Share, Quantity("1", "difference of two Strouhal numbers, over one, that makes them others")] = (
-        0.02
-    )
+    alike: Annotated[Share, Quantity("1", "relative difference up to which two Strouhal numbers are the same")] = 0.02
     suspected: Annotated[
-        Share, Quantity("1", "squares left over those with the estimated vortices, from which down others are tried")
+        Share,
+        Quantity("1", "ratio of residual squares to those of the estimated vortices below which others are tried"),
     ] = 0.95
 
 
 @dataclass(frozen=True)
 class DiagnosticsOptions:
-    """What is reported of an estimate."""
+    """Diagnostics of an estimate."""
 
     lags: Annotated[Count, Quantity("samples", "lags of the correlations of innovations")] = 50
     confidence: Annotated[Share, Quantity("1", "confidence of a whiteness test over all lags", "Bonferroni")] = 0.99
     negligible_correlation: Annotated[Share, Quantity("1", "correlation that is neglected even if significant")] = 0.05
-    windows: Annotated[Count, Quantity("1", "windows of time of the innovations' size, at most")] = 200
-    window_samples: Annotated[Count, Quantity("samples", "length of a window, at least")] = 50
+    windows: Annotated[Count, Quantity("1", "largest number of time windows for the innovations' size")] = 200
+    window_samples: Annotated[Count, Quantity("samples", "least length of a window")] = 50
     unidentifiable: Annotated[
-        Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, from which on it is named")
+        Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, from which it is reported")
     ] = 0.5
-    participation: Annotated[Share, Quantity("1", "component over the largest from which on its key is named")] = 0.3
-    correlated: Annotated[Share, Quantity("1", "correlation of two estimates that is reported")] = 0.9
+    participation: Annotated[Share, Quantity("1", "component, over the largest, from which its key is reported")] = 0.3
+    correlated: Annotated[Share, Quantity("1", "correlation of two estimates from which it is reported")] = 0.9
     uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
-    blocks: Annotated[int, Ge(2), Quantity("1", "blocks of time of the sandwich covariance, of each section")] = 20
+    blocks: Annotated[int, Ge(2), Quantity("1", "time blocks per section for the sandwich covariance")] = 20
     untrusted: Annotated[
-        Factor, Quantity("1", "factor of the sandwich covariance's deviations from which on they are not to be trusted")
+        Factor, Quantity("1", "factor of the sandwich covariance's deviations from which they are unreliable")
     ] = 4.0
     optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
-    profile_points: Annotated[Count, Quantity("1", "its points on each side")] = 4
-    profile_steps: Annotated[Count, Quantity("1", "Newton steps at each point, at most")] = 8
+    profile_points: Annotated[Count, Quantity("1", "points of a profile likelihood on each side")] = 4
+    profile_steps: Annotated[Count, Quantity("1", "largest number of Newton steps at each point")] = 8
     profile_tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends these steps")] = 0.02
     force_spacing: Annotated[Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
     force_difference: Annotated[Positive, Quantity("m/s", "change of the current for the force's derivative")] = 1e-4
@@ -247,47 +247,50 @@ class DiagnosticsOptions:
 
 @dataclass(frozen=True)
 class PlausibilityOptions:
-    """When a log is refused as another machine's."""
+    """Limits beyond which a log is refused as another machine's."""
 
     unrecorded: Annotated[
-        Positive, Quantity("1", "unrecorded torque or force, over the recorded one, that refuses a fit")
+        Positive, Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused")
     ] = 0.1
-    hopeless: Annotated[Positive, Quantity("1", "the same, from which on the message names no option")] = 0.9
-    noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, that refuses a fit")] = 50.0
-    beyond_track: Annotated[Positive, Quantity("1", "plausible way beyond the track, over its length")] = 0.2
+    hopeless: Annotated[Positive, Quantity("1", "the same, from which the message names no option")] = 0.9
+    noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, from which a fit is refused")] = 50.0
+    beyond_track: Annotated[Positive, Quantity("1", "plausible distance beyond the track, over its length")] = 0.2
     other_scale: Annotated[
-        Factor, Quantity("1", "ratio of the ways of two sensors that is refused, or its inverse")
+        Factor, Quantity("1", "ratio of the distances by two sensors, or its inverse, that is refused")
     ] = 2.0
-    like: Annotated[Share, Quantity("1", "correlation of these ways below which the ratio says nothing")] = 0.8
-    least_way: Annotated[Positive, Quantity("1", "deviation of a way, over the track, below which it says nothing")] = (
-        0.01
-    )
-    other_pull: Annotated[Factor, Quantity("1", "mean pull by the torques, over that of a load cell, or inverse")] = 4.0
+    like: Annotated[Share, Quantity("1", "correlation of these distances below which their ratio is not used")] = 0.8
+    least_way: Annotated[
+        Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
+    ] = 0.01
+    other_pull: Annotated[
+        Factor,
+        Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused"),
+    ] = 4.0
     beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
     fastest: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
-    shortest_step: Annotated[Positive, Quantity("s", "plausible time between two rows, at least")] = 5e-6
-    longest_step: Annotated[Positive, Quantity("s", "plausible time between two rows, at most")] = 0.5
+    shortest_step: Annotated[Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
+    longest_step: Annotated[Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
 
 
 @dataclass(frozen=True)
 class ExcitationOptions:
-    """The search for a motion whose log is most informative."""
+    """The search for the motion with the most informative log."""
 
     time_per_move: Annotated[Positive, Quantity("s", "mean time of a move")] = 8.0
-    fewest_moves: Annotated[Count, Quantity("1", "moves of a motion, at least")] = 2
-    most_moves: Annotated[Count, Quantity("1", "moves of a motion, at most")] = 12
-    shortest_way: Annotated[Positive, Quantity("m", "way of a move, at least")] = 0.1
+    fewest_moves: Annotated[Count, Quantity("1", "least number of moves")] = 2
+    most_moves: Annotated[Count, Quantity("1", "largest number of moves")] = 12
+    shortest_way: Annotated[Positive, Quantity("m", "least distance of a move")] = 0.1
     slowest: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
     jerk_time: Annotated[Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")] = 0.5
     force_share: Annotated[Share, Quantity("1", "share of the ropes' largest net force that accelerates")] = 0.5
     slack: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
-    overshoot: Annotated[Positive, Quantity("1", "relative overshoot of the speed that is allowed")] = 0.05
-    sigma: Annotated[Share, Quantity("1", "first step size of CMA-ES, over each range")] = 0.3
+    overshoot: Annotated[Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
+    sigma: Annotated[Share, Quantity("1", "initial step size of CMA-ES, over each range")] = 0.3
     infeasible: Annotated[Positive, Quantity("1", "penalty of a motion that violates a limit")] = 1e3
-    trials: Annotated[Count, Quantity("1", "motions that are simulated where no time is given")] = 200
+    trials: Annotated[Count, Quantity("1", "number of simulated motions without a time limit")] = 200
     shortest: Annotated[Positive, Quantity("s", "shortest run")] = 5.0
     longest: Annotated[Positive, Quantity("s", "longest run")] = 3600.0
-    bisections: Annotated[Count, Quantity("1", "bisections for the longest way in a given time")] = 40
+    bisections: Annotated[Count, Quantity("1", "bisections for the largest distance in a given time")] = 40
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The machine under recorded torques, as a filter predicts it: states, measurement equations, initial state.
+"""Predictor of the machine under recorded torques for the filter: states, measurement equations, initial state.
 
 The equations of motion are those of every simulation (`simulation.loop.between`, `model.actuators.drive`). The state is
-augmented by unrecorded disturbances, first-order Gauss–Markov processes. From sample to sample torques and disturbances
-are constant.
+augmented by unrecorded disturbances, first-order Gauss–Markov processes. Torques and disturbances are constant between
+samples.
 """
 
 import math
@@ -44,16 +44,16 @@ from dualwinch.simulation.sensors import Sensors, measurement
 Floats = NDArray[np.float64]
 
 INPUTS = ("t", "tau_1", "tau_2", "duration", "share_1", "share_2")
-"""Inputs of a sample: time in s, torque commands in N m, time in s until the next sample, and shares of the further
-torques that act."""
+"""Inputs of a sample: time in s, torque commands in N m, time in s until the next sample, and factors on the unrecorded
+torques."""
 
 PREDICTOR_GROUPS = ("plant", "sensors", "actuator", "disturbance")
-"""Groups of an experiment whose parameters the predictor takes."""
+"""Groups of an experiment with parameters of the predictor."""
 
 SAMPLE_TIME = "simulation.sample_time"
 
 LEAST_COEFFICIENT = 1e-12
-"""Beside coefficients that may be zero and divide; their forces are zero then."""
+"""Added to coefficients in denominators, which may be zero; their forces are zero then."""
 
 
 READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_1", "omega_2")
@@ -64,17 +64,18 @@ READINGS: tuple[str, ...] = ("x", "v", "F1", "F2", "theta_1", "theta_2", "omega_
 class UnrecordedDisturbances:
     """States of the disturbances that no log records.
 
-    Those that become a force by a coefficient of the vehicle are states times this: what a log shows is the force. Were
-    they states as they are, their size would count as information on the coefficient.
+    If a disturbance acts by a coefficient of the vehicle, its state is multiplied by this coefficient, because a log
+    shows only the force. With the disturbance itself as a state, its size would count as information on the
+    coefficient.
     """
 
     current: Annotated[Scalar, Quantity("m/s", "ambient current along the track, times the drag coefficient")] = 0.0
     normal_force_variation: Annotated[
         Scalar, Quantity("N", "change of the force on the rail, times the friction coefficient")
     ] = 0.0
-    force: Annotated[Scalar, Quantity("N", "further force on the vehicle along the track")] = 0.0
-    torque_1: Annotated[Scalar, Quantity("N m", "further torque of motor 1")] = 0.0
-    torque_2: Annotated[Scalar, Quantity("N m", "further torque of motor 2")] = 0.0
+    force: Annotated[Scalar, Quantity("N", "unrecorded force on the vehicle along the track")] = 0.0
+    torque_1: Annotated[Scalar, Quantity("N m", "unrecorded torque of motor 1")] = 0.0
+    torque_2: Annotated[Scalar, Quantity("N m", "unrecorded torque of motor 2")] = 0.0
     position_drift: Annotated[Scalar, Quantity("m", "drift of the position sensor")] = 0.0
 
 
@@ -83,14 +84,14 @@ DISTURBANCES = tuple(each.name for each in fields(UnrecordedDisturbances))
 
 @dataclass(frozen=True)
 class NoVortices:
-    """States of vortices whose phase follows from speed and time (paper Section 4.3): none."""
+    """No states: the phase of the vortices follows from speed and time (paper Section 4.3)."""
 
 
 @dataclass(frozen=True)
 class VortexStates:
-    """States of vortices whose phase is the integral of their frequency (E4), times the drag coefficient.
+    """States of vortices with the integral of their frequency as phase (E4), times the drag coefficient.
 
-    No log says at which phase they are when a motion begins, nor do they keep it for ever. The force is the drag times
+    Their phase at the beginning of a motion is unknown, and does not last for ever. The force is the drag times
     ``sine sin(phase) + cosine cos(phase)``, with the phase counted from the beginning of the motion: linear in both.
     """
 
@@ -99,10 +100,10 @@ class VortexStates:
 
 
 VORTICES = "vortices"
-"""Name of the process that both of these states are."""
+"""Name of the process of both these states."""
 
 CORRELATION_TIMES = tuple(f"time.{name}" for name in (*DISTURBANCES, VORTICES))
-"""Correlation times in s of the disturbances, further parameters of the predictor."""
+"""Correlation times of the disturbances in s, further parameters of the predictor."""
 
 
 @dataclass(frozen=True)
@@ -118,14 +119,14 @@ class GaussMarkov:
     time: float
 
     def scaled(self, by: float, slower: float = 1.0) -> "GaussMarkov":
-        """With another deviation and correlation time, by factors."""
+        """The process with factors on deviation and correlation time."""
         return GaussMarkov(by * self.deviation, slower * self.time)
 
 
 def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dict[str, GaussMarkov]:
-    """The disturbances as an experiment describes them; others have the least deviation.
+    """The disturbances as an experiment describes them; others with the least deviation.
 
-    No deviation of these is exactly zero: then no reading could ever correct the state.
+    The latter is not zero, because then no reading could ever correct the state.
     """
     disturbance, vehicle, sensors = experiment.disturbance, experiment.plant.vehicle, experiment.sensors
     amplitude = disturbance.vortex_amplitude if has_vortex_states(experiment) else 0.0
@@ -143,12 +144,12 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
 
 
 def has_vortex_states(experiment: Experiment) -> bool:
-    """Whether vortices have states of their own (`VortexStates`)."""
+    """Whether vortices have states (`VortexStates`)."""
     return experiment.disturbance.vortex and experiment.disturbance.integrated_phase
 
 
 def per_coefficient(vehicle: Vehicle) -> dict[str, Any]:
-    """Disturbance → how much of it there is per unit of its state, for those with a coefficient of the vehicle."""
+    """Disturbance with a coefficient of the vehicle → its size per unit of its state."""
     coefficients = {
         "current": vehicle.drag_coefficient,
         "normal_force_variation": vehicle.friction_coefficient,
@@ -164,7 +165,7 @@ class NoiseCovariances:
     Attributes:
         measurement: (readings,) variances of the sensors' noise.
         process: disturbance → its Gauss–Markov process.
-        vehicle: on which the disturbances are of that size. With other coefficients their forces are the same.
+        vehicle: for which the disturbances have that size. With other coefficients their forces are the same.
     """
 
     measurement: Floats
@@ -195,7 +196,7 @@ class PredictorState:
 
 
 def state_names(disturbance: str) -> tuple[str, ...]:
-    """Names of the states of a disturbance, as far as a predictor has them."""
+    """Names of the states of a disturbance, if a predictor has them."""
     if disturbance == VORTICES:
         return tuple(f"{VORTICES}.{each.name}" for each in fields(VortexStates))
     return (f"unrecorded.{disturbance}",)
@@ -210,7 +211,7 @@ def predictor_structure(experiment: Experiment) -> Experiment:
 
 
 def state_template(structure: Experiment) -> PredictorState:
-    """A state that names the elements; its values mean nothing."""
+    """A state for the names of its elements; its values have no meaning."""
     actuator = structure.actuator.initial_state()
     vortices = VortexStates() if has_vortex_states(structure) else NoVortices()
     return PredictorState(motion_template(structure), actuator, actuator, vortices, UnrecordedDisturbances())
@@ -234,8 +235,8 @@ def predicted_system(
         structure: of `predictor_structure`.
         fitted: keys of the parameters to estimate, some of `parameter_names`.
         zeros: keys of parameters that stay zero (`simulation.loop.structure.zeros_of`), none of them fitted.
-        slack_substeps: Runge–Kutta steps of a sample in which a rope is slack or about to be, where other samples take
-            one step of an exponential integrator.
+        slack_substeps: number of Runge–Kutta steps in a sample in which a rope is slack or about to be, if other
+            samples take one step of an exponential integrator.
     """
     start = state_template(structure)
     names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
@@ -309,16 +310,16 @@ def initial_state(
     process: Mapping[str, GaussMarkov],
     options: InitialStateOptions,
 ) -> tuple[Floats, Floats]:
-    """The state expected before the first reading, and its covariance P0.
+    """The expected state before the first reading, and its covariance P0.
 
-    The ropes are as taut as the load cells read. A millimetre more or less of rope is tens of kilonewtons, so vehicle
-    and drums are not independently uncertain: uncertain are the position of the vehicle together with both drums, the
-    stretch of each rope, and the speeds.
+    Rope tensions are those of the load cells. A millimetre of rope is tens of kilonewtons, so positions of vehicle and
+    drums are not independently uncertain: uncertain are the common position of vehicle and drums, the stretch of each
+    rope, and the speeds.
 
     Args:
-        experiment: gives plant, motors and sensors.
+        experiment: has plant, motors and sensors.
         structure: of `predictor_structure`.
-        first: (readings,) the first of each sensor; NaN where there is none.
+        first: (readings,) the first of each sensor; NaN if there is none.
         torques: first commands in N m.
         t: time of the first sample in s.
         process: the disturbances.

@@ -1,8 +1,8 @@
-"""Logs on the samples of the filter: torques as they reach the motors, and readings that carry information.
+"""Resample logs at the samples of the filter: torques at the motors, and readings that carry information.
 
-A reading that repeats the last one carries little or none: encoders count in steps, and sensors that fail often repeat
-themselves. Where drums stick, standstill is left out: there the direction of friction is unknown, and the filter, which
-linearises friction at its estimate of the speed, would take that slope for information.
+A reading that repeats the last one carries little or no information: encoders count in steps, and failing sensors often
+repeat themselves. If drums stick, standstill is excluded: there the direction of friction is unknown, and the filter,
+which linearises friction at its estimate of the speed, would take the slope for information.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from dualwinch.simulation.experiment import Experiment
 Floats = NDArray[np.float64]
 
 ANGLES = ("theta_1", "theta_2")
-"""Readings without noise, in steps."""
+"""Readings without noise, but quantised."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,13 @@ def sections_of(
     *,
     standstill: bool = False,
 ) -> tuple[LogSection, ...]:
-    """All logs, resampled, interval of motion by interval of motion; with `standstill` each log as a whole.
+    """Resample all logs, with one section per interval of motion; with `standstill` each log as a whole.
 
-    They are not cut further: the disturbances at the end of a section and at the beginning of the next are the same,
-    and a filter that starts anew would count them twice.
+    Sections are not cut further: disturbances at the end of a section and at the beginning of the next are the same,
+    and a restarted filter would count them twice.
 
     Raises:
-        ConfigurationError: as `resampled`.
+        ConfigurationError: as in `resampled`.
     """
     found: list[LogSection] = []
     for log in logs:
@@ -73,10 +73,10 @@ def resampled(
 ) -> tuple[Floats, Floats]:
     """Resampled inputs (samples, inputs) and readings (samples, readings) of a log.
 
-    Each reading goes to the nearest sample; where samples jitter (``simulation.jitter``), the times of the samples are
-    those of the log, else multiples of the sample time. Torque commands are held until the next, or with
-    ``options.torque_rows`` at their mean between rows. They reach the motors ``simulation.delay_samples`` later; the
-    samples before the first of them arrives are left out.
+    Each reading is assigned to the nearest sample. With jitter (``simulation.jitter``), sample times are those of the
+    log, else multiples of the sample time. Torque commands are held until the next or, with ``options.torque_rows``, at
+    their mean between rows. They reach the motors ``simulation.delay_samples`` later; samples before the first arrival
+    are dropped.
 
     Raises:
         ConfigurationError: too few rows, or no torque for longer than ``options.longest_gap``.
@@ -92,7 +92,7 @@ def resampled(
         torques, shares = _between_rows(held, numbers, options, step)
     readings = np.full((count, len(READINGS)), np.nan)
     for column, name in enumerate(READINGS):
-        # a drum speed beside an angle is most likely that angle's difference, half a sample late
+        # if there is an angle too, a drum speed is most likely its difference, half a sample late
         is_difference = name.startswith("omega") and name.replace("omega", "theta") in log.readings
         if name in log.columns and not is_difference:
             values = log.columns[name]
@@ -107,7 +107,7 @@ def resampled(
 
 
 def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Floats:
-    """The time of every sample: that of its last row, and in between by the number of samples."""
+    """The time of every sample: that of its last row, interpolated in between."""
     last = np.append(np.diff(numbers) > 0, True)
     own = numbers[last] * step
     return np.arange(count) * step + np.interp(np.arange(count) * step, own, t[last] - own)
@@ -116,7 +116,7 @@ def _times(t: Floats, numbers: NDArray[np.int_], count: int, step: float) -> Flo
 def _held_torque(
     log: Log, name: str, numbers: NDArray[np.int_], count: int, step: float, options: ResamplingOptions
 ) -> Floats:
-    """A torque at every sample: that of the latest row that has one."""
+    """A torque at every sample: that of the latest row with one."""
     values = log.columns[name]
     rows = np.flatnonzero(np.isfinite(values))
     gaps = np.diff(numbers[rows], prepend=0, append=count - 1)
@@ -136,8 +136,8 @@ def _between_rows(
 ) -> tuple[Floats, Floats]:
     """Torques that changed more often than they were logged, and the size of their chatter, (samples, 2) each.
 
-    A torque acts at the sample of its row; until the next row the mean of the last rows is expected, and what it is
-    off is unknown. Later rows are no part of that mean: in a closed loop they contain noise of later readings.
+    A torque acts at the sample of its row; until the next row its expected value is the mean of the last rows, with an
+    unknown error. That mean has no later rows: in a closed loop they contain noise of later readings.
     """
     rows = held[numbers]
     width = options.torque_rows
@@ -153,17 +153,17 @@ def _between_rows(
 
 
 def _without_repeats(values: Floats, repeats: int) -> Floats:
-    """Readings, NaN where a sensor has repeated itself so many times or more."""
+    """Readings, NaN where a sensor repeats a value `repeats` times or more."""
     changed = np.diff(values, prepend=np.nan) != 0
     lengths = np.diff(np.flatnonzero(changed), append=len(values))
     return np.where(changed | np.repeat(lengths < repeats, lengths), values, np.nan)
 
 
 def _counted(values: Floats) -> Floats:
-    """Angles of an encoder at the samples at which its count changes.
+    """Angles of an encoder at the samples at which its count changes, else NaN.
 
-    When a slow drum has just moved by one count, its angle is at the edge of the count from which it came, and beyond
-    it, on average, by the way of half a sample: one over the number of samples since the last count.
+    When a slow drum has just moved by one count, its angle is at the edge of the former count, plus on average the
+    motion of half a sample: half a count over the number of samples since the last change.
     """
     changes = np.flatnonzero(np.diff(values) != 0) + 1
     fresh = np.full_like(values, np.nan)
@@ -182,9 +182,9 @@ def _counted(values: Floats) -> Floats:
 def moving_intervals(
     readings: Floats, experiment: Experiment, options: ResamplingOptions = DEFAULTS.resampling
 ) -> list[slice]:
-    """Intervals of samples in which the machine moves, by (samples, readings) of `resampled`.
+    """Intervals of samples in which the machine moves, from (samples, readings) of `resampled`.
 
-    It is one of all samples where no drum sticks, or hardly any moves.
+    A single interval of all samples if no drum has Coulomb friction, or the machine hardly moves.
     """
     winches, step = (experiment.plant.winch_1, experiment.plant.winch_2), experiment.simulation.sample_time
     whole = [slice(0, len(readings))]

@@ -1,4 +1,4 @@
-"""The result of an estimation: estimates with their uncertainties, as tables, text, record, ensemble and figure."""
+"""The result of an estimation: estimates with uncertainties, as tables, text, record, ensemble and figure."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ Table = tuple[list[str], list[list[str]]]
 
 
 CONFIDENCE = 0.95
-"""Probability of the intervals that are printed."""
+"""Probability of the printed intervals."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,30 +42,30 @@ class IdentificationResult(UncertainEstimates):
     """Estimates of a machine's parameters.
 
     Attributes:
-        experiment: as given, with the estimates in the place of the unknown parameters.
-        unknowns, covariance: the parameters that were estimated, and (p, p) covariance of the estimates' errors.
+        experiment: as given, with the estimates in place of the unknown parameters.
+        unknowns, covariance: the estimated parameters, and (p, p) covariance of the estimates' errors.
         values: (p,) the estimates.
         unidentifiable: directions that the logs do not determine.
         noise: reading → standard deviation of its noise.
         process_noise: disturbance → its Gauss–Markov process.
         whiteness: tests of the innovations of each sensor.
-        held_out: the same of the part of the logs that was not fitted; empty: there was none.
-        innovations: reading → (2, windows) time in s since the beginning of all logs, and root mean square of the
-            whitened innovations in windows of time; 1 where the model is right.
+        held_out: the same for the part of the logs that was not fitted; empty: there was none.
+        innovations: reading → (2, windows) time in s since the start of all logs, and root mean square of the whitened
+            innovations in time windows; 1 if the model is right.
         logs: names.
         duration: of all logs in s.
-        passes: passes of the filter through the logs.
+        passes: number of passes of the filter through the logs.
         converged: whether the search converged.
-        optima: the distinct ones of several starts, the best first.
+        optima: the distinct optima of several starts, the best first.
         seconds: wall time.
         options: of the estimation.
-        forces: the unrecorded force in each log, where asked for.
-        profiles: profile likelihoods, where asked for.
-        excess: what was noticed while the logs were read, and implausibly large disturbances, in words.
-        along: value and standard deviation of parameters that were estimated along, since a model without left
-            innovations that were not white.
-        widened: largest factor by which deviations are those of the sandwich covariance, since innovations are not
-            white; 1: they are the model's.
+        forces: the unrecorded force in each log, if requested.
+        profiles: profile likelihoods, if requested.
+        excess: notes from reading the logs, on the model, and on implausibly large disturbances.
+        along: additional parameter → value and standard deviation; estimated because innovations were not white
+            without them.
+        widened: largest factor of the sandwich covariance on the model's deviations, applied if innovations are not
+            white; else 1.
     """
 
     experiment: Experiment
@@ -96,12 +96,12 @@ class IdentificationResult(UncertainEstimates):
 
     @property
     def uninformed(self) -> tuple[str, ...]:
-        """Keys of which the logs add hardly anything to the prior."""
+        """Keys on which the logs add hardly any information to the prior."""
         return uninformed_keys(self.unknowns, self.deviations, self.options.diagnostics)
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Keys of the estimates that lie at an end of their range, where deviations say nothing of their errors."""
+        """Keys of the estimates at an end of their range, where deviations do not measure their errors."""
         return tuple(
             unknown.key
             for unknown, value in zip(self.unknowns, self.values, strict=True)
@@ -121,9 +121,9 @@ class IdentificationResult(UncertainEstimates):
         return float(self.values[index]) - half, float(self.values[index]) + half
 
     def ensemble(self, name: str = "fitted", seed: int = 0, draws: int = 256) -> Ensemble:
-        """The machines that are consistent with the logs: draws from the covariance of the estimates.
+        """The machines consistent with the logs: draws from the covariance of the estimates.
 
-        A draw beyond a parameter's range lies at its end.
+        Draws beyond a parameter's range are clipped to its end.
 
         Args:
             name: of the ensemble.
@@ -131,7 +131,7 @@ class IdentificationResult(UncertainEstimates):
             draws: number of sets of parameters.
         """
         normal = np.random.default_rng(seed).standard_normal((draws, len(self.values)))
-        size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations all parameters are of one size
+        size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations, for conditioning
         drawn = self.values + self.deviations * (normal @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
         distributions = {
             unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
@@ -151,7 +151,7 @@ class IdentificationResult(UncertainEstimates):
 
     @property
     def tables(self) -> list[Table]:
-        """Headings and rows of all tables: estimates, sensors, and optima and profiles if there are some."""
+        """Headings and rows of all tables: estimates, sensors and, if any, optima and profiles."""
         found = [self._estimates_table(), self._sensors_table()]
         found += [self._optima_table()] if len(self.optima) > 1 else []
         return found + ([self._profiles_table()] if self.profiles else [])
@@ -193,9 +193,9 @@ class IdentificationResult(UncertainEstimates):
 
     @property
     def notes(self) -> list[str]:
-        """What a reader has to know beside the tables."""
+        """Notes on the tables."""
         estimated = (f"{key} = {value:.4g} ± {deviation:.2g}" for key, (value, deviation) in self.along.items())
-        words = [f"estimated along, by priors: {', '.join(estimated)}"] if self.along else []
+        words = [f"also estimated, with priors: {', '.join(estimated)}"] if self.along else []
         if self.widened > 1:
             words.append(
                 "innovations are not white: the model lacks something; standard deviations are up to "
@@ -203,7 +203,8 @@ class IdentificationResult(UncertainEstimates):
             )
         if self.widened > self.options.diagnostics.untrusted:
             words.append(
-                "such deviations are not to be trusted: fit what else may be off, such as plant.rope_*.modulus"
+                "such deviations are not to be trusted: fit other parameters that may be wrong, such as "
+                "plant.rope_*.modulus"
             )
         words += [*self.excess, *(each.words for each in self.unidentifiable)]
         correlation = self.correlation
@@ -225,7 +226,7 @@ class IdentificationResult(UncertainEstimates):
         return words
 
     def to_record(self) -> dict[str, Any]:
-        """All results, as JSON takes them."""
+        """All results as a dictionary for JSON."""
         return {
             "logs": list(self.logs),
             "duration": self.duration,
@@ -275,7 +276,7 @@ class IdentificationResult(UncertainEstimates):
         return "\n\n".join([f"Identified: {self.headline}", *tables, "\n".join(self.notes)]).rstrip()
 
     def _repr_html_(self) -> str:
-        """As a notebook shows it."""
+        """HTML for a notebook."""
         words = ". ".join([self.headline, *self.notes])
         return page("Identified", words, "".join(table(*each) for each in self.tables))
 
@@ -283,7 +284,7 @@ class IdentificationResult(UncertainEstimates):
         """Draw estimates with their intervals, and the innovations' size over time.
 
         Args:
-            ax: two axes to draw into; default: a figure of its own.
+            ax: two axes to draw into; default: a new figure.
         """
         verdicts = {test.name: test.words for test in self.whiteness}
         return identification_figure(
@@ -292,7 +293,7 @@ class IdentificationResult(UncertainEstimates):
 
 
 def _digits(value: float, deviation: float) -> int:
-    """So many digits of a value that the last is a tenth of its deviation."""
+    """Number of digits of a value whose last is a tenth of its deviation."""
     if not value or not deviation or not math.isfinite(deviation):
         return 4
     return min(max(math.floor(math.log10(abs(value))) - math.floor(math.log10(deviation)) + 2, 2), 9)
@@ -311,7 +312,7 @@ def identification_figure(
     *,
     ax: GivenAxes = None,
 ) -> Figure:
-    """Draw estimates with their intervals beside their starts; see `IdentificationResult`."""
+    """Draw estimates with their intervals relative to their starts; see `IdentificationResult`."""
     rows = range(len(unknowns))
     with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", headline) as page:
         estimates, sensors = page.panels(1, 2)
@@ -339,9 +340,9 @@ def identification_figure(
 def _innovation_strips(
     innovations: Mapping[str, Floats], verdicts: Mapping[str, str], axes: Axes, shown: float = 0.5
 ) -> None:
-    """A strip of colour for each sensor: white where its innovations are as large as expected.
+    """Draw a strip of colour for each sensor: white where its innovations are as large as expected.
 
-    Colours end where root mean squares depart from 1 by `shown`.
+    Colours end where root mean squares deviate from 1 by `shown`.
     """
     names = list(innovations)
     drawn = axes.pcolormesh(
@@ -361,6 +362,6 @@ def _innovation_strips(
 
 
 def _estimate_label(unknown: UnknownParameter, value: float, deviation: float) -> str:
-    """A key without what all have in common, and its estimate."""
+    """A key without its common prefix, and its estimate."""
     key = unknown.key.removeprefix("plant.").removeprefix("sensors.").removeprefix("disturbance.")
     return f"{plain(key)}\n{value:.5g} ± {deviation:.2g}{behind_number(unknown.unit)}"

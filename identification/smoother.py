@@ -1,4 +1,4 @@
-"""The unrecorded force on the vehicle, smoothed: estimated at each time from all readings, later ones included."""
+"""Disturbance smoother: the unrecorded force on the vehicle, estimated at each time from all readings."""
 
 from dataclasses import dataclass
 
@@ -25,9 +25,9 @@ class SmoothedForce:
     Attributes:
         log: its name.
         t: (n,) in s.
-        force: (n,) in N: the force on the vehicle that would have acted without current and changes of the rail load;
-            vortices, which the model has, are not part of it.
-        deviation: (n,) standard deviation in N, for the machine as estimated.
+        force: (n,) in N: the force on the vehicle equivalent to all unrecorded disturbances, current and changes of the
+            rail load included; without vortices, which are part of the model.
+        deviation: (n,) standard deviation in N, given the estimated parameters.
     """
 
     log: str
@@ -37,12 +37,12 @@ class SmoothedForce:
 
     @property
     def signal(self) -> Signal:
-        """As ``disturbance.force`` takes it; current and changes of the rail load are in it already."""
+        """For ``disturbance.force``; it includes current and changes of the rail load."""
         return Signal.from_arrays(self.t, self.force, unit="N")
 
     @property
     def content(self) -> FileContent:
-        """As a file has it."""
+        """Content of a file."""
         quantities = {"t": Quantity("s", "time"), "force": Quantity("N", "force on the vehicle along the track")}
         return FileContent({"t": self.t, "force": self.force}, quantities, {"log": self.log})
 

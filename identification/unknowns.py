@@ -1,4 +1,4 @@
-"""Unknown parameters: keys, ranges and priors, and the coordinates in which they are searched."""
+"""Unknown parameters: keys, ranges and priors, and the coordinates of the search."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,20 +28,20 @@ NOT_FITTED = (
     "sensors.position_noise", "sensors.speed_noise", "sensors.tension_noise", "sensors.position_resolution",
     "sensors.encoder_counts", "sensors.position_drift",
 )  # fmt: skip
-"""Parameters of noise and quantisation: they are estimated with R, or have no effect on the predictions."""
+"""Parameters of noise and quantisation: they are part of R, or have no effect on the predictions."""
 
 STROUHAL, AMPLITUDE = "disturbance.strouhal", "disturbance.vortex_amplitude"
 
 NUISANCES = ("plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping", STROUHAL, AMPLITUDE)
-"""Parameters that are estimated along where a model without them leaves innovations that are not white."""
+"""Nuisance parameters, estimated too if innovations are not white without them."""
 
 WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
-"""Angle of a wave → its amplitude, as keys end."""
+"""End of the key of a wave's angle → that of its amplitude."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior distribution of a parameter, normal."""
+    """Normal prior distribution of a parameter."""
 
     mean: float
     deviation: float
@@ -71,10 +71,10 @@ class UnknownParameter:
     Attributes:
         key: of the experiment.
         unit: its unit.
-        start: where the search begins.
+        start: initial value of the search.
         lower, upper: its range.
-        scale: a large change of it.
-        prior: its prior; None: none.
+        scale: size of a large change.
+        prior: its prior; ``None``: none.
     """
 
     key: str
@@ -87,7 +87,7 @@ class UnknownParameter:
 
     @property
     def cyclic(self) -> bool:
-        """Whether a whole turn more is the same."""
+        """Whether it is an angle, the same after a whole turn."""
         return self.key.endswith("_angle")
 
     @property
@@ -97,10 +97,10 @@ class UnknownParameter:
 
 
 def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str = "--fit") -> tuple[str, ...]:
-    """Keys that match patterns such as ``plant.rope_*.modulus``, each once; switches are none of them.
+    """Keys that match patterns such as ``plant.rope_*.modulus``, without repetition and without switches.
 
     Raises:
-        ConfigurationError: a pattern that matches no parameter of the predictor, named with the option it is of.
+        ConfigurationError: a pattern that matches no parameter of the predictor; the message names the option.
     """
     structure = predictor_structure(experiment)
     switches = {key for key, leaf in describe_parts(experiment).items() if leaf.kind is bool}
@@ -123,10 +123,10 @@ def unknown_parameters(
     priors: Mapping[str, Prior],
     options: SearchOptions = DEFAULTS.search,
 ) -> tuple[UnknownParameter, ...]:
-    """The unknown parameters of some keys, with their ranges.
+    """The unknown parameters of given keys, with their ranges.
 
     Raises:
-        ConfigurationError: a prior of a key that is not fitted, or outside of its range.
+        ConfigurationError: a prior of a key that is not fitted, or outside its range.
     """
     for key in priors:
         if key not in keys:
@@ -151,10 +151,10 @@ def unknown_parameters(
 def nuisance_parameters(
     keys: Sequence[str], experiment: Experiment, options: SearchOptions = DEFAULTS.search
 ) -> tuple[UnknownParameter, ...]:
-    """What hardly any user knows of a machine, with wide priors around the experiment's values, but for some keys.
+    """Nuisance parameters, with wide priors around the experiment's values, except `keys`.
 
-    Inertia of the winches, friction of their drums, damping of the ropes and, where there are vortices, their Strouhal
-    number and, unless it is a state of its own, their amplitude.
+    Inertia of the winches, friction of their drums, damping of the ropes and, for vortices, their Strouhal number and,
+    unless it is a state, their amplitude.
     """
     shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
     values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
@@ -176,7 +176,7 @@ def nuisance_parameters(
 
 
 def with_drum_friction(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
-    """An experiment whose drums rub, each with a usual share of its largest torque, where it describes no friction."""
+    """An experiment with drum friction of a typical share of the drum's largest torque, where it describes none."""
     most = options.drum_friction * experiment.controller.limits.tension_max
     values = {
         f"plant.winch_{side.number}.coulomb_friction": most * side.winch.drum_radius
@@ -187,7 +187,7 @@ def with_drum_friction(experiment: Experiment, options: SearchOptions = DEFAULTS
 
 
 def with_sea(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:
-    """An experiment with vortices, current and changing rail load as in a moderate sea, where it describes none."""
+    """An experiment with vortices, current and changing rail load of a moderate sea, where it describes none."""
     given = experiment.disturbance
     sea = replace(
         given,
@@ -204,7 +204,7 @@ def problem_of(
     ensemble: str | PathLike[str] | Ensemble | None,
     priors: Mapping[str, Prior | tuple[float, float]] | None,
 ) -> tuple[Experiment, tuple[str, ...], dict[str, Prior]]:
-    """The experiment, all keys to estimate, and their priors; arguments as of `identification.identify.identify`.
+    """The experiment, all keys to estimate, and their priors; arguments as in `identification.identify.identify`.
 
     Raises:
         ConfigurationError: an ensemble that cannot be read, or a key that no log determines.
@@ -228,9 +228,9 @@ def problem_of(
 def ensemble_priors(
     ensemble: Ensemble, experiment: Experiment, without: Sequence[str] = (), quantiles: int = 200
 ) -> dict[str, Prior]:
-    """Priors of the parameters that an ensemble draws around nominal values and a log determines, but for some keys.
+    """Priors of the parameters that an ensemble draws and a log determines, except the keys `without`.
 
-    Mean and deviation are those of quantiles of each distribution.
+    Mean and deviation are computed from quantiles of each distribution.
     """
     values, known = leaves(experiment), set(estimable_keys(["*"], experiment)) - set(without)
     shares, found = (np.arange(quantiles) + 0.5) / quantiles, {}
@@ -243,7 +243,7 @@ def ensemble_priors(
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class UncertainEstimates:
-    """Unknown parameters, and what is known of the errors of their estimates.
+    """Unknown parameters, and the covariance of their estimates' errors.
 
     Attributes:
         unknowns: the parameters to estimate.
@@ -265,9 +265,9 @@ class UncertainEstimates:
 
 
 def covariance_of(information: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
-    """(p, p) covariance of the unknown parameters by the logs' information and their priors.
+    """(p, p) covariance of the unknown parameters from the logs' information and their priors.
 
-    A parameter without a prior of which the logs have no information is taken to be within its scale.
+    A parameter without a prior gets one with its scale as deviation.
     """
     prior = np.array([1 / each.uncertainty**2 for each in unknowns])
     by = np.array([each.scale for each in unknowns])
@@ -276,7 +276,7 @@ def covariance_of(information: Floats, unknowns: Sequence[UnknownParameter]) -> 
 
 
 def unwrapped(values: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
-    """Values with angles within half a turn of their starts: whole turns more or less are the same."""
+    """Values, with angles moved by whole turns to within half a turn of their starts."""
     starts, angles = np.array([each.start for each in unknowns]), np.array([each.cyclic for each in unknowns])
     return np.where(angles, starts + np.remainder(values - starts + np.pi, 2 * np.pi) - np.pi, values)
 
@@ -284,18 +284,17 @@ def unwrapped(values: Floats, unknowns: Sequence[UnknownParameter]) -> Floats:
 class SearchCoordinates:
     """Coordinates of the search: each unknown over its scale, a wave by its cosine and sine parts.
 
-    In the place of amplitude and angle of a wave, where both are unknown, stand its parts: an amplitude that goes
-    through zero has an angle half a turn further on; one that stops at zero has lost its angle, and a search that gets
-    there stays. In parts, zero is a point like any other.
+    Amplitude and angle of a wave, if both are unknown, are replaced by its parts, because they are singular at zero:
+    there the angle is undefined, and a search that arrives there stays. In its parts, zero is a regular point.
 
     Attributes:
         waves: indices of amplitude and angle of each wave.
-        known: (p,) 1 where an unknown has a prior, else 0.
+        known: (p,) 1 for an unknown with a prior, else 0.
         bounds: (p,) each, of the coordinates.
-        start: (p,) where the search begins.
-        prior_rows, prior_centre: (m, p) and (p,): the rows make standard normal variables of coordinates less the
-            centre. A wave whose amplitude and angle both have a prior is taken for the normal distribution of its parts
-            with their mean and covariance.
+        start: (p,) initial coordinates of the search.
+        prior_rows, prior_centre: (m, p) and (p,): rows times the coordinates less the centre are standard normal
+            variables. If amplitude and angle of a wave both have a prior, the prior of its parts is approximated as
+            normal with their mean and covariance.
     """
 
     def __init__(
@@ -305,9 +304,9 @@ class SearchCoordinates:
         itself: int | None = None,
         options: SearchOptions = DEFAULTS.search,
     ) -> None:
-        """Coordinates of p unknowns, bounded by so many prior deviations from their prior means.
+        """Coordinates of p unknowns, bounded to `within` prior deviations from their prior means.
 
-        The unknown with the index `itself` is a coordinate even if it is part of a wave.
+        The unknown with the index `itself` remains a coordinate even if it is part of a wave.
         """
         self._unknowns, self._least = tuple(unknowns), options.least_amplitude
         self._scale = np.array([unknown.scale for unknown in unknowns])
@@ -341,7 +340,7 @@ class SearchCoordinates:
         return found
 
     def jacobian(self, coordinates: Floats) -> Floats:
-        """(p, p) derivatives of values by coordinates."""
+        """(p, p) derivatives of values with respect to coordinates."""
         found = np.diag(self._scale)
         for amplitude, angle in self.waves:
             at = np.arctan2(coordinates[angle], coordinates[amplitude])
@@ -352,7 +351,7 @@ class SearchCoordinates:
         return found
 
     def room(self, at: Floats, way: Floats) -> float:
-        """How often a way can be gone from some coordinates before one leaves its range."""
+        """Largest factor on a direction `way` from given coordinates that remains within bounds."""
         lower, upper = self.bounds
         ends = np.where(way > 0, upper, lower)
         return float(np.min(np.divide(ends - at, way, out=np.full(len(at), np.inf), where=way != 0)))
@@ -384,7 +383,7 @@ class SearchCoordinates:
 
 
 def _waves(unknowns: Sequence[UnknownParameter]) -> tuple[tuple[int, int], ...]:
-    """Indices of amplitude and angle of every wave of which both are unknown, both with a prior or both without."""
+    """Indices of amplitude and angle of every wave for which both are unknown, and both or none have a prior."""
     index = {unknown.key: number for number, unknown in enumerate(unknowns)}
     found = []
     for key, number in index.items():
@@ -398,7 +397,7 @@ def _waves(unknowns: Sequence[UnknownParameter]) -> tuple[tuple[int, int], ...]:
 
 
 def _parts(size: Prior, at: Prior) -> tuple[Floats, Floats]:
-    """Mean and covariance of the parts of a wave whose amplitude and angle are normal."""
+    """Mean and covariance of the parts of a wave with normally distributed amplitude and angle."""
     once, twice, square = np.exp(-(at.deviation**2) / 2), np.exp(-2 * at.deviation**2), size.mean**2 + size.deviation**2
     mean = size.mean * once * np.array([np.cos(at.mean), np.sin(at.mean)])
     cosine, sine = twice * np.cos(2 * at.mean), twice * np.sin(2 * at.mean)

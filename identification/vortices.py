@@ -1,4 +1,4 @@
-"""Vortices in the smoothed readings of logs, by least squares: their time origin, Strouhal number and amplitude."""
+"""Estimate time origin, Strouhal number and amplitude of vortices from smoothed readings, by least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ class SmoothedMotion:
 
     Attributes:
         t: time in s.
-        x: way in m.
+        x: position in m.
         v, a: speed and acceleration in m/s and m/s².
         net: net force of the ropes in N.
         at_once: whether the machine moves at the first row.
@@ -38,21 +38,21 @@ class SmoothedMotion:
 
     @property
     def base(self) -> Floats:
-        """(rows, 2) what net forces have beside drag: acceleration and direction."""
+        """(rows, 2) regressors of the net force besides drag: acceleration and direction."""
         return np.column_stack([self.a, np.sign(self.v)])
 
     @property
     def one_way(self) -> Floats:
-        """(rows, n) 1 in the rows of each of the n times that it moves one way without a stop, else 0."""
+        """(rows, n) 1 in the rows of each of n moves in one direction without a stop, else 0."""
         begins = np.r_[True, (np.diff(np.sign(self.v)) != 0) | (np.diff(self.t) > 1.5 * np.median(np.diff(self.t)))]
         return np.equal.outer(np.cumsum(begins) - 1, np.arange(begins.sum())).astype(float)
 
 
 def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> SmoothedMotion | None:
-    """Position and net force smoothed by a Gaussian, position differentiated twice; None: too little motion.
+    """Position and net force smoothed by a Gaussian, position differentiated twice; ``None``: too little motion.
 
-    Without a position they are those of the drums, without load cells those of the torques: what drums differ by goes
-    with acceleration and direction, too.
+    Without a position the mean of the drums is used, without load cells the pulls by the torques: inertia and friction
+    of the drums, the difference, are proportional to acceleration and direction, too.
     """
     search, step, sides = options.vortices, experiment.simulation.sample_time, experiment.plant.sides
     inputs, readings = resampled(log, experiment, options.resampling)
@@ -88,23 +88,23 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
 
 
 def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
-    """Motions one after the other."""
+    """Motions concatenated."""
     names = ("t", "x", "v", "a", "net")
     t, x, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in names)
     return SmoothedMotion(t, x, v, a, net, motions[0].at_once)
 
 
 def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> Log:
-    """A log whose time counts from the origin of its vortices' phase, where it begins under way and shows them.
+    """A log with its time counted from the origin of its vortices' phase, if it begins in motion and shows them.
 
-    The phase is proportional to the time since the run began (paper Section 4.3), which a log cut out of it lacks.
+    The phase is proportional to the time since the run began (paper Section 4.3), which a log cut from it lacks.
 
-    1. The net force of the ropes is regressed on acceleration, direction, and drag with vortices (`smoothed_motion`),
-       for each Strouhal number and origin of a grid (separable least squares).
-    2. The likeliest number is taken with the described one as a prior: in a short log a number and an origin make up
-       for one another.
-    3. Its best origin is taken where it leaves clearly less than the log's first row as origin, and integrated phases,
-       which need none, do not leave less still.
+    1. Regress the net force of the ropes on acceleration, direction, and drag with vortices (`smoothed_motion`), for
+       each Strouhal number and origin of a grid (separable least squares).
+    2. Choose the likeliest number with the described one as a prior: in a short log, number and origin can compensate
+       each other.
+    3. Use its best origin if the residuals are clearly smaller than with the log's first row as origin, and not larger
+       than with integrated phases, which need no origin.
     """
     search, resampling = options.vortices, options.resampling
     if experiment.disturbance.integrated_phase:
@@ -149,20 +149,21 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
 
 @dataclass(frozen=True, eq=False)
 class VortexRegression:
-    """The net force of the ropes of some logs, regressed on what a vehicle resists by, vortices among it.
+    """Regression of the ropes' net force in logs on the resistance of the vehicle, including vortices.
 
-    On acceleration, direction, drag, and drag times the sine of the vortices' phase, for each Strouhal number of a grid
-    within some reach of the described one. A phase that is integrated is known but for its beginning each time that the
-    vehicle moves one way: there it is the sine and the cosine, with coefficients of their own.
+    Regressors are acceleration, direction, drag, and drag times the sine of the vortices' phase, for each Strouhal
+    number of a grid around the described one. An integrated phase is unknown at the beginning of each move in one
+    direction: then there are the sine and the cosine, with separate coefficients for each move.
 
     Attributes:
-        integrated: whether the phase is.
+        integrated: whether the phase is integrated.
         numbers: (n,) Strouhal numbers.
-        left: (n,) squares that are left with each.
+        left: (n,) residual sum of squares with each.
         ratios: (n,) amplitudes of the vortices, over the drag.
-        described: squares that are left with the described Strouhal number, or without vortices if none are described.
-        rows: independent values among those of the regression.
-        further: coefficients beyond those of vortices with a phase that is not integrated.
+        described: residual sum of squares with the described Strouhal number, or without vortices if none are
+            described.
+        rows: number of independent rows of the regression.
+        further: number of coefficients in addition to those for a phase that is not integrated.
     """
 
     integrated: bool
@@ -175,7 +176,7 @@ class VortexRegression:
 
     @property
     def deviance(self) -> float:
-        """Of the best number, with what further coefficients take off it where there is nothing to find."""
+        """Deviance of the best number, plus the fall that further coefficients cause by chance."""
         return self.rows * float(np.log(self.left.min())) + self.further
 
 
@@ -187,14 +188,14 @@ def vortex_regression(
     *,
     integrated: bool | None = None,
 ) -> VortexRegression | None:
-    """The regression, within `reach` of the described Strouhal number; None: these logs show no vortices.
+    """The regression, within `reach` of the described Strouhal number; ``None`` if the logs can show no vortices.
 
     Args:
         logs: of one machine.
         experiment: as described.
         reach: of Strouhal numbers.
         options: of the method.
-        integrated: whether the phase is; default: as described.
+        integrated: whether the phase is integrated; default: as described.
     """
     motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
     if not motions or not experiment.disturbance.strouhal:
@@ -211,7 +212,7 @@ def _regression(
     *,
     integrated: bool,
 ) -> VortexRegression:
-    """The regression of `vortex_regression`, of smoothed readings."""
+    """The regression of `vortex_regression` from smoothed readings."""
     search, given, motion = options.vortices, experiment.disturbance, joined(motions)
     v, net, base, drag = motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
     per_number = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
@@ -236,7 +237,7 @@ def _regression(
 
 
 def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
-    """Coefficients, and the sum of the squares that they leave."""
+    """Coefficients, and the residual sum of squares."""
     found = np.asarray(np.linalg.lstsq(rows, values)[0], float)
     return found, float(np.sum((values - rows @ found) ** 2))
 
@@ -246,8 +247,8 @@ def vortex_starts(
 ) -> list[tuple[float, float]]:
     """Strouhal numbers and amplitudes of vortices at which logs are likely, the likeliest first.
 
-    They are the minima of the regression's squares, with a positive amplitude: the longer a log, the more there are.
-    Those with clearly larger squares than the least are left out.
+    These are the minima of the residual sum of squares with a positive amplitude, of which longer logs have more,
+    without those clearly above the least.
     """
     found = vortex_regression(logs, experiment, reach, options)
     if found is None:
@@ -261,7 +262,7 @@ def vortex_starts(
 def likelier_regression(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> VortexRegression | None:
-    """The regression with the described kind of phase, or with the other one where that is clearly likelier."""
+    """The regression with the described kind of phase, or with the other kind if that is clearly likelier."""
     given = experiment.disturbance.integrated_phase
     own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
     if own and other and other.deviance < own.deviance - options.vortices.other_phase:
@@ -274,7 +275,7 @@ def likelier_phase(
 ) -> bool:
     """Whether vortices have an integrated phase (E4) rather than one that follows from speed and time.
 
-    What the experiment describes stays where logs do not clearly say otherwise.
+    As the experiment describes, unless logs clearly contradict it.
     """
     found = likelier_regression(logs, experiment, reach, options)
     return found.integrated if found else experiment.disturbance.integrated_phase
@@ -283,7 +284,7 @@ def likelier_phase(
 def shows_other_vortices(
     logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
 ) -> bool:
-    """Whether vortices of another Strouhal number or kind of phase than described, or any, explain more of logs."""
+    """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better."""
     search, given = options.vortices, experiment.disturbance
     found = likelier_regression(logs, experiment, reach, options)
     if found is None or found.left.min() > search.suspected * found.described:

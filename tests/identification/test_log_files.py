@@ -515,7 +515,7 @@ def test_two_units_of_a_column_are_refused_and_another_is_noted(tmp_path: Path) 
     ):
         read_log(tmp_path / "rig.csv")
     found = read_log(tmp_path / "rig.csv", column_map("F1=F1:N"))
-    assert found.notes == ("rig.csv: F1 [kN]: is read in N, as --column says, and not in kN",)
+    assert found.notes == ("rig.csv: F1 [kN]: is read in N, as --column says, not in kN",)
     assert found.columns["F1"][0] == 1000.5
 
 

@@ -46,10 +46,10 @@ def test_units_that_cannot_be_are_refused() -> None:
 @pytest.mark.parametrize(
     ("name", "by", "words"),
     [
-        ("v", 1e3, r"v makes 1e\+03 times the way of x: is it in mm/s \(--column v=NAME:mm/s\)"),
-        ("v", -1.0, r"v makes -1 times the way of x: is it in -m/s"),
-        ("theta_2", 1 / (2 * np.pi), "theta_2 makes 0.159 times the way of x: is it in rev"),
-        ("theta_1", 2.5, "theta_1 makes 2.5 times the way of x: is it in another unit, or of the motor"),
+        ("v", 1e3, r"v moves 1e\+03 times as far as x: is it in mm/s \(--column v=NAME:mm/s\)"),
+        ("v", -1.0, r"v moves -1 times as far as x: is it in -m/s"),
+        ("theta_2", 1 / (2 * np.pi), "theta_2 moves 0.159 times as far as x: is it in rev"),
+        ("theta_1", 2.5, "theta_1 moves 2.5 times as far as x: is it in another unit, or of the motor"),
         ("tau_1", -1.0, "tau_1 holds -.* and F1 reads .*: is tau_1 of the opposite sign"),
         ("tau_2", 1e-3, r"tau_2 holds .* N on average.*: is tau_2 in kN m \(--column tau_2=NAME:kN m\)"),
     ],
@@ -61,7 +61,7 @@ def test_the_column_that_does_not_fit_the_others_is_named(name: str, by: float, 
 
 def test_times_in_other_units_are_named() -> None:
     log = logged(machine())
-    with pytest.raises(ConfigurationError, match=r"v makes 1e\+03 times the way of x: is t in ms \(--column t=NAME:ms"):
+    with pytest.raises(ConfigurationError, match=r"v moves 1e\+03 times as far as x: is t in ms \(--column t=NAME:ms"):
         check_log(replace(log, t=1e3 * log.t), machine())
 
 
@@ -156,13 +156,13 @@ def marked(name: str, value: float) -> Log:
         ),
         (lambda: only(by(t=1e6), "x"), r"t: has a row every 1e\+03 s: .*NAME:us"),
         (lambda: only(by(t=1 / 3600), "x"), r"t: has a row every 2.78e-07 s: .*NAME:h"),
-        (lambda: by(t=1 / 60), r"v makes 0.0167 times the way of x: is t in min \(--column t=NAME:min\)\?"),
-        (lambda: by(x=0.01), r"x makes 0.01 times the way of theta_1: is"),
+        (lambda: by(t=1 / 60), r"v moves 0.0167 times as far as x: is t in min \(--column t=NAME:min\)\?"),
+        (lambda: by(x=0.01), r"x moves 0.01 times as far as theta_1: is"),
         (
             lambda: changed(v=np.sin(40 * logged(machine()).t), theta_1=-columns("theta_1")[0]),
             "theta_1 makes -1 times the",
         ),
-        (lambda: only(by(x=-0.1, v=0.1), "x", "v"), r"v makes -1 times the way of x: is it in -m/s .* or x in -m "),
+        (lambda: only(by(x=-0.1, v=0.1), "x", "v"), r"v moves -1 times as far as x: is it in -m/s .* or x in -m "),
         (
             lambda: marked("x", -9999),
             r"x = -9999 in row 71 \(t = 0.07 s\) and 1 others: must be .* a mark for a gap \(leave",
