@@ -41,7 +41,7 @@ SMOOTHING = "controller.nftsm.smoothing"
 
 
 def default_estimator(ensemble: Ensemble) -> str:
-    """The kind of filter for noisy sensors and uncertain ropes, and for uncertain drums where there are such."""
+    """The kind of filter for noisy sensors and uncertain ropes, or also for uncertain drums (`POSITIONS`)."""
     return "self-calibrating-kalman" if _uncertain(ensemble, POSITIONS) else CALIBRATING
 
 
@@ -71,11 +71,11 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     Where ropes have mass, gears are elastic or winches are heavy: damping of the drums that matches the wave impedance
     of the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), a higher preload, and the
     filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain enters the
-    loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, driven by measured tensions,
-    sees no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below
-    the speed error where its odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small
-    motions so much that an error of half a millimetre takes a second to decay. The remaining values are prior
-    deviations of the parameters that the self-calibrating filter learns.
+    loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, driven by measured tensions, sees
+    no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed error where its
+    odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small motions so much that an
+    error of half a millimetre takes a second to decay. The remaining values are prior deviations of the parameters that
+    the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, beliefs = experiment.plant, dict[str, float]()
@@ -126,8 +126,7 @@ STIFF = {
 }
 """Gains of a stiff and smooth law whose filter compensates the disturbance, where drums swing.
 
-The noise of wheel and encoders is set higher than their own: they observe the vehicle through ropes that stretch and
-sag.
+Noise of wheel and encoders exceeds their own: they observe the vehicle through ropes that stretch and sag.
 """
 
 TENSION_LOOP = {"kp": 0.009, "ki": 0.45}

@@ -474,7 +474,7 @@ def _hardest(tuned: TuningResult) -> str:
         for constraint in tuned.training.constraints
     }
     label = max(counts, key=lambda name: counts[name], default="")
-    return f"{counts[label]} of {len(whole)} complete trials break {label}" if label and counts[label] else ""
+    return f"{counts[label]} of {len(whole)} complete trials violate {label}" if label and counts[label] else ""
 
 
 def _at_bounds(tuned: TuningResult) -> list[str]:

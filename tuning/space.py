@@ -276,10 +276,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mappin
 
 
 def entry_from(text: str) -> tuple[str, Any]:
-    """Parse ``NAME``, ``NAME=LOWER:UPPER``, ``NAME=LOWER:UPPER:log`` (or ``:linear``) or ``p/q=5/3,7/5``.
-
-    Returns:
-        The name and its entry for `space_of`.
+    """Parse ``NAME``, ``NAME=LOWER:UPPER``, ``NAME=LOWER:UPPER:log`` (or ``:linear``), ``p/q=5/3,7/5``: name and entry.
 
     Raises:
         ConfigurationError: it is none of these.

@@ -226,7 +226,7 @@ def _entries(texts: Sequence[str]) -> dict[str, Any]:
         else:
             name, entry = entry_from(text)
             if not name:
-                raise ConfigurationError(f"--space {text}: names no gain")
+                raise ConfigurationError(f"--space {text}: must name a gain")
             entries[name] = entry
     if texts and not entries:
         raise ConfigurationError("--space: is empty; name at least one gain, e.g. --space controller.nftsm.beta")

@@ -160,7 +160,7 @@ def marked(name: str, value: float) -> Log:
         (lambda: by(x=0.01), r"x moves 0.01 times as far as theta_1: is"),
         (
             lambda: changed(v=np.sin(40 * logged(machine()).t), theta_1=-columns("theta_1")[0]),
-            "theta_1 makes -1 times the",
+            "theta_1 moves -1 times as far as",
         ),
         (lambda: only(by(x=-0.1, v=0.1), "x", "v"), r"v moves -1 times as far as x: is it in -m/s .* or x in -m "),
         (

@@ -107,7 +107,7 @@ def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: Mak
 def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem(objectives=["mean.mse", "mean.chatter"]))
     assert len({trial.objectives for trial in run(prepared, "nsga2", 3)}) == 48
-    with pytest.raises(Exception, match="has one objective; use nsga2"):
+    with pytest.raises(Exception, match="takes a single objective; use nsga2"):
         optimiser("cmaes", prepared, 0)
     with pytest.raises(
         Exception, match=r"--method simplex: .*did you mean 'tpe'\? Must be one of cmaes, gradient, hybrid"

@@ -99,7 +99,7 @@ def test_processes_share_a_study_in_a_file(make_problem: MakeProblem, tmp_path: 
     """Each trial counts once, each process learns of the others', and no one has the file for itself meanwhile."""
     problem, file = make_problem(scenarios=1), tmp_path / "shared"
     definition = definition_of(problem, "random")
-    with pytest.raises(ConfigurationError, match="does not exist; begin a study in it"):
+    with pytest.raises(ConfigurationError, match="does not exist; `dualwinch tune --shared` creates it"):
         join_store(str(file), "s")
     first = open_store(str(file), "s", problem, definition, SearchBudget(40), resume=False, shared=True)
     with pytest.raises(

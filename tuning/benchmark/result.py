@@ -197,7 +197,7 @@ class BenchmarkResult:
             "Error: factor by which the mean square error is below that of the paper's gains, the geometric mean over "
             "the scenarios. " + RULE + " Load: root mean square of the motor torques."
         ]
-        words += [f"Constraints of all searches: {'; '.join(self.terms.constraints) or 'nothing'}."]
+        words += [f"Constraints of all searches: {'; '.join(self.terms.constraints) or 'none'}."]
         words += [self._least_words(), self._luck_words()]
         words += [
             f"{self.names[scored.entry.key]}: no trial was better than the gains that the search started from."

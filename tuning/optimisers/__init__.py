@@ -67,7 +67,7 @@ def check_method(method: str, objectives: int) -> None:
     if method not in METHODS:
         raise ConfigurationError(f"--method {method}: {unknown('method', method, METHODS)}")
     if method in ONE_OBJECTIVE and objectives > 1:
-        raise ConfigurationError(f"--method {method}: has one objective; use nsga2, nsga3 or tpe for several")
+        raise ConfigurationError(f"--method {method}: takes a single objective; use nsga2, nsga3 or tpe for several")
 
 
 def compile_ahead(method: str, prepared: TrainingSet) -> None:

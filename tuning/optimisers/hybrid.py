@@ -54,7 +54,7 @@ class HybridSearch:
         return self._polish.rollouts if self._polish else 0
 
     def ask(self, count: int) -> list[Point]:
-        """Candidates of the optimiser whose turn it is."""
+        """Candidates of the current optimiser."""
         return (self._polish if self._polish and self._polishing else self._search).ask(count)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:

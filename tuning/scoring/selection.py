@@ -16,7 +16,7 @@
 4. **Chance constraint** (`tuning.scoring.chance`): validated candidates are run in this order, each in its own fresh
    draws, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). Draws with a violation join the
    validation set (sequential probabilistic validation; Alamo, Tempo, Luque and Ramirez, Automatica 52, 2015), where
-   they reject others, also of groups screened later; a candidate that violates a peak is repaired by a line search on
+   they reject others, also of groups screened later; a candidate with too high a peak is repaired by a line search on
    the reserve and counts as another candidate. The start comes last, if it satisfies the bounds on means. If no
    candidate passes, one is selected by an exact penalty on its share of violations, and the result states the
    supported probability.

@@ -167,9 +167,7 @@ class SharedJournalStudy(StudyStorage):
             ConfigurationError: there is no such study, or a single process uses the file exclusively.
         """
         if not path.is_file():
-            raise ConfigurationError(
-                f"--storage {path}: does not exist; begin a study in it with `dualwinch tune --shared`"
-            )
+            raise ConfigurationError(f"--storage {path}: does not exist; `dualwinch tune --shared` creates it")
         lock = _locked(path, shared=True)
         try:
             definition = joined_definition(study, _storage(path))

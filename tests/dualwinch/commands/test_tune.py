@@ -319,7 +319,7 @@ def test_times(text: str, seconds: float) -> None:
         (["--ensemble", "sea", "--scenarios", "0"], "scenarios = 0: must be a whole number >= 1"),
         (["--seed", "-1"], "seed = -1: must be a whole number >= 0"),
         (["--space", "controller.nftsm.bta"], "did you mean 'controller.nftsm.beta'?"),
-        (["--space", ""], "--space : names no gain"),
+        (["--space", ""], "--space : must name a gain"),
         (["--objective", "men.mse"], "unknown statistic 'men'"),
         (["--constraint", "worst.peak_tension"], "must be STATISTIC<=BOUND"),
         (["--constraint", "peak_tension<=5500"], "of which statistic? worst.peak_tension<=5500 or mean."),
