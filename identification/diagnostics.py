@@ -33,7 +33,7 @@ def check_log(log: Log, experiment: Experiment, options: PlausibilityOptions = D
     try:
         _check_changes(log)
         _check_ranges(log, experiment, options)
-        _check_ways(log, experiment, options)
+        _check_displacements(log, experiment, options)
         _check_step(log, experiment, options)
         _check_pulls(log, experiment, options)
     except ConfigurationError as error:
@@ -55,7 +55,7 @@ def _check_changes(log: Log) -> None:
 def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log with readings out of their ranges, and suggest units; a few such rows may be marks of gaps.
 
-    Speeds with a wrong unit in most rows are left to `_check_ways`.
+    Speeds with a wrong unit in most rows are left to `_check_displacements`.
     """
     for name, (low, high) in plausible_ranges(experiment, options).items():
         if name not in (*TORQUES, *log.readings):
@@ -82,7 +82,7 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
         )
 
 
-def _check_ways(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
+def _check_displacements(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log with contradictory positions, drum angles and integrated speeds, with the likeliest reason.
 
     1. Compute the displacement by each sensor, without gaps of the log.

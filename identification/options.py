@@ -28,7 +28,7 @@ class ResamplingOptions:
         int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
     ] = 0
     chatter_window: Annotated[Positive, Quantity("s", "time over which the torques' chatter is averaged")] = 0.5
-    least_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its mean size")] = 0.1
+    least_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
     least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is used too")] = 5.0
 
 
@@ -140,7 +140,7 @@ class SearchOptions:
         Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
     ] = 1.7
     weak_amplitude: Annotated[
-        Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which there are none")
+        Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which it counts as zero")
     ] = 0.25
     contradiction: Annotated[
         Positive, Quantity("1", "deviation of an estimate that contradicts its prior, in expected deviations")

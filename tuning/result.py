@@ -141,7 +141,7 @@ class TuningResult:
 
         Evaluated at the best point; where the start is kept, at the best point of the search.
         """
-        space, searched = self.problem.space, _searched(self)
+        space, searched = self.problem.space, _search_points(self)
         point = searched[0] if searched and not self.verdict.improved else self.verdict.best.point
         ended = [each for each in space.dimensions if isinstance(each, ContinuousDimension) and _bound(each, point)]
         if not ended:
@@ -452,7 +452,7 @@ def _bound(dimension: ContinuousDimension, point: Point) -> float:
     return dimension.upper if share >= 1 - EDGE else dimension.lower if share <= EDGE else 0.0
 
 
-def _searched(tuned: TuningResult) -> list[Point]:
+def _search_points(tuned: TuningResult) -> list[Point]:
     """The points of the search, the best first."""
     searched = [trial for trial in tuned.trials if trial.candidate.origin not in EXEMPT]
     return [searched[index].point for index in feasibility_first(searched)]
@@ -479,7 +479,7 @@ def _hardest(tuned: TuningResult) -> str:
 
 def _at_bounds(tuned: TuningResult) -> list[str]:
     """Gains with an effect that lie at a bound in all of the search's `LEADING` best trials."""
-    points = _searched(tuned)[:LEADING]
+    points = _search_points(tuned)[:LEADING]
     return [
         short(dimension.name)
         for dimension in tuned.problem.space.dimensions

@@ -107,7 +107,7 @@ def tuning_problem(
         else:
             drawn = ensemble.controlled_as(base)
         if experiment is None:
-            drawn, chosen = _with_usual_parts(drawn, {*values, *_named(config)})
+            drawn, chosen = _with_default_parts(drawn, {*values, *_named(config)})
         drawn = reset(drawn, values)
         if config is None and experiment is None:
             drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | default_beliefs(drawn) | values)
@@ -154,7 +154,7 @@ def _named(config: Path | None) -> Collection[str]:
     return () if config is None else dict(flattened(read_source(config).table()))
 
 
-def _with_usual_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensemble, list[str]]:
+def _with_default_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensemble, list[str]]:
     """An ensemble with default estimator and coordination, where none is named, and the reason for each in words."""
     chosen = list[str]()
     if ESTIMATOR not in named:

@@ -88,7 +88,7 @@ def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: 
 
 
 def names(entries: Sequence[BenchmarkEntry]) -> dict[str, str]:
-    """Key of each entry → its name among them: its law, its ablation, and its parts if most entries have others.
+    """Key of each entry → its name among them: its law, its ablation, and parts other than those of most entries.
 
     All searches of an entry have the same name.
     """

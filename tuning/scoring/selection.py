@@ -172,12 +172,12 @@ def _chance_constrained(
     order = rarest_violations_first([each.result for _, each in found], shares, config.penalty)
     violations, best = next((each for each in found if not each[0]), found[order[0]])
     others = [found[index] for index in order if found[index][1] is not screening.start]
-    better = _rarely(*others[0], sizes.chance, problem) if best is screening.start and others else ""
+    better = _better_candidate(*others[0], sizes.chance, problem) if best is screening.start and others else ""
     chance = ChanceConstraint(config.violation, config.confidence, config.chance_candidates, sizes.chance, violations)
     return best, chance, better
 
 
-def _rarely(violations: int, candidate: Validated, draws: int, problem: TuningProblem) -> str:
+def _better_candidate(violations: int, candidate: Validated, draws: int, problem: TuningProblem) -> str:
     """Note on a candidate that violates bounds in some fresh draws: its objective and number of violations."""
     trial, objective = candidate.trial, problem.objectives[0]
     reached = f"{objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()

@@ -113,12 +113,12 @@ def training_choices(
     demands = force_demands(ensemble.chosen(range(max(config.demand_among, count + more)), seed))
     plain = typical_draws(demands, count - number)
     draws = hardest_draws(demands, number + more, {choice.index for choice in plain}, config)
-    ours = _in_turns(draws[: number - few], corners[:few])
+    ours = _alternating(draws[: number - few], corners[:few])
     more_draws = draws[number - few :][: more - further]
-    return _in_turns(plain, ours), _in_turns(more_draws, corners[few:])
+    return _alternating(plain, ours), _alternating(more_draws, corners[few:])
 
 
-def _in_turns(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
+def _alternating(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
     """The scenarios of several kinds, alternating."""
     longest = max(map(len, kinds), default=0)
     return [kind[place] for place in range(longest) for kind in kinds if place < len(kind)]

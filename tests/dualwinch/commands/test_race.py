@@ -176,7 +176,7 @@ def test_gains_of_parts_that_are_not_known_here_are_left_out(tmp_path: Path) -> 
 def test_an_ensemble_that_draws_gains_is_refused() -> None:
     drawn = loads_ensemble('[ensemble]\nname = "odd"\n[distributions]\ncontroller.nftsm.beta = { uniform = [1, 2] }\n')
     with pytest.raises(
-        dw.ConfigurationError, match=r"controller\.nftsm\.beta: is drawn in 'odd'; a race needs the gains"
+        dw.ConfigurationError, match=r"controller\.nftsm\.beta: is drawn in 'odd'; a race needs fixed gains"
     ):
         dw.race(drawn)
 

@@ -148,7 +148,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     assert [each.what for each in moment.lost["paper"]] == ["min_tension"]
     assert moment.limits["own"][1].constraint.bound > 1
     assert "(4*paper)" in repr(moment)
-    assert "paper: fails already in the base, slack share 70 % > 0 %; others are held" in repr(found)
+    assert "paper: fails already in the base, slack share 70 % > 0 %; others are judged" in repr(found)
 
 
 def test_what_cannot_be_asked_for_is_refused() -> None:
