@@ -255,7 +255,7 @@ def test_a_best_that_breaks_constraints_is_said_to_and_what_would_help(make_prob
     assert not tuned.verdict.scored.feasible
     assert "; violates mean.chatter <= " in worth(tuned)
     assert any(
-        "a looser bound (--constraint)" in words and "break mean.chatter <= " in words for words in advice(tuned)
+        "a looser bound (--constraint)" in words and "violate mean.chatter <= " in words for words in advice(tuned)
     )
 
 
