@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,11 +280,20 @@ class ComplementarySensitivity:
             late = late / z[:, None]
         return elements
 
+    @cached_property
+    def _known_forms(self) -> dict[int, "_SchurForm"]:
+        return {}
+
+    def _form(self, loop: int) -> "_SchurForm":
+        """The Schur form of a loop, which is computed once."""
+        if loop not in self._known_forms:
+            self._known_forms[loop] = _SchurForm.of(self.A[loop], self.B[loop], self.C[loop])
+        return self._known_forms[loop]
+
     def _exact_elements(self, omega: Floats) -> Complex:
         z = np.exp(1j * self.dt * omega)
-        pencil = z[:, :, None, None] * np.eye(self.A.shape[1]) - self.A[:, None]
-        values = self.C[:, None] @ _solved(pencil, self.B[:, None].astype(complex)) + self.D[:, None]
-        return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1).astype(complex)
+        values = np.array([self._form(loop).response(each)[0] for loop, each in enumerate(z)]) + self.D[:, None]
+        return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """Loci (a,) and their derivatives with respect to frequency, at one frequency each, by sums over poles.
@@ -310,12 +319,13 @@ class ComplementarySensitivity:
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """The same, from the matrices."""
         z = np.exp(1j * self.dt * omega)
-        pencil = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
-        right = _solved(pencil, self.B[loop].astype(complex))
-        values = self.C[loop] @ right + self.D[loop]
-        slopes = -1j * self.dt * z[:, None, None] * (self.C[loop] @ _solved(pencil, right))
-        elements, rates = (np.asarray(matrix[:, self.rows, self.columns], complex) for matrix in (values, slopes))
-        return self._locus(elements, rates, locus, near)
+        values, rates = np.empty((2, len(z), *self.D.shape[1:]), complex)
+        for each in np.unique(loop):
+            here = loop == each
+            values[here], rates[here] = self._form(int(each)).response(z[here], slopes=True)
+        values, slopes = values + self.D[loop], 1j * self.dt * z[:, None, None] * rates
+        elements, slopes = (matrix[:, self.rows, self.columns] for matrix in (values, slopes))
+        return self._locus(elements, slopes, locus, near)
 
     def _locus(self, values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """Loci and their slopes (a,) from the elements of T and their slopes (a, elements)."""
@@ -334,12 +344,45 @@ class ComplementarySensitivity:
         return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
 
 
-def _solved(pencil: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
-    """Solve many linear systems; the solution of a singular one, at a pole, is very large."""
-    try:
-        return np.linalg.solve(pencil, right)
-    except np.linalg.LinAlgError:
-        return np.linalg.solve(pencil + np.finfo(float).eps * np.eye(pencil.shape[-1]), right)
+@dataclass(frozen=True, eq=False)
+class _SchurForm:
+    """A = Z T Z* with T upper triangular: responses at many frequencies by back-substitution (Laub, IEEE TAC 26, 1981).
+
+    Attributes:
+        T: (n, n).
+        B: Z* B, (n, m).
+        C: C Z, (m, n).
+    """
+
+    T: Complex
+    B: Complex
+    C: Complex
+
+    @classmethod
+    def of(cls, A: Floats, B: Floats, C: Floats) -> "_SchurForm":
+        """The form of a system's matrices."""
+        from scipy.linalg import schur
+
+        T, Z = schur(A, output="complex")[:2]
+        return cls(T, Z.conj().T @ B, C @ Z)
+
+    def response(self, z: Complex, *, slopes: bool = False) -> tuple[Complex, Complex]:
+        """C (z - A)^-1 B and, with `slopes`, its derivative with respect to z, (k, m, m) each, at points z (k,)."""
+        states = self._solved(z, np.broadcast_to(self.B[:, None], (len(self.B), len(z), self.B.shape[1])))
+        value = np.tensordot(self.C, states, 1).swapaxes(0, 1)
+        if not slopes:
+            return value, np.zeros_like(value)
+        return value, -np.tensordot(self.C, self._solved(z, states), 1).swapaxes(0, 1)
+
+    def _solved(self, z: Complex, right: Complex) -> Complex:
+        """(z - T)^-1 applied to right sides (n, k, m); very large at a pole."""
+        apart = z - np.diag(self.T)[:, None]
+        apart[apart == 0] = np.finfo(float).eps
+        found = np.empty((len(right), right[0].size if len(right) else 0), complex)
+        for row in reversed(range(len(right))):
+            known = (self.T[row, row + 1 :] @ found[row + 1 :]).reshape(right.shape[1:])
+            found[row] = ((right[row] + known) / apart[row][:, None]).ravel()
+        return found.reshape(right.shape)
 
 
 def _halves(elements: Complex) -> tuple[Complex, Complex]:
