@@ -114,8 +114,8 @@ def margins(loop: LinearSystem) -> Margins:
 
     The disk is the balanced one: ``L`` times any ``(1 + d/2)/(1 - d/2)`` with |d| smaller than its radius is stable.
 
-    Where the direct feedthrough of ``1 + L`` is zero, the closed loop is not well posed, and all margins are those of
-    no change at all.
+    Where the direct feedthrough of ``1 + L`` is singular, the closed loop is not well posed, and all margins are those
+    of no change at all.
 
     Args:
         loop: discrete, with one input and one output, or two of each, e.g. from
@@ -166,12 +166,16 @@ def margins(loop: LinearSystem) -> Margins:
 
 
 def _at_rest(loop: LinearSystem) -> list[float]:
-    """The real loci of a loop at the frequency 0; infinite with an integrator."""
+    """The real loci of a loop at the frequency 0; infinite with an integrator.
+
+    Real up to round-off, by the same criterion as T = L/(1 + L) on the frequency grid.
+    """
     try:
         gains = loop.C @ np.linalg.solve(np.eye(len(loop.A)) - loop.A, loop.B) + loop.D
     except np.linalg.LinAlgError:
         return [math.inf]
-    return [float(value.real) for value in np.linalg.eigvals(gains) if value.imag == 0]
+    loci = np.linalg.eigvals(gains)
+    return loci.real[np.abs(loci.imag) <= ALL_BUT_REAL * np.abs(loci * (1 + loci))].tolist()
 
 
 ROWS = {1: (0,), 2: (0, 0, 1, 1), 3: (0, 1, 1, 2, 2)}

@@ -205,6 +205,17 @@ def test_loci_that_meet_are_real_at_rest_and_at_half_the_sample_rate(
     assert coupled.gain_frequency == pytest.approx(frequency, abs=1e-4, rel=1e-6)
 
 
+@pytest.mark.parametrize(("across", "back"), [(1e-3, -1e-13), (1.0, -1e-16), (-1.0, 1e-16)])
+def test_loops_that_need_their_gain_at_rest_need_it_if_round_off_makes_them_a_complex_pair(
+    across: float, back: float
+) -> None:
+    one = sampled(1.01, 0.3, 0.0)
+    both = beside(one, one)
+    found = margins(replace(both, C=both.C + np.array([[0.0, across], [back, 0.0]])))
+    assert found.least_gain == pytest.approx(1 / 30, rel=1e-6)
+    assert found.least_gain_frequency == pytest.approx(0.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("at_rest", [0.0, -0.5, 0.5])
 def test_a_loop_that_needs_its_gain_at_rest_may_stand_beside_one_that_does_not(at_rest: float) -> None:
     """Such as one of which nothing comes back: what matters is how far the other's gain may fall."""
