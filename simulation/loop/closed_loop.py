@@ -429,7 +429,7 @@ def _mapped(structure: Experiment, count: int) -> ca.Function:
 
 @built_once
 def start_slopes(structure: Experiment) -> ca.Function:
-    """``start_slopes(parameters, x)``, (states, parameters): Jacobian of the initial state, with perfect encoders."""
+    """``start_slopes(parameters, x)``, (states, parameters): Jacobian of the initial state, without quantisation."""
     parameters, x, state = _start(structure, steps=False)
     return ca.Function("start_slopes", [parameters, x], [ca.densify(ca.jacobian(state, parameters))])
 

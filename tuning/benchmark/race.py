@@ -493,7 +493,7 @@ class EntryProgress(TuningProgress):
         self._words = ""
 
     def phase(self, words: str) -> None:
-        """Report the begin of a phase."""
+        """Report the beginning of a phase."""
         self._words = words
         self._report(BEGINS.get(words, 0.0))
 

@@ -73,11 +73,11 @@ class TuningProgress:
         self.objectives, self._progress = tuple(objectives), progress
 
     def phase(self, words: str) -> None:
-        """Report the begin of a phase, which `words` describe."""
+        """Report the beginning of a phase, which `words` describe."""
         self._progress(0.0, words)
 
     def step(self, words: str, status: str = "") -> Progress:
-        """Report the begin of a step of a phase.
+        """Report the beginning of a step of a phase.
 
         Args:
             words: description of the step.

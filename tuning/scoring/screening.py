@@ -200,7 +200,7 @@ def before_the_start(found: Sequence[Validated], start: Validated | None, penalt
 
 
 def by_training_objective(trials: Sequence[Evaluation], back_off: float) -> list[Evaluation]:
-    """Complete trials that satisfy the bounds without back-off, in order of the objective; all trials if none does."""
+    """Complete trials that satisfy the bounds without back-off, in order of the objective; all if none does."""
     finished = [trials[index] for index in feasibility_first(trials) if not trials[index].pruned]
     near = [trial for trial in finished if trial.violation <= back_off]
     if not near or len(near[0].objectives) > 1:
