@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -199,7 +199,7 @@ def tune(
         for text in space or []:
             check_words(text)
         given.use_parts()
-        recall_parts(options)
+        given = replace(given, plugin=[*(given.plugin or []), *recall_parts(options)])
         problem = tuning_problem(
             case=given.case,
             config=given.config,
@@ -241,8 +241,11 @@ STORAGE_VARIABLE = "DUALWINCH_STORAGE"
 """Environment variable with the URL of a storage, which keeps a password off the command line."""
 
 
-def recall_parts(options: StudyOptions) -> None:
+def recall_parts(options: StudyOptions) -> list[str]:
     """With ``--resume``, register the parts that the study was begun with.
+
+    Returns:
+        Files and modules that were imported for it, in addition to those of ``--plugin``.
 
     Raises:
         ConfigurationError: no such study, or a part that is missing or has changed.
@@ -254,13 +257,14 @@ def recall_parts(options: StudyOptions) -> None:
     from dualwinch.tuning.storage.parts import StudyName, recall
 
     if not options.resume:
-        return
+        return []
     definition = kept_definition(options.kept_in, options.study)
     in_database = is_database(options.kept_in)
     if definition is None:
         kept = shown(options.kept_in) if in_database else options.kept_in
         raise ConfigurationError(f"--resume: no study '{options.study}' in {kept}; begin it without --resume")
-    recall(StudyName(options.study, None if in_database else Path(options.kept_in)), definition.get("parts", []))
+    name = StudyName(options.study, None if in_database else Path(options.kept_in))
+    return recall(name, definition.get("parts", []))
 
 
 def run_study(

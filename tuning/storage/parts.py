@@ -121,24 +121,30 @@ def _parts(holder: Any) -> Iterator[Part]:
         yield from _parts(value)
 
 
-def recall(study: StudyName, parts: Sequence[PartRecord]) -> None:
+def recall(study: StudyName, parts: Sequence[PartRecord]) -> list[str]:
     """Register the recorded parts of a study; those not registered yet are imported from their recorded source.
 
     Args:
         study: for messages.
         parts: their records.
 
+    Returns:
+        The sources that were imported.
+
     Raises:
         ConfigurationError: a part is missing or differs.
     """
+    imported = list[str]()
     for part in parts:
         if _registered(part) is None:
             _import(study, part)
+            imported.append(part["source"])
     found = [(part, _registered(part)) for part in parts]
     check_parts(study, [part_record(known) for _, known in found if known is not None], parts)
     for part, known in found:
         if known is None:
             raise _missing(study, part, "it is no longer defined there")
+    return imported
 
 
 def _registered(part: PartRecord) -> type[Part] | None:

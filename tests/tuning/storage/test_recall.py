@@ -175,7 +175,12 @@ def test_a_study_says_which_parts_it_rests_on_and_goes_on_with_no_others(
     assert digest in (tmp_path / "out" / "report.html").read_text()
 
     forgotten()
+    capsys.readouterr()
     assert not tuned(tmp_path, "6", "--resume")
+    assert (
+        f"next: dualwinch simulate --config {tmp_path / 'out' / 'best.toml'} --plugin {file}\n"
+        in capsys.readouterr().err
+    )
     assert len(json.loads((tmp_path / "out" / "study.json").read_text())["trials"]["number"]) == 6
 
     file.write_text(changed(("self.damping * e2", "2 * self.damping * e2")))
