@@ -323,7 +323,7 @@ def run_study(
                 watch=TuningProgress(line, problem.objectives),
             )
         line(1.0, "writing best.toml, study.json and report.html")
-        write(tuned, options.kept_in, options)
+        write(tuned, options.kept_in, options, plugins or [])
         line.stop()
         if tuned.interrupted:
             line.say("interrupted; this is the best so far")
@@ -336,8 +336,8 @@ def run_study(
     return tuned
 
 
-def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
-    """Write ``best.toml``, ``study.json`` and ``report.html``."""
+def write(tuned: TuningResult, storage: str, options: StudyOptions, plugins: Sequence[str] = ()) -> None:
+    """Write ``best.toml``, ``study.json`` and ``report.html``; `plugins` as in `run_study`."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
     from dualwinch.config.experiment_file import to_toml
@@ -366,7 +366,7 @@ def write(tuned: TuningResult, storage: str, options: StudyOptions) -> None:
     write_best(out / "best.toml", tuned, best, facts)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
     write_study(out / "study.json", tuned, named | {"compared": compared(tuned)}, configuration(problem))
-    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best)
+    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins)
 
 
 def compared(tuned: TuningResult) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,9 @@ CAPTIONS = {
 }
 
 
-def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
+def write_tuning_report(
+    path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str, plugins: Sequence[str] = ()
+) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:
@@ -63,12 +65,14 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         tuned: the study.
         facts: provenance, name → value.
         configuration: the best as TOML.
+        plugins: files with the user's own parts, for commands about the best gains.
 
     Raises:
         OSError: the file cannot be written.
     """
     folder = Path(path).parent
-    noted = [in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}") for words in tuned.remarks]
+    own = "".join(f" --plugin {shlex.quote(plugin)}" for plugin in plugins)
+    noted = [in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}{own}") for words in tuned.remarks]
     kept = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
     write_page(
         Path(path),
@@ -77,9 +81,8 @@ def write_tuning_report(path: str | Path, tuned: TuningResult, facts: Mapping[st
         gained=gained(tuned),
         idealised=[one.statement for one in idealisations(tuned.best)],
         costs=costs(tuned),
-        steps=next_steps(tuned, folder),
-        best=folder / "best.toml",
-        folder=folder,
+        steps=next_steps(tuned, folder, own),
+        stress=_stress_command(folder, own),
         constraints=f"Constraints of the search: {kept}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
         authority=" ".join(filter(None, map(_sentence, (*noted, authority(tuned), too_short(tuned))))),
@@ -232,9 +235,19 @@ def costs(tuned: TuningResult) -> list[str]:
     return found
 
 
-def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
-    """Next steps: words and a command, empty for mere advice."""
-    best = folder / "best.toml"
+def _stress_command(folder: Path, own: str) -> str:
+    return f"dualwinch stress {shlex.quote(str(folder / 'best.toml'))}{own} --out {shlex.quote(str(folder))}"
+
+
+def next_steps(tuned: TuningResult, folder: Path, own: str = "") -> list[tuple[str, str]]:
+    """Next steps: words and a command, empty for mere advice.
+
+    Args:
+        tuned: the study.
+        folder: of its files.
+        own: options of the commands for the user's own parts, each after a space.
+    """
+    best = shlex.quote(str(folder / "best.toml"))
     ensemble = tuned.problem.ensemble
     steps = [(f"{sentence[:1].upper()}{sentence[1:]}.", "") for sentence in advice(tuned)]
     if not tuned.verdict.improved:
@@ -242,11 +255,11 @@ def next_steps(tuned: TuningResult, folder: Path) -> list[tuple[str, str]]:
     if ensemble is not None:
         named = f" --ensemble {ensemble.name}"
         words = "Check it against the paper's gains in scenarios of a new seed, with confidence intervals:"
-        steps.append((words, f"dualwinch compare paper {best}{named} --seed 1000"))
+        steps.append((words, f"dualwinch compare paper {best}{named}{own} --seed 1000"))
     words = "Find which imperfection breaks it first; this report will then show it:"
-    steps.append((words, f"dualwinch stress {best} --out {folder}"))
-    steps.append(("Look at a run:", f"dualwinch simulate --config {best} --plot run.png"))
-    steps.append(("Put it on hardware, as C99:", f"dualwinch export c --config {best} --out firmware"))
+    steps.append((words, _stress_command(folder, own)))
+    steps.append(("Look at a run:", f"dualwinch simulate --config {best}{own} --plot run.png"))
+    steps.append(("Put it on hardware, as C99:", f"dualwinch export c --config {best}{own} --out firmware"))
     return steps
 
 

@@ -143,7 +143,6 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     assert f"U{words[1:]}." in report
 
 
-@pytest.mark.usefixtures("no_report")
 def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,6 +159,10 @@ def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     assert command == f"simulate {best}"
     assert dualwinch(*command.split()) == 0
     assert "spring: completed" in capsys.readouterr().out
+    report = (out / "report.html").read_text(encoding="utf-8")
+    commands = re.findall(r"dualwinch [^<)]*best\.toml[^<)]*", report)
+    assert len(commands) >= 2
+    assert all(f" --plugin {plugin} " in each for each in commands), commands
 
 
 @pytest.mark.usefixtures("no_report")
