@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -321,15 +321,30 @@ class ComplementarySensitivity:
         return self._locus(values, slopes, locus, near)
 
     def exact(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """The same, from the matrices."""
+        """The same, from the matrices: by Schur forms after `loci` has computed them, else by solving at each place.
+
+        For a few frequencies of each of many loops, their Schur forms would take longer.
+        """
         z = np.exp(1j * self.dt * omega)
+        values, rates = (self._from_forms if self._known_forms else self._from_pencils)(z, loop)
+        values, slopes = values + self.D[loop], 1j * self.dt * z[:, None, None] * rates
+        elements, slopes = (matrix[:, self.rows, self.columns] for matrix in (values, slopes))
+        return self._locus(elements, slopes, locus, near)
+
+    def _from_forms(self, z: Complex, loop: Indices) -> tuple[Complex, Complex]:
+        """C (z - A)^-1 B and its derivative with respect to z, (a, m, m) each, at points z (a,) of loops (a,)."""
         values, rates = np.empty((2, len(z), *self.D.shape[1:]), complex)
         for each in np.unique(loop):
             here = loop == each
             values[here], rates[here] = self._form(int(each)).response(z[here], slopes=True)
-        values, slopes = values + self.D[loop], 1j * self.dt * z[:, None, None] * rates
-        elements, slopes = (matrix[:, self.rows, self.columns] for matrix in (values, slopes))
-        return self._locus(elements, slopes, locus, near)
+        return values, rates
+
+    def _from_pencils(self, z: Complex, loop: Indices) -> tuple[Complex, Complex]:
+        """The same as `_from_forms`."""
+        pencils = z[:, None, None] * np.eye(self.A.shape[1]) - self.A[loop]
+        states = _solved(pencils, self.B[loop].astype(complex))
+        values, rates = self.C[loop] @ states, -self.C[loop] @ _solved(pencils, states)
+        return np.asarray(values, complex), np.asarray(rates, complex)
 
     def _locus(self, values: Complex, slopes: Complex, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
         """Loci and their slopes (a,) from the elements of T and their slopes (a, elements)."""
@@ -346,6 +361,14 @@ class ComplementarySensitivity:
             rate = turned / (2 * (both - half))
         together = locus >= len(self.diagonal) - 2
         return np.where(together, both, alone[0]), np.where(together, rate, alone[1])
+
+
+def _solved(pencils: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Solutions of many linear systems; very large for a singular one, at a pole."""
+    try:
+        return np.linalg.solve(pencils, right)
+    except np.linalg.LinAlgError:
+        return np.linalg.solve(pencils + np.finfo(float).eps * np.eye(pencils.shape[-1]), right)
 
 
 @dataclass(frozen=True, eq=False)

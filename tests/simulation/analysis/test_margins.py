@@ -13,7 +13,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.simulation.analysis import margin_survey
 from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
-from dualwinch.simulation.analysis.margins import BOTH, Margins, margins
+from dualwinch.simulation.analysis.margins import BOTH, Margins, complementary, margins
 from dualwinch.simulation.paper import case
 from tests.simulation.inserted import run
 
@@ -153,6 +153,18 @@ def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
         {kind: of.value for kind, of in worst.items()}, rel=1e-6
     )
     assert found.delay < margins(linear_broken_loop(PAPER, 25.0, v, "tau_1")).delay
+
+
+def test_responses_by_schur_forms_are_those_by_solving() -> None:
+    loop = linear_broken_loop(PAPER, 25.0, 0.5, BOTH)
+    assert loop.dt is not None
+    closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
+    omega, one = np.geomspace(1e-2, 3e3, 50), np.zeros(50, np.intp)
+    near = closed.loci(omega[None], exact=False)[0, 0]
+    solved = closed.exact(omega, one, one, near)
+    closed.loci(omega[None], exact=True)  # computes the forms
+    for by_forms, by_solving in zip(closed.exact(omega, one, one, near), solved, strict=True):
+        np.testing.assert_allclose(by_forms, by_solving, rtol=1e-7)
 
 
 def beside(one: LinearSystem, other: LinearSystem) -> LinearSystem:
