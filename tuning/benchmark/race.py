@@ -480,7 +480,7 @@ BEGINS = {
     TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
 }
-"""Phase → approximate share of an entry's time that has passed at its begin."""
+"""Phase → approximate share of an entry's time that has passed at its beginning."""
 
 
 class EntryProgress(TuningProgress):
