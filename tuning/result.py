@@ -354,7 +354,11 @@ def comparison(tuned: TuningResult) -> str:
         ]
         return " and ".join(ratios)
 
-    words, within, every = f"{objective.name} is {compared(feasible=True)}", verdict.feasible, verdict.scored.scenarios
+    words, within, every = (
+        f"{objective.name} is {compared(feasible=True)}",
+        verdict.feasible_scenarios,
+        verdict.scored.scenarios,
+    )
     if within in (0, every) or objective.kind == "worst":
         return words
     return f"{words} in the {within} feasible test scenarios ({compared(feasible=False)} in all {every})"
@@ -377,7 +381,7 @@ def _digits(ratio: float) -> str:
 
 def authority(tuned: TuningResult) -> str:
     """Number of infeasible test scenarios, in words; empty for none."""
-    beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible
+    beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible_scenarios
     return infeasible_words(beyond) if beyond and tuned.verdict.has_test_set else ""
 
 

@@ -1,9 +1,12 @@
 """Search and steps in turns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.ensembles.ensemble import Drawn, Uniform
 from dualwinch.tuning.optimisers import compile_ahead, linearise
 from dualwinch.tuning.optimisers import gradient as steps
 from dualwinch.tuning.optimisers.gradient import GradientSearch
@@ -91,3 +94,12 @@ def test_a_plant_that_sticks_or_rattles_is_searched_without_steps(
     problem = make_problem(settings=["simulation.duration=0.1", *settings, *method])
     assert linearise.smooth(problem)
     assert linearise.gradients_guide(problem) is guide
+
+
+def test_so_is_one_of_which_only_draws_stick(make_problem: MakeProblem) -> None:
+    problem = make_problem()
+    assert problem.ensemble is not None
+    drawn = dict(problem.ensemble.distributions) | {"plant.rope_1.hysteresis": Drawn(Uniform(0.0, 7.0))}
+    sticking = replace(problem, ensemble=replace(problem.ensemble, distributions=drawn))
+    assert linearise.gradients_guide(problem)
+    assert not linearise.gradients_guide(sticking)

@@ -57,6 +57,9 @@ def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | S
 
 Floats = NDArray[np.float64]
 
+CONTACTS = (".bristle_stiffness", ".hysteresis", ".backlash")
+"""Ends of the keys of what sticks or rattles."""
+
 APART = 1e-5
 """Step of finite differences, as a share of a gain's range."""
 
@@ -213,14 +216,16 @@ def smooth(problem: TuningProblem) -> list[ContinuousDimension]:
 
 
 def gradients_guide(problem: TuningProblem) -> bool:
-    """Whether gradients guide a search: a dimension has a derivative, and the plant neither sticks nor rattles.
+    """Whether gradients guide a search: a dimension has a derivative, and no machine sticks or rattles.
 
     With LuGre friction, hysteresis or backlash a run is smooth only between contacts. Its exact derivative says little
     of a step that a search takes, in which contacts change.
     """
     plant = problem.experiment.plant
     rattles = any(present(side.winch.backlash) for side in plant.sides)
-    return bool(smooth(problem)) and not (remembers_friction(plant) or rattles)
+    drawn = problem.ensemble.distributions if problem.ensemble else {}
+    contacts = remembers_friction(plant) or rattles or any(key.endswith(CONTACTS) for key in drawn)
+    return bool(smooth(problem)) and not contacts
 
 
 def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[float]]:

@@ -102,7 +102,7 @@ class SelectionResult:
         return not self.obstacle
 
     @property
-    def feasible(self) -> int:
+    def feasible_scenarios(self) -> int:
         """Number of test scenarios within the actuators' authority."""
         return int(self.within_authority.sum())
 

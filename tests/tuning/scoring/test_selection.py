@@ -300,7 +300,7 @@ def test_means_of_the_choice_and_of_the_first_line_are_those_over_feasible_scena
         assert score.feasible.statistics["mean.mse"] == pytest.approx(errors[within].mean(), rel=1e-12)
         for name in ("worst.peak_tension", "worst.min_tension"):
             assert score.feasible.statistics[name] == score.evaluation.statistics[name]
-    assert verdict.feasible == SMALL.test - 1
+    assert verdict.feasible_scenarios == SMALL.test - 1
     best = verdict.scores["best"]
     worse_in_all = replace(best, evaluation=replace(best.evaluation, objectives=(1.0,)))
     assert selection._contradiction(verdict.scores | {"best": worse_in_all}, verdict.chance) == ""
