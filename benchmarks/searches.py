@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown, put, times
-from dualwinch.tuning.constraints import ROBUST
+from dualwinch.tuning.constraints import ROBUST, ROBUST_AT_REST
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.selection import select
@@ -23,13 +23,8 @@ from dualwinch.tuning.tuning_problem import tuning_problem
 def problem_of(name: str, seed: int, *, margins: bool) -> TuningProblem:
     """The usual problem in an ensemble, or that without margins."""
     usual = tuning_problem(ensemble=name, seed=seed)
-    kept = [each.text for each in usual.constraints if margins or each.text not in ROBUST]
+    kept = [each.text for each in usual.constraints if margins or each.text not in {*ROBUST, *ROBUST_AT_REST}]
     return tuning_problem(ensemble=name, seed=seed, constraints=["none", *kept])
-
-
-def bounds_margins(name: str) -> bool:
-    """Whether the usual problem in an ensemble bounds margins of the loop."""
-    return any(each.text in ROBUST for each in tuning_problem(ensemble=name).constraints)
 
 
 def gains(problem: TuningProblem, lengths: Sequence[int]) -> list[float]:
@@ -51,7 +46,7 @@ def table(names: Sequence[str], lengths: Sequence[int], seeds: int) -> str:
     for name in names:
         by_margins = [
             np.array([gains(problem_of(name, seed, margins=margins), lengths) for seed in range(seeds)])
-            for margins in ((True, False) if bounds_margins(name) else (True,))
+            for margins in (True, False)
         ]
         for column, length in enumerate(lengths):
             cells = []
@@ -61,7 +56,7 @@ def table(names: Sequence[str], lengths: Sequence[int], seeds: int) -> str:
                     times(float(np.exp(np.log(values).mean()))),
                     f"{times(values.min())} to {times(values.max())}",
                 ]
-            rows.append([f"`{name}`", str(length), *cells, *["–"] * (4 - len(cells))])
+            rows.append([f"`{name}`", str(length), *cells])
     headings = ["ensemble", "rollouts", "MSE below the paper's", "seeds", "without margins", "seeds"]
     return f"{markdown(headings, rows)}\n\n*Geometric mean of {seeds} seeds, least and most; within authority.*"
 

@@ -10,12 +10,14 @@ from itertools import product
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
+from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.baseline import swings
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
@@ -157,7 +159,24 @@ class TuningProblem:
     @property
     def margin_amplitudes(self) -> tuple[float, ...]:
         """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small."""
-        return tuple(sorted({self.experiment.sensors.speed_noise, *self.selection.margin_amplitudes}))
+        config = self.selection
+        usual = config.margin_amplitudes if self.margins_at_speed else config.margin_amplitudes_at_rest
+        return tuple(sorted({self.experiment.sensors.speed_noise, *usual}))
+
+    @property
+    def margins_at_speed(self) -> bool:
+        """Whether margins are computed at the reference's largest speed, too; where drums swing, only at rest."""
+        return not swings(self.experiment.plant)
+
+    @property
+    def margin_conditions(self) -> str:
+        """At which speeds and amplitudes margins are computed, in words; empty if none depends on them."""
+        if all(statistic.margin == RESONANCE for statistic in self.margins):
+            return ""
+        sizes = [f"{100 * amplitude:.3g}" for amplitude in self.margin_amplitudes]
+        listed = " and ".join(filter(None, (", ".join(sizes[:-1]), sizes[-1])))
+        where = "at rest and at the reference's largest speed" if self.margins_at_speed else "at rest"
+        return f"margins are those {where}, for speed errors of {listed} cm/s"
 
     def margin(self, constraint: Constraint) -> float:
         """Back-off of a constraint in training, as a share of its bound."""

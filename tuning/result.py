@@ -117,7 +117,7 @@ class TuningResult:
     def instabilities(self) -> tuple[str, ...]:
         """Instabilities of the best's loop on the nominal machine; also of its motion, if no margin is bounded.
 
-        The advice to bound a margin is left out where drums swing: no margin can be bounded on every such machine yet.
+        The advice to bound a margin is left out where drums swing: there, it is bounded for small motions at rest only.
         """
         found = list(loop_remarks(self.best))
         if amplitudes := self._amplitudes:
@@ -127,13 +127,18 @@ class TuningResult:
 
     @cached_property
     def _late(self) -> tuple[str, ...]:
-        return tuple(delay_remarks(self.best, LATE)) if self._amplitudes else ()
+        return () if self._margins_bounded else tuple(delay_remarks(self.best, LATE))
 
     @property
     def _amplitudes(self) -> tuple[float, ...]:
-        """Amplitudes in m/s at which a loop without a bounded margin is checked."""
-        bounded = {statistic.margin for statistic in self.problem.margins} - {RESONANCE}
-        return () if bounded else self.problem.selection.margin_amplitudes
+        """Amplitudes in m/s at which no margin is bounded, and the loop is checked."""
+        bounded = self.problem.margin_amplitudes if self._margins_bounded else ()
+        return tuple(sorted({*self.problem.selection.margin_amplitudes} - {*bounded}))
+
+    @property
+    def _margins_bounded(self) -> bool:
+        """Whether any margin but that of the drums' resonance is bounded."""
+        return any(statistic.margin != RESONANCE for statistic in self.problem.margins)
 
     @cached_property
     def idle(self) -> frozenset[str]:

@@ -75,8 +75,9 @@ class SelectionConfig:
             training (the start's margins are smallest there), and in validation and test.
         margin_machines_screened: number of machines in the second stage of their selection; the first compares the
             start's margins only at the points where the nominal machine's are smallest.
-        margin_amplitudes: amplitudes of the speed error in m/s at which margins are computed, besides that of the speed
-            sensor's noise.
+        margin_amplitudes, margin_amplitudes_at_rest: amplitudes of the speed error in m/s at which margins are
+            computed, besides that of the speed sensor's noise; the latter where drums swing on their ropes, and margins
+            are computed at rest only.
         loop_range: largest ratio of a loop's margin to the least of its machine and amplitude; larger ones are clipped
             to it when active loops are determined.
         back_off: distance from bounds on the worst case, kept in training and by a repair, because more scenarios have
@@ -118,6 +119,7 @@ class SelectionConfig:
     margin_machines_validated: int = 8
     margin_machines_screened: int = 8
     margin_amplitudes: tuple[float, ...] = (0.01, 0.1)
+    margin_amplitudes_at_rest: tuple[float, ...] = (0.01,)
     loop_range: float = 3.0
     back_off: float = 0.005
     pool_size: int = 16

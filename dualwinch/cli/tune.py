@@ -446,8 +446,8 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
     )
     constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
     line.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
-    for choice in problem.choices:
-        line.say(choice)
+    for words in filter(None, (problem.margin_conditions, *problem.choices)):
+        line.say(words)
     kept = shown(storage) if is_database(storage) else storage
     line.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
 

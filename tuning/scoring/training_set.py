@@ -187,7 +187,9 @@ def survey(
     taken = drawn[: problem.selection.margin_machines_validated]
     keys, threads = () if experiment else problem.space.keys, threads_of(workers)
     machines = [experiment or problem.experiment, *taken]
-    return MarginSurvey(machines, keys, threads, amplitudes=problem.margin_amplitudes)
+    return MarginSurvey(
+        machines, keys, threads, amplitudes=problem.margin_amplitudes, at_speed=problem.margins_at_speed
+    )
 
 
 def hardest_machines(
@@ -203,7 +205,8 @@ def hardest_machines(
     if not (problem.margins and drawn):
         return []
     machines, amplitudes = [problem.experiment, *(scenarios[index] for index in drawn)], problem.margin_amplitudes[-1:]
-    surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes)
+    at_speed = problem.margins_at_speed
+    surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes, at_speed=at_speed)
     kinds, start = [statistic.margin for statistic in problem.margins], [problem.space.parameters(problem.start)]
     (nominal,) = surveyed.of_loops(start, kinds, np.flatnonzero(surveyed.loops[:, 0] == 0))
     hardest = {min(range(len(nominal)), key=lambda point: nominal[point][kind].value) for kind in nominal[0]} or {0}
@@ -298,8 +301,9 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
             with_paper = _drawn(problem, [*choices, *more], problem.paper_experiment)
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
             chosen = machines if problem.ensemble else machines[:1]
-            amplitudes = problem.margin_amplitudes
-            worst = MarginSurvey(chosen, threads=threads_of(workers), amplitudes=amplitudes).worst([[]])[0]
+            amplitudes, at_speed = problem.margin_amplitudes, problem.margins_at_speed
+            of_paper = MarginSurvey(chosen, threads=threads_of(workers), amplitudes=amplitudes, at_speed=at_speed)
+            worst = of_paper.worst([[]])[0]
             reached = constraint.statistic.of(worst)
         bounds.append(constraint.given(reached))
     return TrainingSet(

@@ -145,7 +145,7 @@ def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
 def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
     v: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(margin_survey, "survey_points", lambda _: [(25.0, v)])
+    monkeypatch.setattr(margin_survey, "survey_points", lambda _, **_words: [(25.0, v)])
     (worst,) = margin_survey.MarginSurvey([PAPER], cuts=[BOTH]).worst([[]])
     found = margins(linear_broken_loop(PAPER, 25.0, v, BOTH))
     assert {of.cut for of in worst.values()} == {BOTH}
