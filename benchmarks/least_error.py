@@ -66,10 +66,10 @@ def least_error(ensemble: Ensemble, samples: int = 10) -> tuple[float, float]:
     """
     known, experiment = Believed(ensemble), ensemble.experiment
     plant, vehicle = experiment.plant, experiment.plant.vehicle
-    course = dualwinch.simulate(dualwinch.case(4))
+    trajectory = dualwinch.simulate(dualwinch.case(4))
     step = 1e-3 * samples
-    x, v, a = (course[name][::samples] for name in ("x_ref", "v_ref", "a_ref"))
-    tensions = [course[f"F{side}"][::samples] for side in SIDES]
+    x, v, a = (trajectory[name][::samples] for name in ("x_ref", "v_ref", "a_ref"))
+    tensions = [trajectory[f"F{side}"][::samples] for side in SIDES]
     lengths = rope_lengths(x, plant.track)
     counted = float(encoder_step(plant.winch_1.gear_ratio, experiment.sensors))
     noise = (

@@ -141,7 +141,7 @@ def _slider(
     if leaf.kind is not float and finite:
         return Slider(*bounds)
     if reach and not around:
-        wider = 1.0 if Mark.COURSE in leaf.marks else WIDER
+        wider = 1.0 if Mark.SHAPE_PARAMETER in leaf.marks else WIDER
         return _clipped(wider * min(reach[0], 0.0), wider * reach[1], bounds)
     if around:
         return _clipped(around / WIDER, around * WIDER, bounds)

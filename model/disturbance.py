@@ -39,13 +39,13 @@ class Disturbance:
         Mark.DRAWN_AHEAD,
     ] = 0.0
     current_time: Annotated[
-        Positive, Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
+        Positive, Quantity("s", "correlation time of the current", "assumption"), Mark.DRAWN_AHEAD, Mark.SHAPE_PARAMETER
     ] = 20.0
     current_limit: Annotated[
         NonNegative,
         Quantity("m/s", "largest ambient current, 0.3 knots", "Assumption 1"),
         Mark.DRAWN_AHEAD,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 0.154
     normal_force_sigma: Annotated[
         NonNegative,
@@ -53,7 +53,10 @@ class Disturbance:
         Mark.DRAWN_AHEAD,
     ] = 0.0
     normal_force_time: Annotated[
-        Positive, Quantity("s", "correlation time of the rail load", "assumption"), Mark.DRAWN_AHEAD, Mark.COURSE
+        Positive,
+        Quantity("s", "correlation time of the rail load", "assumption"),
+        Mark.DRAWN_AHEAD,
+        Mark.SHAPE_PARAMETER,
     ] = 5.0
     force: Annotated[Signal, Quantity("N", "force on the vehicle along the track")] = field(default_factory=Signal)
     current: Annotated[Signal, Quantity("m/s", "ambient current along the track")] = field(default_factory=Signal)

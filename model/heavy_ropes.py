@@ -81,7 +81,7 @@ class RopeEnds:
     Attributes:
         wound, wound_rate: rope retrieved by the drum in m, and its rate in m/s.
         stretch, stretch_rate: stretch of the chord between drum and vehicle in m, and its rate in m/s.
-        length, closeness: length of the rope in m, and its reciprocal in 1/m.
+        length, inverse_length: length of the rope in m, and its reciprocal in 1/m.
     """
 
     wound: Scalar
@@ -89,7 +89,7 @@ class RopeEnds:
     stretch: Scalar
     stretch_rate: Scalar
     length: Scalar
-    closeness: Scalar
+    inverse_length: Scalar
 
 
 @dataclass(frozen=True)
@@ -282,11 +282,11 @@ def rope_pull(
         slack: whether it goes slack; else it may push.
         step: in s; the hysteresis rate is its mean over the step, tensions are those at its end (`bristle_rate`).
     """
-    n, length, closeness = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.closeness
+    n, length, inverse_length = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.inverse_length
     surplus, surplus_rate = 0.0, 0.0  # excess of the arc over the chord of the whole rope in m
     steep = 0.0  # depth of the sag over the span squared
     if isinstance(state.sag, Sag):
-        spans = maximum(closeness, 1 / track.roller_spacing) if present(track.roller_spacing) else closeness
+        spans = maximum(inverse_length, 1 / track.roller_spacing) if present(track.roller_spacing) else inverse_length
         steep = state.sag.depth * spans**2  # without a division
         surplus = 8 / 3 * steep * state.sag.depth * length
         surplus_rate = 16 / 3 * steep * state.sag.rate * length
@@ -303,19 +303,19 @@ def rope_pull(
     if isinstance(state.hysteresis, Hysteresis):
         # more rope at constant strain has more stretch, and more spans of the same sag; neither changes the strain
         stretch = ends.stretch + (0.0 if present(track.roller_spacing) else 2 * surplus)
-        growing = stretch * closeness * (ends.stretch_rate - ends.wound_rate)
-        straining = (ends.stretch_rate + surplus_rate - growing) * closeness
+        growing = stretch * inverse_length * (ends.stretch_rate - ends.wound_rate)
+        straining = (ends.stretch_rate + surplus_rate - growing) * inverse_length
         hysteresis = Hysteresis(bristle_rate(state.hysteresis.share, straining / rope.hysteresis_strain, 1.0, step))
         rubbing = rope.hysteresis * (state.hysteresis.share + step * hysteresis.share)
     tensions = []
     for stretch, rate in zip(stretches, rates, strict=True):
-        pull = rope.pull(stretch + surplus, rate + surplus_rate, length, closeness) + rubbing
+        pull = rope.pull(stretch + surplus, rate + surplus_rate, length, inverse_length) + rubbing
         tensions.append(one_sided(stretch + surplus, pull) if slack else pull)
     along = drag_along(rope, speeds, length, track, density)
     waves, sag = NO_STATE, NO_STATE
     if isinstance(state.waves, Waves):
         lightest = 1 / maximum(rope.shortest_mass, SHORTEST_ROPE)
-        ease = n / rope.mass_per_length * minimum(closeness, lightest)  # 1/lumped_mass
+        ease = n / rope.mass_per_length * minimum(inverse_length, lightest)  # 1/lumped_mass
         forces = [tensions[k] - tensions[k + 1] - along[k] - along[k + 1] for k in range(n - 1)]
         waves = Waves(state.waves.speed, vector([force * ease for force in forces]))
     if isinstance(state.sag, Sag):

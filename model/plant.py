@@ -166,9 +166,9 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 
     `step` as in `derivative`.
     """
     lengths, found = rope_lengths(state.x, plant.track), []
-    closenesses = reciprocals(*lengths)
-    ropes = zip(plant.sides, state.drums, state.ropes, lengths, closenesses, strict=True)
-    for side, (theta, omega), own, length, closeness in ropes:
+    inverse_lengths = reciprocals(*lengths)
+    ropes = zip(plant.sides, state.drums, state.ropes, lengths, inverse_lengths, strict=True)
+    for side, (theta, omega), own, length, inverse_length in ropes:
         drum, (longer, creeping) = winding(theta, side.winch), crept(t, side.creep)
         ends = RopeEnds(
             wound=drum.rope,
@@ -176,7 +176,7 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 
             stretch=drum.rope - side.direction * state.x - longer,
             stretch_rate=drum.radius * omega - side.direction * state.v - creeping,
             length=length,
-            closeness=closeness,
+            inverse_length=inverse_length,
         )
         water = {"density": plant.vehicle.water_density}
         found.append(rope_pull(side.rope, own, ends, plant.track, **water, slack=plant.rope_slack, step=step))

@@ -52,9 +52,9 @@ class Track:
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
     ] = 0.0
-    wavelength: Annotated[Positive, Quantity("m", "length of the rail's waves", "A14"), Mark.UNKNOWN, Mark.COURSE] = (
-        10.0
-    )
+    wavelength: Annotated[
+        Positive, Quantity("m", "length of the rail's waves", "A14"), Mark.UNKNOWN, Mark.SHAPE_PARAMETER
+    ] = 10.0
     rope_offset: Annotated[
         float, at.Ge(0.05), Quantity("m", "rope between winch and vehicle at the rail's end", "A1")
     ] = 0.5
@@ -86,7 +86,10 @@ class Creep:
         Mark.UNKNOWN,
     ] = 0.0
     time: Annotated[
-        Positive, Quantity("s", "time constant of the permanent elongation", "assumption"), Mark.UNKNOWN, Mark.COURSE
+        Positive,
+        Quantity("s", "time constant of the permanent elongation", "assumption"),
+        Mark.UNKNOWN,
+        Mark.SHAPE_PARAMETER,
     ] = 60.0
 
 
@@ -119,7 +122,7 @@ class RopeLaw(Part):
     shortest_mass: Annotated[
         NonNegative,
         Quantity("m", "a shorter rope has the mass of one of this length (mass scaling)", "model.heavy_ropes"),
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 6.0
     spare_length: Annotated[
         NonNegative,
@@ -151,7 +154,7 @@ class RopeLaw(Part):
     hysteresis_strain: Annotated[
         Positive,
         Quantity("1", "strain over which that friction changes by the share 1 − 1/e", "4e-6, A14"),
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 4e-6
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -178,8 +181,8 @@ class RopeLaw(Part):
             length: length of the unstretched rope in m.
         """
 
-    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
-        """`tension`, with 1/length in 1/m given as ``closeness``."""
+    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, inverse_length: Scalar) -> Scalar:  # noqa: ARG002
+        """`tension`, with 1/length in 1/m given as ``inverse_length``."""
         return self.tension(stretch, stretch_rate, length)
 
     def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
@@ -314,9 +317,9 @@ class Rope(RopeLaw):
         """Tension in N: spring plus damper."""
         return stiffness(length, self) * stretch + viscosity(self) * stretch_rate
 
-    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, closeness: Scalar) -> Scalar:  # noqa: ARG002
+    def pull(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar, inverse_length: Scalar) -> Scalar:  # noqa: ARG002
         """Tension in N without a division."""
-        return self.modulus * self.area * closeness * stretch + viscosity(self) * stretch_rate
+        return self.modulus * self.area * inverse_length * stretch + viscosity(self) * stretch_rate
 
     def resting_stretch(self, tension: Scalar, length: Scalar) -> Scalar:
         """Stretch in m at rest."""

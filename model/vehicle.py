@@ -48,21 +48,21 @@ class Vehicle:
         Positive,
         Quantity("m/s", "speed at which 1/e of stiction is left (Stribeck)", "0.01, A14"),
         Mark.UNKNOWN,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 0.01
     bristle_stiffness: Annotated[
         NonNegative,
         Quantity("N/m", "stiffness of LuGre's bristles; 0: friction follows the speed at once", "5e6, A14"),
         Mark.SHAPES_CODE_AT_ZERO,
         Mark.UNKNOWN,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 0.0
     bristle_damping: Annotated[
         NonNegative,
         Quantity("N s/m", "damping of LuGre's bristles", "1e5, A14"),
         Mark.OFF_AT_ZERO,
         Mark.UNKNOWN,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 0.0
 
 

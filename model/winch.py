@@ -54,7 +54,7 @@ class Winch:
         NonNegative,
         Quantity("1", "periods of the transmission error per drum turn", "A14"),
         Mark.UNKNOWN,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 6.0
     gear_loss: Annotated[
         NonNegative,
@@ -74,9 +74,9 @@ class Winch:
         Quantity("m", "growth of the radius per full layer of rope; 0: one layer", "assumption"),
         Mark.OFF_AT_ZERO,
     ] = 0.0
-    layer_laps: Annotated[float, at.Ge(1), Quantity("1", "drum turns that fill a layer", "assumption"), Mark.COURSE] = (
-        20.0
-    )
+    layer_laps: Annotated[
+        float, at.Ge(1), Quantity("1", "drum turns that fill a layer", "assumption"), Mark.SHAPE_PARAMETER
+    ] = 20.0
     radius_error: Annotated[
         float,
         at.Ge(-0.5),
@@ -96,7 +96,7 @@ class Winch:
         float,
         Quantity("rad", "angle of the drum's largest radius at drum angle 0", "assumption"),
         Mark.UNKNOWN,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 0.0
     torque_error: Annotated[
         float,
@@ -113,10 +113,13 @@ class Winch:
         Mark.UNKNOWN,
     ] = 0.0
     ripple_waves: Annotated[
-        NonNegative, Quantity("1", "periods of the ripple per motor turn", "assumption"), Mark.UNKNOWN, Mark.COURSE
+        NonNegative,
+        Quantity("1", "periods of the ripple per motor turn", "assumption"),
+        Mark.UNKNOWN,
+        Mark.SHAPE_PARAMETER,
     ] = 6.0
     ripple_angle: Annotated[
-        float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN, Mark.COURSE
+        float, Quantity("rad", "phase of the ripple at drum angle 0", "assumption"), Mark.UNKNOWN, Mark.SHAPE_PARAMETER
     ] = 0.0
 
     rules: ClassVar = (

@@ -44,7 +44,7 @@ class Sensors:
         Positive,
         Quantity("s", "correlation time of the drift (first-order Gauss–Markov)", "assumption"),
         Mark.DRAWN_AHEAD,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 600.0
     outage_length: Annotated[
         NonNegative,
@@ -56,7 +56,7 @@ class Sensors:
         Positive,
         Quantity("s", "period in which one outage occurs, at a random time", "assumption"),
         Mark.DRAWN_AHEAD,
-        Mark.COURSE,
+        Mark.SHAPE_PARAMETER,
     ] = 5.0
     outage: Annotated[
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (missing)", "")

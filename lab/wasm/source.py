@@ -28,7 +28,7 @@ from dualwinch.model.quantities.tree import leaves, numbers, with_leaves
 from dualwinch.model.reference import PAPER_DURATION, PAPER_SPEED, Reference, departures, setpoint, steady_window
 from dualwinch.model.scalar import Scalar, both, exp, maximum, where
 from dualwinch.simulation.analysis.idealisations import idealisation_checks
-from dualwinch.simulation.exogenous.signals import courses, stream_number
+from dualwinch.simulation.exogenous.signals import gauss_markov_signals, stream_number
 from dualwinch.simulation.loop.closed_loop import named_function, start_function
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.metrics.metrics import KEYS, finish
@@ -113,10 +113,10 @@ def drawn_function(settings: Settings) -> ca.Function:
     sea = with_leaves(settings.wide.disturbance, symbols, "disturbance.")
     vehicle = with_leaves(settings.wide.plant.vehicle, symbols, "plant.vehicle.")
     rows: dict[str, list[Scalar]] = {name: [0.0] * len(SIGNAL_FIELDS) for name in settings.loop.closed.exogenous}
-    for name, course in courses(sensors, sea, vehicle).items():
-        time = ca.SX(course.time)
+    for name, signal in gauss_markov_signals(sensors, sea, vehicle).items():
+        time = ca.SX(signal.time)
         decay = where(time > 0, exp(-step / maximum(time, 1e-300)), 0.0)
-        rows[name] = [NORMAL * (course.sigma > 0), course.sigma, decay, course.limit, 0.0, 0.0, course.from_zero]
+        rows[name] = [NORMAL * (signal.sigma > 0), signal.sigma, decay, signal.limit, 0.0, 0.0, signal.from_zero]
     rows["noise.lateness"][0] = UNIFORM * (symbols["simulation.jitter"] > 0)
     length, period = symbols["sensors.outage_length"], symbols["sensors.outage_period"]
     rows["noise.silent"] = [OUTAGES * (length > 0), 0.0, 0.0, 0.0, period / step, length / step, 0.0]

@@ -146,7 +146,7 @@ class Mark(Enum):
     CONTENT = "the content of a file: no scalar, and without a key"
     DIGEST = "the digest of the content of a file, updated when another file is read"
     DRAWN_AHEAD = "a parameter of signals drawn before a run; no input of the closed loop"
-    COURSE = "sets the course of an effect over time or angle, not its size"
+    SHAPE_PARAMETER = "a shape parameter of an effect: sets its form over time, angle or speed, not its size"
     SWITCH = "a truth value that is a number, 0 or 1, in the closed loop"
     OFF_AT_ZERO = "often zero: specialised code leaves out the terms it multiplies"
     SCALES_DRAWS = "scales signals drawn before a run: at zero nothing is drawn"

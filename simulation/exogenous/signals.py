@@ -103,7 +103,7 @@ class GaussMarkovSignal(NamedTuple):
     """whether it starts from zero; else it is stationary."""
 
 
-def courses(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkovSignal]:
+def gauss_markov_signals(sensors: Sensors, sea: Disturbance, vehicle: Vehicle) -> dict[str, GaussMarkovSignal]:
     """The Gauss–Markov signals of a run by name; sensor noises have a standard deviation of 1."""
     return {
         "current": GaussMarkovSignal(sea.current_sigma, sea.current_time, sea.current_limit),
@@ -148,11 +148,11 @@ def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] =
     sea = with_leaves(experiment.disturbance, columns, "disturbance.")
     vehicle = with_leaves(experiment.plant.vehicle, columns, "plant.vehicle.")
     found: dict[str, Drawn] = {}
-    for name, course in courses(sensors, sea, vehicle).items():
-        if np.any(course.sigma > 0):
-            decay = _decay(simulation.sample_time, course.time)
-            number, sigma = stream_number(name), course.sigma
-            found[name] = RandomSignal(simulation.seed, number, sigma, decay, course.limit, course.from_zero)
+    for name, signal in gauss_markov_signals(sensors, sea, vehicle).items():
+        if np.any(signal.sigma > 0):
+            decay = _decay(simulation.sample_time, signal.time)
+            number, sigma = stream_number(name), signal.sigma
+            found[name] = RandomSignal(simulation.seed, number, sigma, decay, signal.limit, signal.from_zero)
     seed, sample_time = simulation.seed, simulation.sample_time
     if simulation.jitter > 0:
         found["noise.lateness"] = UniformSignal(seed, stream_number("noise.lateness"))
@@ -284,7 +284,7 @@ def sea_signals(experiment: Experiment) -> Sea:
 def shaped_by(key: str) -> tuple[str, ...]:
     """Names of the signals that a number shapes, as scale, standard deviation, correlation time or limit."""
     given = (name for name in given_signals(Disturbance()) if key == _scale(name))
-    return (*given, *(name for name, shaping in _course_slopes() if shaping == key))
+    return (*given, *(name for name, shaping in _signal_slopes() if shaping == key))
 
 
 def check_shaped(experiment: Experiment, key: str) -> None:
@@ -294,7 +294,7 @@ def check_shaped(experiment: Experiment, key: str) -> None:
         if key == _scale(name):
             if not given[name][0].given:
                 raise ConfigurationError(f"{key}: must scale a signal that is given")
-        elif name not in drawn and _course_slope(experiment, name, key)[0]:
+        elif name not in drawn and _signal_slope(experiment, name, key)[0]:
             raise ConfigurationError(f"{key} = 0: must be > 0 where it varies (without it nothing is drawn)")
 
 
@@ -316,7 +316,7 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
     drawn = random_signals(experiment).get(name)
     if not isinstance(drawn, RandomSignal):
         return np.zeros(samples)
-    by_sigma, by_time, by_limit = _course_slope(experiment, name, key)
+    by_sigma, by_time, by_limit = _signal_slope(experiment, name, key)
     table = np.empty((samples, 1))
     Signals([replace(drawn, sigma=1.0, limit=NO_LIMIT)]).fill(table, 0)
     free = table[:, 0]
@@ -353,21 +353,21 @@ def _keys() -> tuple[str, ...]:
     return tuple(leaf.key for leaf in known if leaf.kind is float)
 
 
-def _course_slope(experiment: Experiment, name: str, key: str) -> list[float]:
+def _signal_slope(experiment: Experiment, name: str, key: str) -> list[float]:
     """Derivatives of a random signal's standard deviation, correlation time and limit with respect to a number."""
     values = leaves(experiment)
-    return _course_slopes()[name, key]([values[key] for key in _keys()]).full().ravel().tolist()
+    return _signal_slopes()[name, key]([values[key] for key in _keys()]).full().ravel().tolist()
 
 
 @built_once
-def _course_slopes() -> Mapping[tuple[str, str], ca.Function]:
-    """Random signal and number that shapes it → function from the values of all `_keys` to `_course_slope`."""
+def _signal_slopes() -> Mapping[tuple[str, str], ca.Function]:
+    """Random signal and number that shapes it → function from the values of all `_keys` to `_signal_slope`."""
     symbols = {key: ca.SX.sym(key) for key in _keys()}
     sensors, sea, vehicle = (with_leaves(group, symbols, prefix) for prefix, group in SHAPING.items())
     every = ca.vertcat(*symbols.values())
     found = {}
-    for name, course in courses(sensors, sea, vehicle).items():
-        shape = ca.vertcat(course.sigma, course.time, course.limit)
+    for name, signal in gauss_markov_signals(sensors, sea, vehicle).items():
+        shape = ca.vertcat(signal.sigma, signal.time, signal.limit)
         for key, symbol in symbols.items():
             slopes = ca.sparsify(ca.jacobian(shape, symbol))
             if slopes.nnz():

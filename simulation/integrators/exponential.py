@@ -109,7 +109,7 @@ def _oscillators(
     plant, torques = problem.plant, problem.torques
     travel = h * state.v
     length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
-    closeness_1, closeness_2 = reciprocals(length_1, length_2)
+    inverse_length_1, inverse_length_2 = reciprocals(length_1, length_2)
     drum_1, drum_2 = drums
     (longer_1, creeping_1), (longer_2, creeping_2) = crept(t, plant.creep_1), crept(t, plant.creep_2)
     rope_1 = _oscillator(
@@ -119,7 +119,7 @@ def _oscillators(
         omega=state.omega_1,
         torque=torques.tau_1,
         length=length_1,
-        closeness=closeness_1,
+        inverse_length=inverse_length_1,
         lengthening=-travel,
         rope=kelvin_voigt(plant.rope_1),
         winch=plant.winch_1,
@@ -134,7 +134,7 @@ def _oscillators(
         omega=state.omega_2,
         torque=torques.tau_2,
         length=length_2,
-        closeness=closeness_2,
+        inverse_length=inverse_length_2,
         lengthening=travel,
         rope=kelvin_voigt(plant.rope_2),
         winch=plant.winch_2,
@@ -153,7 +153,7 @@ def _oscillator(
     omega: Scalar,
     torque: Scalar,
     length: Scalar,
-    closeness: Scalar,
+    inverse_length: Scalar,
     lengthening: Scalar,
     rope: Rope,
     winch: Winch,
@@ -163,8 +163,8 @@ def _oscillator(
 ) -> Oscillator:
     """One rope and its drum (Eq. 2–4), with the sub-step h in s as the unit of time.
 
-    `sign` is that of the vehicle's position in the stretch, `closeness` 1/length in 1/m; `rate` and `lengthening` are
-    in m/step.
+    `sign` is that of the vehicle's position in the stretch, `inverse_length` in 1/m; `rate` and `lengthening` are in
+    m/step.
     """
     drag = h / total_inertia(winch) * friction_slope(omega, winch)
     turn = h * omega
@@ -178,10 +178,10 @@ def _oscillator(
         + drag * rate
         + (drum.growth + turn / 2 * drum.bend) * turn**2,
         sign=sign,
-        spring=rope.modulus * rope.area * closeness,
+        spring=rope.modulus * rope.area * inverse_length,
         compliance=compliance(length, rope),
         damper=rope.damping / h,
-        stiffening=-lengthening * closeness,
+        stiffening=-lengthening * inverse_length,
         mobility=radius**2 / total_inertia(winch) * h**2,
         drag=drag,
         slack=slack,

@@ -62,7 +62,7 @@ class Textbook:
     negative_log_likelihood: float
 
 
-def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spread: FilterCovariances) -> Textbook:
+def in_numpy(experiment: Experiment, vector: np.ndarray, data: FilterData, spread: FilterCovariances) -> Textbook:
     """An extended Kalman filter as in a textbook, all sensors at once.
 
     The covariance is corrected in Joseph's form (Bucy and Joseph, *Filtering for Stochastic Processes*, 1968): where
@@ -70,8 +70,8 @@ def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spr
     are off by 1e-6, as a filter in extended precision shows, by how much being up to compiler and processor.
     """
     system = predicted_system(predictor_structure(experiment), FITTED)
-    n, motion = len(course.start), system.move.size1_in("motion")
-    x, P = course.start.copy(), spread.initial.copy()
+    n, motion = len(data.start), system.move.size1_in("motion")
+    x, P = data.start.copy(), spread.initial.copy()
     found = Textbook([], [], [], [], 0.0)
 
     jacobians = cache(ca.Function.jacobian)
@@ -84,7 +84,7 @@ def in_numpy(experiment: Experiment, vector: np.ndarray, course: FilterData, spr
             name: np.array(ca.DM(value)) for name, value in slopes.items()
         }
 
-    for given, read in zip(course.inputs, course.readings, strict=True):
+    for given, read in zip(data.inputs, data.readings, strict=True):
         seen = called(system.sense, x, given, vector)
         there = np.isfinite(read)
         H = seen["jac_reading_state"][there]
@@ -134,9 +134,9 @@ def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> N
     found, noise = filters(experiment, window=window)
     (section,) = found.sections
     (filtered,) = found.run(experiment, noise, rows=True, robust=False)
-    course, covariance = found.data(experiment, noise, section)
+    data, covariance = found.data(experiment, noise, section)
     spread = FilterCovariances(covariance, found.process_variances(experiment, noise), noise.measurement)
-    textbook = in_numpy(experiment, found.parameters(experiment, noise), course, spread)
+    textbook = in_numpy(experiment, found.parameters(experiment, noise), data, spread)
     states, deviations = np.array(textbook.states), np.sqrt([np.diag(each) for each in textbook.covariances])
     assert filtered.states is not None
     assert filtered.deviations is not None
@@ -148,10 +148,10 @@ def test_the_filter_is_the_textbooks(experiment: Experiment, window: slice) -> N
 def test_the_smoother_is_the_textbooks() -> None:
     found, noise = filters()
     (section,) = found.sections
-    course, covariance = found.data(MACHINE, noise, section)
+    data, covariance = found.data(MACHINE, noise, section)
     walk = found.process_variances(MACHINE, noise)
     textbook = in_numpy(
-        MACHINE, found.parameters(MACHINE, noise), course, FilterCovariances(covariance, walk, noise.measurement)
+        MACHINE, found.parameters(MACHINE, noise), data, FilterCovariances(covariance, walk, noise.measurement)
     )
     states, deviations = smoothed(textbook, walk)
     ((_, means, covariances),) = found.smooth(MACHINE, noise)

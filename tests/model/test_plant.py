@@ -99,7 +99,7 @@ def test_what_the_paper_leaves_out_is_off() -> None:
     beyond = {
         key: value
         for key, value in leaves(PLANT, "plant.").items()
-        if key not in DEFAULTS and described[key].is_number and Mark.COURSE not in described[key].marks
+        if key not in DEFAULTS and described[key].is_number and Mark.SHAPE_PARAMETER not in described[key].marks
     }
     assert {key.rpartition(".")[2] for key, value in beyond.items() if value} == {"diameter"}
 

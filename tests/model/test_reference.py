@@ -7,8 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dualwinch.model.reference import Reference, setpoint, steady_window
-from tests.closeness import close
 from tests.oracle.sampled import profile, uniform
+from tests.tolerances import close
 
 PROFILE, UNIFORM = Reference(kind="profile"), Reference(kind="uniform")
 

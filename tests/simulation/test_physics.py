@@ -28,8 +28,8 @@ from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
 from tests.tiers import examples, in_full, mostly_slow
+from tests.tolerances import close
 
 SHORT = Simulation(duration=0.3)
 MANY = in_full()

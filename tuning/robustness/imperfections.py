@@ -70,7 +70,7 @@ def imperfections(base: Ensemble, ensemble: Ensemble) -> tuple[Imperfection, ...
 
     An imperfection is a number that is drawn or set differently, a switch, or a part of another kind with all its
     numbers. Keys that differ only in the number of a rope or winch form one imperfection. Excluded are motion, metrics,
-    numerical method, and the course of an imperfection over time (`Mark.COURSE`).
+    numerical method, and shape parameters (`Mark.SHAPE_PARAMETER`).
 
     Raises:
         ConfigurationError: there are none.
@@ -98,7 +98,7 @@ def all_together(single: tuple[Imperfection, ...]) -> Imperfection:
 
 
 def _scalable(key: str, leaf: Leaf, drawn: Drawn | None) -> bool:
-    if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.COURSE}):
+    if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.SHAPE_PARAMETER}):
         return False
     if drawn is not None:
         return True
@@ -185,7 +185,7 @@ class ScaledEnsemble:
 
     @cached_property
     def _start(self) -> Ensemble:
-        """The base with everything of the ensemble that is no imperfection: motion, metrics, method, courses."""
+        """The base with all of the ensemble that is no imperfection: motion, metrics, method, shape parameters."""
         values, keys = leaves(self.base.experiment), set(self.keys)
         own = {key: values[key] for key in self.keys if key in values}
         drawn = {key: drawn for key, drawn in self.ensemble.distributions.items() if key not in keys}

@@ -84,7 +84,7 @@ def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
     errors = {
         key: 0.0
         for key, leaf in describe_parts(first.base).items()
-        if Mark.UNKNOWN in leaf.marks and Mark.COURSE not in leaf.marks and (key in first.draws or values[key])
+        if Mark.UNKNOWN in leaf.marks and Mark.SHAPE_PARAMETER not in leaf.marks and (key in first.draws or values[key])
     }
     base = with_leaves(first.base, errors)
     return [

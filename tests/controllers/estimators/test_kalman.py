@@ -28,7 +28,7 @@ from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
+from tests.tolerances import close
 
 T = 1e-3
 SEA = Sensors(position_noise=5e-4, position_resolution=1e-3, speed_noise=2e-3, tension_noise=10.0, encoder_counts=4096)

@@ -36,7 +36,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
+from tests.tolerances import close
 
 T, SIGMA = 1e-3, 6e-4
 NAMES = [field.name for field in fields(Measurement)]

@@ -14,8 +14,8 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
 from tests.conftest import PaperRun
+from tests.tolerances import close
 
 T, STILL = 1e-3, Setpoint(0.0, 0.0, 0.0)
 SMOOTH = Plant(vehicle=Vehicle(drag_coefficient=0.0, friction_coefficient=0.0))

@@ -9,7 +9,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Departures, Setpoint, no_departures, previewed
 from dualwinch.model.reference import Reference, departures, setpoint
-from tests.closeness import close
+from tests.tolerances import close
 
 NOW, TIMES = Setpoint(2.0, 0.5, 0.1), (0.5, 2.0)
 T = np.arange(0, 60, 0.01)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from dualwinch.model.reference import Reference, own_duration, setpoint, steady_window
-from tests.closeness import close
+from tests.tolerances import close
 
 POINTS = st.lists(st.floats(0.01, 50), min_size=1, max_size=4)
 

@@ -19,7 +19,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
+from tests.tolerances import close
 
 COLUMNS = ("x", "v", "omega_2", "e", "F1", "F2", "u", "d_true", "tau_1", "torque_2", "x_read", "F1_read", "d_est")
 

@@ -19,7 +19,7 @@ from dualwinch.simulation.experiment import Simulation
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.sensors import LoadCells, Noise, Readings, Sensors, encoder_step, measure, quantise
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
+from tests.tolerances import close
 
 STATE = PlantState(12.3456, 1.7, 15.1, 2.1, -15.2, -2.2)
 SHORT = Simulation(duration=1.0)

@@ -23,10 +23,10 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import CASES, CONTROLLERS, case
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
 from tests.conftest import OracleRun, PaperRun
 from tests.oracle.sampled import Scenario, run
 from tests.tiers import all_but, mostly_slow
+from tests.tolerances import close
 
 METRE = 1e-6
 """Largest difference of the position that counts as agreement, in m."""

@@ -32,9 +32,9 @@ from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.sensors import Sensors
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.closeness import close
 from tests.own_ropes import Bedding, Stiffening
 from tests.tiers import choice_of_pairs, each_choice, mostly_slow
+from tests.tolerances import close
 
 Array = NDArray[np.float64]
 

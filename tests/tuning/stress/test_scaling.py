@@ -33,8 +33,8 @@ def test_all_at_size_1_is_the_ensemble_and_nothing_is_the_base(index: int) -> No
     assert whole.nominal == expected.nominal
     nothing = leaves(scaling.scenario(index, paper_controller(), {}).experiment)
     base = own(sea()).scenario(index, 5)
-    courses = {key for key, leaf in describe(Experiment).items() if Mark.COURSE in leaf.marks}
-    assert {key for key, value in leaves(base.experiment).items() if nothing[key] != value} <= courses
+    shape_parameters = {key for key, leaf in describe(Experiment).items() if Mark.SHAPE_PARAMETER in leaf.marks}
+    assert {key for key, value in leaves(base.experiment).items() if nothing[key] != value} <= shape_parameters
     assert base.nominal.vehicle == scaling.scenario(index, paper_controller(), {}).nominal.vehicle
 
 
