@@ -71,7 +71,7 @@ def cache_folder() -> Path:
     folder = Path(given or user_cache_path("dualwinch")).absolute() / NAME
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        reason = _doubt_above(folder) or _doubt(folder) or _useless(folder)
+        reason = _untrusted_parent(folder) or _untrusted(folder) or _useless(folder)
         return _substitute(reason) if reason else folder
     except OSError as error:
         no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not given  # services with HOME=/dev/null
@@ -88,7 +88,7 @@ def own(file: Path) -> bool:
     return not POSIX or (facts.st_uid == os.getuid() and not facts.st_mode & OTHERS_WRITE)
 
 
-def _doubt_above(folder: Path) -> str:
+def _untrusted_parent(folder: Path) -> str:
     """Reason why a folder above cannot be trusted; empty without one.
 
     In a folder to which every user may write, the sticky bit prevents them from replacing another user's folder.
@@ -103,7 +103,7 @@ def _doubt_above(folder: Path) -> str:
     return ""
 
 
-def _doubt(folder: Path) -> str:
+def _untrusted(folder: Path) -> str:
     """Create a folder with its marker if missing; reason why an existing one cannot be trusted, else empty."""
     folder.mkdir(mode=0o700, exist_ok=True)
     facts = folder.lstat()
@@ -157,7 +157,7 @@ def _substitute(reason: str) -> Path:
     """A temporary folder of this process, deleted at its end."""
     folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", ignore_cleanup_errors=True)
     _substitutes.append(folder)
-    if further := _doubt_above(Path(folder.name)) or _useless(Path(folder.name)):
+    if further := _untrusted_parent(Path(folder.name)) or _useless(Path(folder.name)):
         raise CacheError(f"no folder for compiled libraries: {reason}, and {further}; {HINT}")
     warnings.warn(
         f"compiled libraries are not kept: {reason}; they are built anew in {folder.name}", CacheWarning, stacklevel=3

@@ -98,8 +98,8 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
 #if HAS_ONE_STEP
     sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
                               next, often.margin, often.valid);
-    int doubtful = any_at_most_zero(often.valid, often.margin);
-    if (doubtful) {
+    int suspect = any_at_most_zero(often.valid, often.margin);
+    if (suspect) {
       int any = 0;
       EACH_LANE {
         missing[l] = often.valid[l] > 0 ? 0 : 1;
@@ -114,10 +114,10 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
 #else
     sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
     move_on(now, often.hold, p, for_move, next, often.margin);
-    int doubtful = any_at_most_zero(often.margin, often.margin);
+    int suspect = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;
-    if (look || k < watch_until || doubtful) {
+    if (look || k < watch_until || suspect) {
       find_finite(next, finite);
       int lost = 0;
       EACH_LANE lost += !finite[l] && done[l] == samples;

@@ -167,7 +167,7 @@ def plain_numbers(experiment: Experiment) -> frozenset[str]:
     )
 
 
-def doubtful(group: ScenarioGroup) -> Flags:
+def suspect_members(group: ScenarioGroup) -> Flags:
     """(members,) whether each needs a check of its own."""
     if not group.columns:
         return np.ones(len(group.members), bool)
@@ -175,21 +175,21 @@ def doubtful(group: ScenarioGroup) -> Flags:
         prepare(group.experiment)
     except ConfigurationError:  # its members may be valid nevertheless
         return np.ones(len(group.members), bool)
-    known, doubts = describe_parts(group.experiment), np.zeros(len(group.members), bool)
+    known, suspect = describe_parts(group.experiment), np.zeros(len(group.members), bool)
     for key, column in group.columns.items():
-        doubts |= out_of_range(known[key], column)
-    if not doubts.any():
-        for doubt in _doubts(group):
-            doubts |= doubt
-    return doubts
+        suspect |= out_of_range(known[key], column)
+    if not suspect.any():
+        for violated in _violations(group):
+            suspect |= violated
+    return suspect
 
 
-def _doubts(group: ScenarioGroup) -> Iterator[Any]:
+def _violations(group: ScenarioGroup) -> Iterator[Any]:
     """Checks that involve several columns: rules, sub-steps, initial states; (members,) each, true where violated."""
     parts = symbolic_parts(group.experiment, group.columns)
     for name in ("plant", "sensors", "actuator", "disturbance"):
         for _, owner, rule in rules(getattr(parts, name), f"{name}."):
-            yield breaks(rule, owner)
+            yield violates(rule, owner)
     simulation = group.experiment.simulation
     if not is_automatic(group.experiment):
         integrator = solver_of(group.experiment).integrator
@@ -198,8 +198,8 @@ def _doubts(group: ScenarioGroup) -> Iterator[Any]:
     yield ~np.isfinite(first).all(axis=1)
 
 
-def breaks(rule: Rule, group: Any) -> Any:
-    """Where fields of a group, which may be arrays, break a rule; True if the rule cannot be evaluated on arrays."""
+def violates(rule: Rule, group: Any) -> Any:
+    """Where fields of a group, which may be arrays, violate a rule; True if the rule cannot be evaluated on arrays."""
     try:
         return ~np.asarray(rule.holds(group), bool)
     except ValueError:  # the truth of an array
@@ -252,8 +252,8 @@ def check_shape(names: Sequence[str], values: Floats) -> None:
 
 
 def check_group(group: ScenarioGroup, scenarios: Scenarios, scaling: Iterable[str] = ()) -> None:
-    """Pass doubtful members to `prepare`, whose error names the invalid value."""
-    for place in group.members[doubtful(group)]:
+    """Pass suspect members to `prepare`, whose error names the invalid value."""
+    for place in group.members[suspect_members(group)]:
         try:
             prepare(experiment_of(scenarios[place]))
         except ConfigurationError as error:
@@ -294,7 +294,7 @@ def _check_together(
         suspects = [(place, range(rows)) for place in range(len(scenarios))]
     else:
         first = {group.experiment.controller: group.members[0] for group in reversed(groups)}
-        suspects = [(place, _breaking(controller, columns)) for controller, place in first.items()]
+        suspects = [(place, _violating(controller, columns)) for controller, place in first.items()]
     described = described_parameters(structure)
     for place, chosen in suspects:
         for row in chosen:
@@ -311,12 +311,12 @@ def _check_together(
                 raise ConfigurationError(f"{where}: {error}") from error
 
 
-def _breaking(controller: Controller, columns: Mapping[str, Floats]) -> Iterable[int]:
-    """Rows that break a rule of a controller."""
-    broken = np.zeros(len(next(iter(columns.values()))), bool)
+def _violating(controller: Controller, columns: Mapping[str, Floats]) -> Iterable[int]:
+    """Rows that violate a rule of a controller."""
+    violated = np.zeros(len(next(iter(columns.values()))), bool)
     for _, owner, rule in rules(with_leaves(controller, columns, "controller.")):
-        broken |= breaks(rule, owner)
-    return np.flatnonzero(broken)
+        violated |= violates(rule, owner)
+    return np.flatnonzero(violated)
 
 
 def _check_substeps(experiment: Experiment, structure: Experiment) -> None:

@@ -224,7 +224,7 @@ def test_a_folder_that_cannot_be_written_to_or_made(given: Path, monkeypatch: py
         raise OSError(errno.EROFS, "Read-only file system")
 
     with monkeypatch.context() as patched:
-        patched.setattr(cache, "_doubt", refuse)
+        patched.setattr(cache, "_untrusted", refuse)
         built_elsewhere("Read-only file system")
 
 

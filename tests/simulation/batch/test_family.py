@@ -9,7 +9,7 @@ import pytest
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.scenarios import doubtful, experiment_of, scenario_groups
+from dualwinch.simulation.batch.scenarios import experiment_of, scenario_groups, suspect_members
 from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.exogenous.signals import exogenous_signals, exogenous_sources
@@ -121,7 +121,7 @@ def test_scenarios_that_nobody_may_run_are_found_and_named(key: str) -> None:
 
 def test_sound_scenarios_are_not_looked_at_one_by_one() -> None:
     (family,) = scenario_groups(RIG.chosen(range(64), 7))
-    assert not doubtful(family).any()
+    assert not suspect_members(family).any()
 
 
 def test_an_ensemble_about_values_that_nobody_may_run_has_sound_scenarios() -> None:
