@@ -47,13 +47,13 @@ SHARE = 0.95
 """Of the intervals that are looked at."""
 
 
-def one_log(scenario: Scenario, believed: Experiment, priors: dict[str, Prior]) -> dict[str, Any]:
+def one_log(scenario: Scenario, nominal: Experiment, priors: dict[str, Prior]) -> dict[str, Any]:
     """What comes of a scenario's log: for each number the truth, the estimate, and whether it is told."""
     truth = override(scenario.experiment, {"simulation.readings": True, "simulation.duration": DURATION})
     began, log = perf_counter(), log_of(simulate(truth))
     record: dict[str, Any] = {"scenario": scenario.index}
     try:
-        found = identify([log], list(priors), believed, priors=priors, workers=1)
+        found = identify([log], list(priors), nominal, priors=priors, workers=1)
     except ConfigurationError as error:
         return record | {"refused": str(error)}
     values, names = leaves(truth), {key for each in found.unidentifiable for key in each.keys} | set(found.uninformed)
@@ -146,12 +146,12 @@ def main() -> int:
         parser.error(f"--logs {chosen.logs}: must be >= 1")
     try:
         rig = load_ensemble("rig")
-        believed, _, priors = problem_of([], None, rig, {})
+        nominal, _, priors = problem_of([], None, rig, {})
         records = done(chosen.file)
         there = {record["scenario"] for record in records}
         wanted = [scenario for scenario in rig.scenarios(chosen.logs, SEED) if scenario.index not in there]
         with Pool(cores()) as pool:
-            for record in pool.imap_unordered(partial(one_log, believed=believed, priors=priors), wanted):
+            for record in pool.imap_unordered(partial(one_log, nominal=nominal, priors=priors), wanted):
                 records.append(record)
                 with chosen.file.open("a", encoding="utf-8") as lines:
                     lines.write(json.dumps(record) + "\n")

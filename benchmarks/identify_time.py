@@ -47,18 +47,18 @@ SENSORS = {
     "disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1, "simulation.readings": True,
 }  # fmt: skip
 
-BELIEVED = {
+NOMINAL = {
     "plant.vehicle.mass": 1.1e4, "plant.vehicle.drag_coefficient": 0.25, "plant.rope_1.modulus": 7.4e10,
     "plant.rope_2.modulus": 8.5e10, "plant.winch_1.inertia": 2.0, "plant.winch_2.inertia": 1.7,
 }  # fmt: skip
 """What is wrong by some 10 %."""
 
 
-def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, int, int]:
+def solve_times(right: Experiment, nominal: Experiment) -> tuple[float, float, int, int]:
     """Times in s of one solve with given gains, by exact slopes and by differences, and passes through the log."""
-    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
+    unknowns = unknown_parameters(estimable_keys(KEYS, nominal), nominal, {})
     start = np.array([unknown.start for unknown in unknowns])
-    fitting = PredictionErrorMethod(sections_of([log_of(simulate(right))], believed), believed, unknowns)
+    fitting = PredictionErrorMethod(sections_of([log_of(simulate(right))], nominal), nominal, unknowns)
     values, noise = fitting.run(start).values, fitting.initial_noise()
     weights = fitting.filters.run(fitting.with_values(values), noise, robust=False)
     begin = values * 1.002  # near enough that both come to the same end
@@ -87,18 +87,18 @@ def solve_times(right: Experiment, believed: Experiment) -> tuple[float, float, 
     return taken, other, passes, calls
 
 
-def shot_by_hand(log: Log, right: Experiment, believed: Experiment) -> tuple[Shot, tuple[float, int], str]:
+def shot_by_hand(log: Log, right: Experiment, nominal: Experiment) -> tuple[Shot, tuple[float, int], str]:
     """The fit by hand, beside the product's with the same levels given, time in s and passes.
 
     Returns:
         Both, and in words how far numbers are off: those by hand, and those of a fit in the same section.
     """
-    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
+    unknowns = unknown_parameters(estimable_keys(KEYS, nominal), nominal, {})
     start, truth = np.array([unknown.start for unknown in unknowns]), leaves(right)
-    fitting = PredictionErrorMethod(sections_of([log], believed), believed, unknowns)
+    fitting = PredictionErrorMethod(sections_of([log], nominal), nominal, unknowns)
     fit = fitting.run(start)
-    shot = shoot(fitting.filters, believed, fit.noise, [unknown.key for unknown in unknowns], start)
-    again = PredictionErrorMethod(sections_of([log], believed), believed, unknowns)
+    shot = shoot(fitting.filters, nominal, fit.noise, [unknown.key for unknown in unknowns], start)
+    again = PredictionErrorMethod(sections_of([log], nominal), nominal, unknowns)
     begun = perf_counter()
     passes = again.run(start, noise=fit.noise).passes
     given = perf_counter() - begun, passes
@@ -121,13 +121,13 @@ def main() -> int:
     chosen = parser.parse_args()
     try:
         right = override(case(4), SENSORS)
-        believed = override(right, BELIEVED)
+        nominal = override(right, NOMINAL)
         log = log_of(simulate(right))
-        identify([log], KEYS, believed)  # compiled
-        found = identify([log], KEYS, believed)
-        exact, differences, passes, calls = solve_times(right, believed)
-        shot, (known, known_passes), off = shot_by_hand(log, right, believed)
-        whole = max(found.seconds, identify([log], KEYS, believed).seconds)
+        identify([log], KEYS, nominal)  # compiled
+        found = identify([log], KEYS, nominal)
+        exact, differences, passes, calls = solve_times(right, nominal)
+        shot, (known, known_passes), off = shot_by_hand(log, right, nominal)
+        whole = max(found.seconds, identify([log], KEYS, nominal).seconds)
     except DualwinchError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -97,9 +97,9 @@ def asked(made: Content) -> list[Asked]:
     catalogue, rig = made.catalogue, load_ensemble("rig")
     usual, drawn = catalogue["cases"][3], catalogue["rig"]
     machine = {key: numbers[0] for key, numbers in drawn["machines"].items()}
-    believed = {key: catalogue["keys"][key]["default"] for key in machine if key.startswith("plant.")}
+    nominal = {key: catalogue["keys"][key]["default"] for key in machine if key.startswith("plant.")}
     scenario = rig.scenario(0, drawn["seed"])
-    request = {"structure": usual["structure"], "values": drawn["values"] | machine, "believed": believed}
+    request = {"structure": usual["structure"], "values": drawn["values"] | machine, "nominal": nominal}
     return [
         Asked("Case 4", {"structure": usual["structure"], "values": usual["values"]}, case(4)),
         Asked("a machine of `rig`", request | {"seed": drawn["seeds"][0]}, scenario.experiment, scenario.nominal),

@@ -31,8 +31,8 @@ SIDES = (1, 2)
 
 
 @dataclass(frozen=True)
-class Believed:
-    """What is known of an ensemble's machines.
+class Nominal:
+    """Nominal values and deviations of an ensemble's machines.
 
     Attributes:
         ensemble: of machines.
@@ -64,7 +64,7 @@ def least_error(ensemble: Ensemble, samples: int = 10) -> tuple[float, float]:
         ensemble: of machines.
         samples: of 1 ms, whose noise is averaged, in one step of the filter.
     """
-    known, experiment = Believed(ensemble), ensemble.experiment
+    known, experiment = Nominal(ensemble), ensemble.experiment
     plant, vehicle = experiment.plant, experiment.plant.vehicle
     trajectory = dualwinch.simulate(dualwinch.case(4))
     step = 1e-3 * samples
@@ -130,7 +130,7 @@ def least_error(ensemble: Ensemble, samples: int = 10) -> tuple[float, float]:
     return float(np.sqrt(squares.mean())), float(np.sqrt(squares[half:].mean()))
 
 
-def _give(known: Believed, side: int) -> float:
+def _give(known: Nominal, side: int) -> float:
     """Standard deviation of the rope in m that a winch gives a newton of tension."""
     drawn = known.ensemble.distributions.get(f"plant.winch_{side}.gear_stiffness")
     if drawn is None:

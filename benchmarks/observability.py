@@ -2,7 +2,7 @@
 
 The exact linear model of the plant (`dualwinch.model.linear`) is extended by unknown constants: the errors of both
 encoders, a force on the vehicle and both motor torques. What so many samples tell of these and of the state at the
-beginning is the observability Gramian, weighted by the sensors' noise. With the deviations that are believed before,
+beginning is the observability Gramian, weighted by the sensors' noise. With the prior deviations,
 its inverse is the covariance that no estimator can do better than (Cramér and Rao).
 
 ``python -m benchmarks.observability`` prints the table; ``--write FILE`` puts it between its two marks.
@@ -30,7 +30,7 @@ NOISE = {"position": 6e-4, "speed": 2e-3, "tensions": 10.0, "encoders": 1e-5}
 """Standard deviation of a sample of 1 ms in m, m/s, N and m of rope, as in the ensemble ``sea``."""
 
 ERRORS = ("zero_1", "scale_1", "excess_1", "zero_2", "scale_2", "excess_2")
-BELIEVED = (DrumGains.zero, DrumGains.scale, DrumGains.compliance) * 2
+PRIOR = (DrumGains.zero, DrumGains.scale, DrumGains.compliance) * 2
 """What is unknown of the encoders, and how uncertain it is before."""
 
 CONSTANTS = {"D": 1e3, "tau_1": 5.0, "tau_2": 5.0}
@@ -71,7 +71,7 @@ def known_after(x: float, v: float, sensors: tuple[str, ...] = ALL) -> Known:
     step = np.eye(size)
     step[:n, :n], step[:n, n : n + len(held)] = system.A, system.B[:, held]
     drums = ((1, 1.0, plant.winch_1, plant.rope_1), (2, -1.0, plant.winch_2, plant.rope_2))
-    prior = np.array([*STATE, *CONSTANTS.values(), *BELIEVED])
+    prior = np.array([*STATE, *CONSTANTS.values(), *PRIOR])
     information, passed = np.eye(size), np.eye(size)
     averaged = SAMPLE_TIME / 1e-3
     for number in range(round(DURATION / SAMPLE_TIME)):

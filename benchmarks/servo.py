@@ -40,7 +40,7 @@ KEYS = tuple(f"plant.winch_1.{name}" for name in ("inertia", "coulomb_friction",
 LAG = "actuator.motor.time_constant"
 
 BEGIN = dict(zip(KEYS, (0.008, 0.1, 0.01), strict=True)) | {LAG: 0.002}
-"""What is believed at first: 80 kg, 10 N, 100 N s/m and 2 ms."""
+"""Nominal values, from which the search starts: 80 kg, 10 N, 100 N s/m and 2 ms."""
 
 UNRECORDED = 1.0
 """Torque over the recorded one that the model may lack: the table says how much that is."""
@@ -100,8 +100,8 @@ def fitted(drive: Drive, *, lag: bool) -> IdentificationResult:
     settings = {f"plant.winch_1.{name}": value for name, value in (("gear_ratio", 1.0), ("drum_radius", SHAFT))}
     settings |= {"actuator.kind": "motor"} if lag else {}
     keys = (*KEYS, LAG) if lag else KEYS
-    believed = override(Experiment(), settings | {key: BEGIN[key] for key in keys})
-    return identify(drive.log, keys, believed, unrecorded=UNRECORDED)
+    nominal = override(Experiment(), settings | {key: BEGIN[key] for key in keys})
+    return identify(drive.log, keys, nominal, unrecorded=UNRECORDED)
 
 
 def column(drive: Drive, found: IdentificationResult) -> list[str]:

@@ -10,7 +10,7 @@ the most likely numbers and motion together. The noise is given. Left out are th
 Slopes are exact, and second derivatives those of Gauss and Newton: of what is squared, only the slopes count. With
 exact ones, and with bounds on the numbers, whose barrier outweighs a cost of so many squares, IPOPT takes far
 longer and does not come to rest. Segments are compiled, and shared out to the cores. The start is what a filter expects
-with the numbers that are believed.
+with the nominal parameters.
 """
 
 from collections.abc import Sequence
@@ -81,13 +81,13 @@ class Shot:
 
 
 def shoot(
-    filters: LogFilters, believed: Experiment, noise: NoiseCovariances, keys: Sequence[str], values: Floats
+    filters: LogFilters, nominal: Experiment, noise: NoiseCovariances, keys: Sequence[str], values: Floats
 ) -> Shot:
     """Fit numbers to the only section of some filters, beginning with some values; noise is as given."""
     began = perf_counter()
     (section,) = filters.sections
     count = len(section.inputs) // SAMPLES
-    segments = _Segments(believed, keys, values, noise, section.upto(count * SAMPLES))
+    segments = _Segments(nominal, keys, values, noise, section.upto(count * SAMPLES))
     solver = segments.solver()
     start = segments.start(filters, noise)
     built = perf_counter()
@@ -110,9 +110,9 @@ class _Segments:
     """The problem: unknowns are shares of the numbers, states at all nodes, and what acts in all segments."""
 
     def __init__(
-        self, believed: Experiment, keys: Sequence[str], values: Floats, noise: NoiseCovariances, section: LogSection
+        self, nominal: Experiment, keys: Sequence[str], values: Floats, noise: NoiseCovariances, section: LogSection
     ) -> None:
-        self._believed, self._keys, self._values = believed, tuple(keys), values
+        self._nominal, self._keys, self._values = nominal, tuple(keys), values
         self._noise, self._section = noise, section
         self._count, self._p = len(section.inputs) // SAMPLES, len(keys)
         self._acting = np.array([noise.process[name].deviation for name in ACTING])
@@ -154,8 +154,8 @@ class _Segments:
 
     def start(self, filters: LogFilters, noise: NoiseCovariances) -> Floats:
         """Nodes and what acts as the filter expects them that knows the numbers no better than the search."""
-        (weights,) = filters.run(self._believed, noise, rows=True, robust=False)
-        elements = list(leaves(state_template(predictor_structure(self._believed))))
+        (weights,) = filters.run(self._nominal, noise, rows=True, robust=False)
+        elements = list(leaves(state_template(predictor_structure(self._nominal))))
         states = dict(zip(elements, np.asarray(weights.states).T, strict=True))
         rows = np.arange(0, SAMPLES * self._count, SAMPLES)
         nodes = np.column_stack([states[f"motion.{name}"][rows] for name in MOVING]) / SCALES
@@ -164,7 +164,7 @@ class _Segments:
 
     def _penalty(self, acting: ca.MX) -> ca.MX:
         """Negative log-likelihood of the disturbances: half the squares of their steps over the deviations."""
-        step = SAMPLES * self._believed.simulation.sample_time
+        step = SAMPLES * self._nominal.simulation.sample_time
         kept = np.exp(-step / np.array([self._noise.process[name].time for name in ACTING]))
         moved = (acting[:, 1:] - kept * acting[:, :-1]) / np.sqrt(1 - kept**2)
         return (ca.sumsqr(acting[:, 0]) + ca.sumsqr(moved)) / 2
@@ -176,7 +176,7 @@ class _Segments:
             ``plain(own, outside) -> (cost, end)``, ``sloped(own, outside) -> (cost, gradient, end_by_own, squares)``,
             where squares are the products of the slopes of what is squared, and what is outside.
         """
-        experiment, p, section = self._believed, self._p, self._section
+        experiment, p, section = self._nominal, self._p, self._section
         used = [column for column in range(len(READINGS)) if np.isfinite(section.readings[:, column]).any()]
         readings = section.readings[:, used]
         weights = np.isfinite(readings) / np.sqrt(self._noise.measurement[used])

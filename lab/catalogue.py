@@ -152,8 +152,8 @@ def instead_of(key: str, experiment: Experiment) -> float | None:
     """The number used if an optional key is not given; None if there is none."""
     prefix = "controller.nominal."
     if key.startswith(prefix):
-        believed = nominal_plant(experiment.controller.nominal, experiment.plant, experiment.controller.limits.preload)
-        return getattr(believed.vehicle, key.removeprefix(prefix))
+        nominal = nominal_plant(experiment.controller.nominal, experiment.plant, experiment.controller.limits.preload)
+        return getattr(nominal.vehicle, key.removeprefix(prefix))
     return {DURATION: experiment.duration, "reference.speed": cruise_speed(experiment.reference)}.get(key)
 
 
@@ -299,7 +299,7 @@ def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[
         "module": structure.id,
         "machine": structure.machine,
         "parameters": list(module.keys),
-        "believed": list(module.believed),
+        "nominal": list(module.nominal),
         "optional": list(module.optional),
         "defaults": defaults,
         "idealised": [

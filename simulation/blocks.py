@@ -358,11 +358,11 @@ def _variables(names: Iterable[str], starts: Iterable[float], about: Facts) -> t
 
 def _parameter(key: str, value: float, leaf: Leaf) -> Variable:
     """A parameter with its metadata; its source is that of the default, or "configuration"."""
-    believed = key.startswith("nominal.")
+    nominal = key.startswith("nominal.")
     return Variable(
         name=key,
         unit=leaf.quantity.unit or "1",
-        description=f"{leaf.quantity.meaning}, as the controller believes" if believed else leaf.quantity.meaning,
+        description=f"{leaf.quantity.meaning}, nominal value of the controller" if nominal else leaf.quantity.meaning,
         start=value,
         lower=leaf.bounds[0],
         upper=leaf.bounds[1],

@@ -117,8 +117,8 @@ def row_of(
     inner = inner_signals(state, pulls, plant)
     pull = pulls[0].at_vehicle - pulls[1].at_vehicle if inner else F1 - F2
     acceleration, _ = towed_vehicle(state, pull, environment, plant)
-    believed_resistance = friction(state.v, nominal.vehicle) + drag(state.v, nominal.vehicle)
-    believed = (F1 - F2 - believed_resistance) / inertia(nominal.vehicle)
+    nominal_resistance = friction(state.v, nominal.vehicle) + drag(state.v, nominal.vehicle)
+    nominal_acceleration = (F1 - F2 - nominal_resistance) / inertia(nominal.vehicle)
     row = Row(
         t=t,
         **{key: value for key, value in leaves(state).items() if key in COLUMNS},
@@ -132,7 +132,7 @@ def row_of(
         F2_cmd=output.winches.F2_cmd,
         u=output.position.u,
         u_sat=output.position.u_sat,
-        d_true=acceleration - believed,
+        d_true=acceleration - nominal_acceleration,
         tau_1=output.winches.tau_1,
         tau_2=output.winches.tau_2,
     )

@@ -44,7 +44,7 @@ class BeliefOutput(PositionOutput):
 
 @dataclass(frozen=True)
 class StateFeedback(PositionLaw):
-    """State feedback of what a filter of its own believes."""
+    """State feedback of the estimate of a filter of its own."""
 
     bandwidth: Annotated[
         float, at.Interval(gt=0, le=50), Quantity("rad/s", "poles of the feedback", "by hand"), Tunable(1, 10)

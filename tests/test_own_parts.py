@@ -256,7 +256,7 @@ def test_they_become_blocks_and_linear_systems() -> None:
     assert np.abs(np.linalg.eigvals(linear.A)).max() < 1
 
 
-def test_the_believed_plant_is_theirs_too() -> None:
+def test_the_nominal_plant_is_theirs_too() -> None:
     heavy = override(EXPERIMENT, {"controller.nominal.mass": 1.5e4})
     assert heavy.controller.nominal == Nominal(1.5e4)
     ours, theirs = simulate(heavy), simulate(EXPERIMENT)

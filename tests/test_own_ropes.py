@@ -162,11 +162,11 @@ def test_a_run_begins_with_both_ropes_at_half_the_preload() -> None:
 def test_many_run_side_by_side_with_numbers_of_their_own() -> None:
     sets = [[4e6, 8e9], [3e6, 2e9]]
     batch = rollout([SOFT, GROWTH], sets, [EXPERIMENT], stride=1)
-    believed = EXPERIMENT.plant
+    nominal = EXPERIMENT.plant
     for row, values in enumerate(sets):
         changed = override(EXPERIMENT, dict(zip([SOFT, GROWTH], values, strict=True)))
         single = simulate(
-            override(changed, {"simulation.substeps": structure_of(EXPERIMENT).simulation.substeps}), nominal=believed
+            override(changed, {"simulation.substeps": structure_of(EXPERIMENT).simulation.substeps}), nominal=nominal
         )
         assert batch.outcomes[row, 0] == single.outcome == "completed"
         assert np.abs(batch.columns["F1"][row, 0] - single["F1"]).max() < 1e-3
@@ -245,7 +245,7 @@ def test_the_plant_is_linearised_with_their_spring_rates() -> None:
     assert slope.C[row, column] == pytest.approx(0.8 * k, rel=1e-9)
 
 
-def test_the_controller_believes_in_the_tangent_rope() -> None:
+def test_the_nominal_rope_is_the_tangent_rope() -> None:
     values = parameters_of(EXPERIMENT)
     spring, damping = Stiffening().tangent(1000.0, 25.5)
     assert values["nominal.rope_1.modulus"] * values["nominal.rope_1.area"] / 25.5 == pytest.approx(spring)

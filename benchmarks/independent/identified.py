@@ -59,11 +59,11 @@ def one_log(seed: int, judge: Judge, every: int, sea: float, *, integrated: bool
     settings = gains_of(seed) | (phase_of(seed) if integrated else {})
     drawn, rows = judge.log(conditions, seed, settings, every)
     described = seed % 2 == 1
-    believed = override(case(4), {key: sea * size for key, size in SEA.items()}) if described else Experiment()
+    nominal = override(case(4), {key: sea * size for key, size in SEA.items()}) if described else Experiment()
     record: dict[str, Any] = {"scenario": seed, "delay": conditions.delay, "described": described, "every": every}
     try:
         log = log_of_columns(dict(zip(LOGGED, rows.T, strict=True)))
-        found = identify([log], DRAWN, believed, workers=1)
+        found = identify([log], DRAWN, nominal, workers=1)
     except ConfigurationError as error:
         return record | {"refused": str(error)}
     numbers = {

@@ -264,7 +264,7 @@ def calibrate(
     deviation = reading.deviation
     row = regressors(drum, gains, deviation)
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
-    before = believed(known.errors, row, gains)
+    before = estimated_error(known.errors, row, gains)
     counts = reading.alive * drum.taut
     # the doubt of the last sample, independent of this reading
     odds = doubt_odds(known.residual, 0.0)
@@ -279,7 +279,7 @@ def calibrate(
     opened = bound * (1 + odds)
     weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
     errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
-    after = believed(errors, row, gains)
+    after = estimated_error(errors, row, gains)
     share = where(counts, sample_time / trusting.doubt_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
     following = replace(known, errors=errors, residual=residual)
@@ -292,7 +292,7 @@ def calibrate(
     return following, position
 
 
-def believed(errors: Knowledge, row: Sequence[Scalar], gains: DrumGains) -> Scalar:
+def estimated_error(errors: Knowledge, row: Sequence[Scalar], gains: DrumGains) -> Scalar:
     """Estimated (shrunk) error of an encoder over the deviation of a reading."""
     names = learnt_names(gains)
     estimate = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])

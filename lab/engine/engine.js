@@ -72,20 +72,20 @@ export class Engine {
    * @param {string} asked.structure id of a structure
    * @param {Object<string, ?number>} [asked.values] key → number, in place of the structure's defaults; null: an
    *   optional one is not given
-   * @param {Object<string, number>} [asked.believed] nominal `plant.*` of the controller; default: as simulated
+   * @param {Object<string, number>} [asked.nominal] nominal `plant.*` of the controller; default: as simulated
    * @param {number|bigint|string} [asked.seed] of every random signal, below 2^64
    * @param {number} [asked.stride] samples per row kept, 1 to 1024; 0 keeps none
    * @returns {Promise<{outcome: string, until: number, t: Float64Array, columns: Object<string, Float64Array>,
    *   metrics: Object<string, number>, checks: Float64Array, seconds: number}>} metrics are NaN if the run was not
    *   completed; checks are value and limit of each of the structure's `idealised`
    */
-  async run({ structure: id, values = {}, believed = {}, seed = 0, stride = 1 }) {
+  async run({ structure: id, values = {}, nominal = {}, seed = 0, stride = 1 }) {
     const structure = this.structure(id);
     const instance = await this.prepare(id);
     const begun = performance.now();
     const { exports } = instance;
     const all = this.values(structure, values);
-    this.write(instance, structure, all, believed);
+    this.write(instance, structure, all, nominal);
     const samples = exports.samples();
     if (!(samples >= 1 && samples <= MOST_SAMPLES))
       throw new RangeError(`${structure.id}: ${samples} samples: must be 1 to ${MOST_SAMPLES}; change simulation.duration`);
@@ -125,8 +125,8 @@ export class Engine {
   }
 
   /** Write a module's vector: values, the controller's nominal values, and which optional ones are given. */
-  write(instance, structure, values, believed) {
-    const plant = structure.believed.map((key) => believed[key] ?? values[key]);
+  write(instance, structure, values, nominal) {
+    const plant = structure.nominal.map((key) => nominal[key] ?? values[key]);
     const given = structure.optional.map((key) => (values[key] == null ? 0 : 1));
     const vector = [...structure.parameters.map((key) => Number(values[key] ?? 0)), ...plant, ...given];
     instance.numbers(instance.exports.settings(), vector.length).set(vector);

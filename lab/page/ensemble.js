@@ -9,17 +9,17 @@ const POINTS = 300;
 // The request of a machine: the rig's imperfections added to the experiment; the controller's nominal plant is unchanged.
 export function drawn(catalogue, experiment, index) {
   const {rig, keys} = catalogue, asked = request(catalogue, experiment);
-  const known = new Set(structureOf(catalogue, experiment).parameters), values = {...asked.values}, believed = {};
+  const known = new Set(structureOf(catalogue, experiment).parameters), values = {...asked.values}, nominal = {};
   for (const [key, value] of Object.entries(rig.values)) {
     if (known.has(key) && !(key in experiment.values) && !key.startsWith("reference.")) values[key] = value;
   }
   for (const [key, machines] of Object.entries(rig.machines)) {
     if (!known.has(key)) continue;
-    const nominal = valueOf(catalogue, experiment, key);
-    values[key] = rig.distributions[key].relative ? machines[index] / keys[key].default * nominal : machines[index];
-    if (key.startsWith("plant.")) believed[key] = nominal;
+    const usual = valueOf(catalogue, experiment, key);
+    values[key] = rig.distributions[key].relative ? machines[index] / keys[key].default * usual : machines[index];
+    if (key.startsWith("plant.")) nominal[key] = usual;
   }
-  return {...asked, values, believed, seed: rig.seeds[index]};
+  return {...asked, values, nominal, seed: rig.seeds[index]};
 }
 
 export class Ensemble {

@@ -10,7 +10,7 @@ const SECTIONS = [
   ["Delay and sampling", (key) => /^(simulation|actuator)\./.test(key)],
   ["Ropes and drums", (key) => key.startsWith("plant.")],
   ["Winch control", (key) => WINCHES.test(key)],
-  ["What the controller believes", (key) => key.startsWith("controller.nominal.")],
+  ["Nominal plant of the controller", (key) => key.startsWith("controller.nominal.")],
   ["More of the controller", () => true],
 ];
 

@@ -111,7 +111,7 @@ MOTIONS = ("uniform", "profile")
 
 DURATION, SAMPLE_TIME = "simulation.duration", "simulation.sample_time"
 
-GIVEN, BELIEVED = "given ", "believed "
+GIVEN, NOMINAL = "given ", "nominal "
 """Prefixes of further numbers: whether an optional one is given, and the controller's nominal values of the plant."""
 
 
@@ -162,8 +162,8 @@ class Settings:
             for key, leaf in self.described.items()
             if Mark.DRAWN_AHEAD in leaf.marks and leaf.kind is float and not key.startswith(UNHEEDED)
         ]
-        believed = list(leaves(Nominal(), "controller.nominal."))
-        return (*dict.fromkeys([*own, *ahead, *believed, REFERENCE_KIND, DURATION, DELAY]),)
+        nominal = list(leaves(Nominal(), "controller.nominal."))
+        return (*dict.fromkeys([*own, *ahead, *nominal, REFERENCE_KIND, DURATION, DELAY]),)
 
     @cached_property
     def optional(self) -> tuple[str, ...]:
@@ -171,7 +171,7 @@ class Settings:
         return tuple(key for key in self.keys if self.described[key].optional)
 
     @cached_property
-    def believed(self) -> tuple[str, ...]:
+    def nominal(self) -> tuple[str, ...]:
         """Keys of the plant with a nominal value in the controller, beside the simulated one."""
         unknown = {key.removeprefix("nominal.") for key in unknown_keys()}
         every = (f"plant.{key}" for key in numbers(self.wide.plant) if key not in unknown)
@@ -179,13 +179,13 @@ class Settings:
 
     @cached_property
     def vector(self) -> ca.SX:
-        """The parameters as symbols: numbers of `keys`, of `believed`, and whether each of `optional` is given."""
-        return ca.SX.sym("parameters", len(self.keys) + len(self.believed) + len(self.optional))
+        """The parameters as symbols: numbers of `keys`, of `nominal`, and whether each of `optional` is given."""
+        return ca.SX.sym("parameters", len(self.keys) + len(self.nominal) + len(self.optional))
 
     @cached_property
     def symbols(self) -> dict[str, ca.SX]:
         """Name → element of the vector."""
-        names = [*self.keys, *(BELIEVED + key for key in self.believed), *(GIVEN + key for key in self.optional)]
+        names = [*self.keys, *(NOMINAL + key for key in self.nominal), *(GIVEN + key for key in self.optional)]
         return dict(zip(names, ca.vertsplit(self.vector), strict=True))
 
     def given(self, key: str, otherwise: Scalar) -> Scalar:

@@ -12,11 +12,11 @@ from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.codegen.source.operations import Style
 from dualwinch.controllers.nominal import Nominal, nominal_plant
 from dualwinch.lab.wasm.settings import (
-    BELIEVED,
     DURATION,
     GIVEN,
     LAG,
     MOTIONS,
+    NOMINAL,
     REFERENCE_KIND,
     SAMPLE_TIME,
     SHORTEST_LAG,
@@ -85,16 +85,16 @@ SIGNAL_FIELDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_ze
 def parameters_function(settings: Settings) -> ca.Function:
     """``parameters_of(parameters) -> values``: the parameters of the closed loop."""
     symbols = parameters_of(settings.wide) | settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
-    believed = _believed_plant(settings)
+    nominal = _nominal_plant(settings)
     known = numbers(settings.wide.plant, "nominal.")
-    symbols |= {key: value for key, value in leaves(believed, "nominal.").items() if key in known}
+    symbols |= {key: value for key, value in leaves(nominal, "nominal.").items() if key in known}
     return settings.function("parameters_of", values=[symbols[name] for name in settings.loop.parameters])
 
 
-def _believed_plant(settings: Settings) -> Plant:
+def _nominal_plant(settings: Settings) -> Plant:
     """The controller's nominal plant."""
     plant = with_leaves(
-        settings.wide.plant, {key: settings.symbols[BELIEVED + key] for key in settings.believed}, "plant."
+        settings.wide.plant, {key: settings.symbols[NOMINAL + key] for key in settings.nominal}, "plant."
     )
     vehicle, prefix = plant.vehicle, "controller.nominal."
     nominal = Nominal(

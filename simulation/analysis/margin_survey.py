@@ -123,11 +123,11 @@ class MarginSurvey:
         self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
         nominal = [given.nominal if isinstance(given, Scenario) else None for given in machines]
-        believed = [plant and still_plant(plant) for plant in nominal]
+        calm_nominal = [plant and still_plant(plant) for plant in nominal]
         self._structure = with_taut_ropes(structure_of(calm[0]))
         self._dt = calm[0].simulation.sample_time
         loop = closed_loop(self._structure)
-        pairs = zip(calm, believed, strict=True)
+        pairs = zip(calm, calm_nominal, strict=True)
         self._parameters = np.array([loop.vector(parameters_of(experiment, nominal)) for experiment, nominal in pairs])
         self._columns = [loop.parameters.index(name) for name in names]
         self._length = loop.parameters.index("plant.track.length")

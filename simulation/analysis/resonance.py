@@ -139,7 +139,7 @@ def _terms(structure: Experiment) -> ca.Function:
     nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
     gains, coordination, no_loop = controller.law.nftsm, controller.coordination, WinchGains(0.0, 0.0)
     slope = gains.beta * gains.q / gains.p * terminal + (gains.eta + gains.k / gains.phi) / gains.beta * surface
-    believed = inertia(nominal.vehicle) / inertia(plant.vehicle)
+    inertia_ratio = inertia(nominal.vehicle) / inertia(plant.vehicle)
     found = []
     for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True):
         winch, rope = side.winch, side.rope
@@ -149,7 +149,7 @@ def _terms(structure: Experiment) -> ca.Function:
         mass = total_inertia(winch) / winch.drum_radius**2 + wound + 4 / math.pi**2 * rope.mass_per_length * length
         spring, own_damping = rope.tangent(controller.limits.preload / 2, length)
         omega = sqrt(spring / mass)
-        feedback = believed * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
+        feedback = inertia_ratio * (slope + _observer_gain(controller.law, amplitude, omega)) + loop.ki * to_force
         damping = own_damping * (1 + loop.kp * to_force) + loop.damping * to_force / winch.drum_radius
         found += [omega / (2 * math.pi), feedback, mass, damping, feedback * mass / damping]
     return ca.Function("resonance", [vector, inputs], [ca.densify(ca.vertcat(*found))])

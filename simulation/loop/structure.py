@@ -177,10 +177,10 @@ def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, f
         for plant in (experiment.plant, nominal or experiment.plant)
     )
     # code has the structure of the simulated plant: parameters that the other plant lacks are zero
-    believed, unknown = leaves(other, "nominal."), unknown_keys()
+    assumed, unknown = leaves(other, "nominal."), unknown_keys()
     values = (
         numbers(experiment.plant, "plant.")
-        | {key: believed[key] for key in numbers(own, "nominal.") if key not in unknown}
+        | {key: assumed[key] for key in numbers(own, "nominal.") if key not in unknown}
         | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
         | numbers(experiment.disturbance, "disturbance.")
         | numbers(experiment.sensors, "sensors.")

@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchmarks.observability import ALL, BELIEVED, ERRORS, WITHOUT_POSITION, known_after, table
+from benchmarks.observability import ALL, ERRORS, PRIOR, WITHOUT_POSITION, known_after, table
 
-ZERO, SCALE, _ = BELIEVED[:3]
+ZERO, SCALE, _ = PRIOR[:3]
 
 
 def test_at_rest_only_one_combination_of_zero_and_scale_is_seen() -> None:
@@ -30,7 +30,7 @@ def test_encoders_alone_see_the_sum_of_their_zeros_and_not_where_the_vehicle_is(
 
 def test_without_encoders_nothing_is_known_of_them_and_the_position_none_the_less() -> None:
     alone = known_after(25.0, 1.8, ("position", "speed"))
-    assert [alone.deviations[name] for name in ERRORS] == pytest.approx(BELIEVED)
+    assert [alone.deviations[name] for name in ERRORS] == pytest.approx(PRIOR)
     assert alone.position < 1e-4
 
 

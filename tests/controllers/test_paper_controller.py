@@ -42,7 +42,7 @@ def test_heavy_drums_are_damped_as_the_machines_are() -> None:
     assert adapted(stronger) == "damping of drums, tension limits and preload"
 
 
-def test_what_it_believes_of_the_plant_is_said() -> None:
+def test_its_nominal_plant_is_stated() -> None:
     own = Controller(nominal=Nominal(mass=9e3))
     assert adapted(paper_controller(own)) == "nominal model"
     damped = with_leaves(own, {"winch_1.damping": 200.0, "winch_2.damping": 200.0})

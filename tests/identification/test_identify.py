@@ -29,7 +29,7 @@ from dualwinch.simulation.settings import override
 from tests.identification.conftest import logged, machine
 
 KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus", "plant.winch_1.inertia")
-BELIEVED = {
+NOMINAL = {
     "plant.vehicle.mass": 1.1e4,
     "plant.vehicle.drag_coefficient": 0.25,
     "plant.rope_1.modulus": 7.4e10,
@@ -46,7 +46,7 @@ def truth(experiment: Experiment, keys: tuple[str, ...]) -> np.ndarray:
 
 def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     right = machine()
-    found = identify([logged(right)], KEYS, override(right, BELIEVED))
+    found = identify([logged(right)], KEYS, override(right, NOMINAL))
     off = (found.values - truth(right, found.keys)) / found.deviations
     assert found.converged
     assert np.abs(off).max() < 4
@@ -71,10 +71,10 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
 
 def test_noise_that_is_known_need_not_be_found_out() -> None:
     right = machine(sensors__speed_noise=5e-4)  # ropes stay taut: where one is slack, likelihoods have steps
-    believed = override(right, BELIEVED)
-    unknowns = unknown_parameters(estimable_keys(KEYS, believed), believed, {})
+    nominal = override(right, NOMINAL)
+    unknowns = unknown_parameters(estimable_keys(KEYS, nominal), nominal, {})
     start = np.array([unknown.start for unknown in unknowns])
-    fitting = PredictionErrorMethod(sections_of([logged(right)], believed), believed, unknowns)
+    fitting = PredictionErrorMethod(sections_of([logged(right)], nominal), nominal, unknowns)
     fit = fitting.run(start)
     passes = fitting.passes
     again = fitting.run(start, noise=fit.noise)
@@ -220,7 +220,7 @@ def test_sensors_without_noise_are_not_taken_for_perfect() -> None:
     silent = {f"sensors.{name}": 0 for name in names}
     calm = {"disturbance.current_sigma": 0.0, "disturbance.normal_force_sigma": 0.0}
     right = override(machine(), silent | calm)
-    found = identify([logged(right)], KEYS, override(right, BELIEVED))
+    found = identify([logged(right)], KEYS, override(right, NOMINAL))
     off = (found.values - truth(right, found.keys)) / found.deviations
     assert np.abs(off).max() < 4
     assert found.noise["x"] == pytest.approx(1e-5)

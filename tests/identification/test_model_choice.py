@@ -37,8 +37,8 @@ OFF = {
 @pytest.mark.parametrize("described", [{}, {"disturbance.vortex": False}])
 def test_parameters_are_right_although_much_else_is_off(described: dict[str, object]) -> None:
     right = override(machine(simulation__duration=30.0), OFF)
-    log, believed = logged(right), machine(simulation__duration=30.0)
-    found = identify([replace(log, t=log.t + 1000.0)], KEYS, override(believed, described))
+    log, nominal = logged(right), machine(simulation__duration=30.0)
+    found = identify([replace(log, t=log.t + 1000.0)], KEYS, override(nominal, described))
     values = leaves(right)
     off = (found.values - [values[key] for key in found.keys]) / found.deviations
     assert np.abs(off).max() < 3
@@ -90,27 +90,27 @@ def far_off(amplitude: float = 0.2) -> tuple[Log, Experiment]:
 
 
 def test_searches_begin_where_smoothed_readings_show_vortices() -> None:
-    log, believed = far_off()
-    ((strouhal, amplitude),) = vortex_starts([log], believed, reach=0.04)
+    log, nominal = far_off()
+    ((strouhal, amplitude),) = vortex_starts([log], nominal, reach=0.04)
     assert strouhal == pytest.approx(0.168, abs=0.002)
     assert amplitude == pytest.approx(0.2, rel=0.3)
-    assert len(vortex_starts([far_off(amplitude=0.02)[0]], believed, reach=0.04)) > 1, "they hardly show"
+    assert len(vortex_starts([far_off(amplitude=0.02)[0]], nominal, reach=0.04)) > 1, "they hardly show"
     still = machine(reference__kind="uniform", reference__speed=1e-3)
     assert vortex_starts([logged(still)], still, reach=0.04) == []
 
 
 def test_vortices_that_an_estimate_lacks_are_suspected() -> None:
     right = machine(disturbance__strouhal=0.21, disturbance__current_sigma=0.04)
-    for believed, other in ((right, False), (machine(), True), (machine(disturbance__vortex=False), True)):
-        assert shows_other_vortices([logged(right)], believed, 0.08) == other
+    for nominal, other in ((right, False), (machine(), True), (machine(disturbance__vortex=False), True)):
+        assert shows_other_vortices([logged(right)], nominal, 0.08) == other
 
 
 @pytest.mark.slow
 def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -> None:
     right = machine(plant__vehicle__mass=3300.0, disturbance__strouhal=0.21, simulation__duration=40.0)
     calm = dict.fromkeys(("disturbance.current_sigma", "disturbance.normal_force_sigma"), 0.0)
-    believed = override(right, {**calm, "disturbance.vortex": False, "disturbance.strouhal": 0.2})
-    found = identify([logged(right)], ["plant.vehicle.mass", "plant.vehicle.drag_coefficient"], believed)
+    nominal = override(right, {**calm, "disturbance.vortex": False, "disturbance.strouhal": 0.2})
+    found = identify([logged(right)], ["plant.vehicle.mass", "plant.vehicle.drag_coefficient"], nominal)
     assert (np.abs(found.values - [3300.0, 0.3]) < 3 * found.deviations).all()
     assert found.along["disturbance.strouhal"][0] == pytest.approx(0.21, abs=0.002)
 
@@ -151,14 +151,14 @@ def test_a_log_with_a_gap_is_fitted_in_parts() -> None:
 
 @pytest.mark.slow
 def test_several_optima_are_found_and_said() -> None:
-    log, believed = far_off()
+    log, nominal = far_off()
     keys, priors = ("plant.vehicle.mass", "disturbance.strouhal"), {"disturbance.strouhal": (0.2, 0.02)}
-    found = identify([log], keys, believed, priors=priors)
+    found = identify([log], keys, nominal, priors=priors)
     assert found.interval("plant.vehicle.mass")[0] < 1e4 < found.interval("plant.vehicle.mass")[1]
     assert found.values[1] == pytest.approx(0.168, abs=5e-4)
     assert len(found.optima) == 1
     every = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, nearly_least=3.0))
-    several = identify([log], keys, believed, priors=priors, options=every)
+    several = identify([log], keys, nominal, priors=priors, options=every)
     assert len(several.optima) > 1
     assert several.optima[1].deviance > 100
     assert any("distinct optima; the second is less likely" in note for note in several.notes)
@@ -189,16 +189,16 @@ def test_a_log_cut_out_of_a_run_gives_right_parameters() -> None:
 
 
 def test_what_is_estimated_along_is_what_no_key_names_and_the_experiment_has() -> None:
-    believed = with_drum_friction(Experiment())
-    assert believed.plant.winch_1.coulomb_friction == pytest.approx(0.02 * 0.8 * 6000)
-    keys = [each.key for each in nuisance_parameters(["plant.winch_1.inertia"], believed)]
+    nominal = with_drum_friction(Experiment())
+    assert nominal.plant.winch_1.coulomb_friction == pytest.approx(0.02 * 0.8 * 6000)
+    keys = [each.key for each in nuisance_parameters(["plant.winch_1.inertia"], nominal)]
     assert "plant.winch_2.inertia" in keys
     assert "plant.winch_1.inertia" not in keys
     assert "disturbance.strouhal" not in keys
-    sea = with_sea(believed)
+    sea = with_sea(nominal)
     assert "disturbance.strouhal" in [each.key for each in nuisance_parameters([], sea)]
     assert with_sea(sea) == sea
-    assert with_drum_friction(believed) == believed
+    assert with_drum_friction(nominal) == nominal
 
 
 @pytest.mark.slow

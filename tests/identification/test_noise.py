@@ -23,10 +23,10 @@ from tests.identification.conftest import SEA, logged, machine
 T = np.linspace(0, 20, 2001)
 
 
-def search(right: Experiment, believed: Experiment) -> tuple[NoiseEstimator, PredictionErrorMethod]:
-    unknowns = unknown_parameters(estimable_keys(["plant.vehicle.mass"], believed), believed, {})
-    fitting = PredictionErrorMethod(sections_of([logged(right)], believed), believed, unknowns)
-    return NoiseEstimator(fitting.filters, believed, NoiseOptions()), fitting
+def search(right: Experiment, nominal: Experiment) -> tuple[NoiseEstimator, PredictionErrorMethod]:
+    unknowns = unknown_parameters(estimable_keys(["plant.vehicle.mass"], nominal), nominal, {})
+    fitting = PredictionErrorMethod(sections_of([logged(right)], nominal), nominal, unknowns)
+    return NoiseEstimator(fitting.filters, nominal, NoiseOptions()), fitting
 
 
 def test_a_force_that_nobody_describes_is_found() -> None:
@@ -97,8 +97,8 @@ def test_the_size_of_the_sea_is_found_where_another_is_described(factor: float) 
     assert found["normal_force_variation"].deviation == pytest.approx(0.1 * 4900, rel=0.5)
 
 
-def _with_sea(right: Experiment, believed: Experiment) -> dict[str, GaussMarkov]:
-    estimator, fitting = search(right, believed)
+def _with_sea(right: Experiment, nominal: Experiment) -> dict[str, GaussMarkov]:
+    estimator, fitting = search(right, nominal)
     noise = fitting.initial_noise()
     for _ in range(2):
         noise = estimator.with_sea(right, noise)

@@ -110,9 +110,9 @@ WORDS = (
 )
 def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float], duration: float) -> None:
     """Which of its three signs shows first, a model that is far off decides, and not what is off."""
-    believed = machine(simulation__duration=duration)
+    nominal = machine(simulation__duration=duration)
     with pytest.raises(ConfigurationError, match=WORDS):
-        identify([logged(override(believed, truth))], ["plant.vehicle.mass"], believed)
+        identify([logged(override(nominal, truth))], ["plant.vehicle.mass"], nominal)
 
 
 @pytest.mark.slow

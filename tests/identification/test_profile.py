@@ -22,8 +22,8 @@ KEYS = ("plant.vehicle.mass", "plant.vehicle.drag_coefficient")
 @pytest.fixture(scope="module")
 def found() -> IdentificationResult:
     right = machine()
-    believed = override(right, {"plant.vehicle.mass": 1.1e4})
-    return identify([logged(right)], KEYS, believed, profiles=["plant.vehicle.mass"], starts=3, seed=4)
+    nominal = override(right, {"plant.vehicle.mass": 1.1e4})
+    return identify([logged(right)], KEYS, nominal, profiles=["plant.vehicle.mass"], starts=3, seed=4)
 
 
 def test_where_a_log_tells_enough_a_profile_is_the_parabola_of_the_deviation(found: IdentificationResult) -> None:
@@ -49,9 +49,9 @@ def test_searches_from_several_starts_come_to_one_optimum(found: IdentificationR
 @pytest.mark.slow
 def test_starts_and_profiles_by_an_executor_are_the_same_bits(found: IdentificationResult) -> None:
     right, executor = machine(), Remote()
-    believed = override(right, {"plant.vehicle.mass": 1.1e4})
+    nominal = override(right, {"plant.vehicle.mass": 1.1e4})
     profiled = {"profiles": ["plant.vehicle.mass"], "starts": 3, "seed": 4}
-    there = identify([logged(right)], KEYS, believed, workers=executor, **profiled)
+    there = identify([logged(right)], KEYS, nominal, workers=executor, **profiled)
     assert len(executor.sent) == 3, "two further starts and the profile"
     assert there.values.tolist() == found.values.tolist()
     assert there.covariance.tolist() == found.covariance.tolist()

@@ -68,7 +68,7 @@ def test_sliders_hold_the_default_within_the_bounds() -> None:
 def test_every_key_that_a_structure_takes_is_described_and_has_its_default() -> None:
     for structure in made()["structures"]:
         values = leaves(of_id(structure["id"]).experiment)
-        assert set(structure["believed"]) | set(structure["optional"]) <= set(structure["parameters"])
+        assert set(structure["nominal"]) | set(structure["optional"]) <= set(structure["parameters"])
         for key in structure["parameters"]:
             default = structure["defaults"].get(key, made()["keys"][key]["default"])
             if key != "reference.kind":

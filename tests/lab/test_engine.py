@@ -114,15 +114,15 @@ def test_other_structures_are_those_of_simulate(made: Content, tmp_path: Path) -
 
 
 def test_a_drawn_machine_is_that_of_the_ensemble(made: Content, tmp_path: Path) -> None:
-    """Its controller believes the machine it was designed for."""
+    """Its controller assumes the machine it was designed for."""
     rig, index = load_ensemble("rig"), 3
     drawn, keys = made.catalogue["rig"], made.catalogue["keys"]
     machine = {key: numbers[index] for key, numbers in drawn["machines"].items()}
-    believed = {key: keys[key]["default"] for key in machine if key.startswith("plant.")}
+    nominal = {key: keys[key]["default"] for key in machine if key.startswith("plant.")}
     request = {
         "structure": USUAL,
         "values": drawn["values"] | machine,
-        "believed": believed,
+        "nominal": nominal,
         "seed": drawn["seeds"][index],
     }
     (answer,) = run_in_node(made, tmp_path, [request])

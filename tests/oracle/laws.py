@@ -58,15 +58,15 @@ class Output:
 
 
 class Nominal:
-    """Mass and resistance as the controller believes them."""
+    """Mass and resistance as the controller assumes them."""
 
     def __init__(self, values: Values) -> None:
-        vehicle, believed = group(values, "plant.vehicle."), vars(group(values, "controller.nominal."))
-        self.mass = believed.get("mass", vehicle.mass + vehicle.added_mass)
-        self.friction = believed.get("friction_coefficient", vehicle.friction_coefficient) * vehicle.normal_force
+        vehicle, nominal = group(values, "plant.vehicle."), vars(group(values, "controller.nominal."))
+        self.mass = nominal.get("mass", vehicle.mass + vehicle.added_mass)
+        self.friction = nominal.get("friction_coefficient", vehicle.friction_coefficient) * vehicle.normal_force
         self.friction_velocity = vehicle.friction_velocity
         self.drag = (
-            believed.get("drag_coefficient", vehicle.drag_coefficient) * vehicle.water_density * vehicle.drag_area / 2
+            nominal.get("drag_coefficient", vehicle.drag_coefficient) * vehicle.water_density * vehicle.drag_area / 2
         )
 
     def resistance(self, v: float) -> float:

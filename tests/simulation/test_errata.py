@@ -309,11 +309,11 @@ def test_e9_the_reference_acceleration_breaks_the_loop() -> None:
 
 def tension_after(seconds: float, gains: WinchGains) -> float:
     """Tension of a rope on a fixed vehicle, commanded to 3 kN by a controller that takes the drum for 2 % smaller."""
-    winch, rope, believed = Winch(), Rope(), Winch(drum_radius=0.784)
+    winch, rope, nominal = Winch(), Rope(), Winch(drum_radius=0.784)
     state, theta, omega = WinchState(), 2900 / stiffness(25.0, rope) / 0.8, 0.0
     force = 2900.0
     for _ in range(round(seconds / 1e-3)):
-        state, torque, _ = winch_step(state, 3000.0, force, 0.0, 0.0, believed, gains, CONTEXT)
+        state, torque, _ = winch_step(state, 3000.0, force, 0.0, 0.0, nominal, gains, CONTEXT)
         for _ in range(5):
             force = one_sided(0.8 * theta, rope.tension(0.8 * theta, 0.8 * omega, 25.0))
             omega += 2e-4 * drum_acceleration(omega, force, torque, winch)

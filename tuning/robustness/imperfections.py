@@ -114,7 +114,7 @@ def _differs(key: str, drawn: Drawn | None, base: Ensemble, ours: Mapping[str, A
     return follows and ours.get(key) != theirs[key]
 
 
-def believed(experiment: Experiment) -> dict[str, Any]:
+def nominal_values(experiment: Experiment) -> dict[str, Any]:
     """The plant's values for which a controller was designed, by their keys in the experiment."""
     return leaves(experiment.plant, "plant.")
 
@@ -301,7 +301,7 @@ class ScaledEnsemble:
 
     def nominal(self, sizes: Mapping[str, float]) -> Plant:
         """The plant for which a controller was designed: with the values that are set, without the draws."""
-        ours, theirs = believed(self._start.experiment), believed(self.ensemble.experiment)
+        ours, theirs = nominal_values(self._start.experiment), nominal_values(self.ensemble.experiment)
         mixed = self._between(ours, theirs, sizes)
         return with_leaves(self._start.experiment.plant, mixed, "plant.")
 

@@ -1,4 +1,4 @@
-"""What is learnt of an encoder: signs and sizes against drums wound by hand, and whom it believes."""
+"""What is learnt of an encoder: signs and sizes against drums wound by hand, and which sensor it trusts."""
 
 import math
 
@@ -122,8 +122,8 @@ def test_a_zero_that_position_and_rope_at_the_start_may_explain_is_none() -> Non
 
 
 @pytest.mark.parametrize("zero", [-1e-3, 1e-2])
-def test_how_far_off_the_start_found_the_zero_is_no_reason_to_believe_the_noise(zero: float) -> None:
-    """Of a drum without other errors no more is believed than of one whose zero is right, noise for noise."""
+def test_how_far_off_the_start_found_the_zero_is_no_reason_to_trust_the_noise(zero: float) -> None:
+    """Of a drum without other errors no more is learnt than of one whose zero is right, noise for noise."""
     none, noise = dict.fromkeys(NAMES, 0.0), np.random.default_rng(2).standard_normal(2000)
     positions = np.linspace(0, 2, 2000)
     right, wrong = (
@@ -147,7 +147,7 @@ def test_an_outlier_teaches_nothing_and_a_silent_sensor_takes_no_knowledge_away(
     assert (silent.residual, position.used) == (known.residual, 0)
 
 
-def test_readings_that_stay_away_raise_doubt_and_are_believed_in_the_end() -> None:
+def test_readings_that_stay_away_raise_doubt_and_are_trusted_in_the_end() -> None:
     """The encoder has jumped by 10 mm: doubted within a tenth of a second, learnt anew within a second or so."""
     positions = np.linspace(0, 4, 2000)
     known, position = after(positions, positions, 1.0, TRUE)

@@ -149,7 +149,7 @@ def test_outliers_are_left_out() -> None:
     assert rms(found["error"][2000:]) < SIGMA / 10
 
 
-def test_an_encoder_that_jumps_is_doubted_learnt_anew_and_believed_again() -> None:
+def test_an_encoder_that_jumps_is_doubted_learnt_anew_and_trusted_again() -> None:
     jumped = drive().changed("theta_1", lambda angle, t: angle + np.where(t < 7, 0.0, 0.01 / 0.8))
     found = jumped.filtered()
     assert found["doubt_1"][7000:7200].max() > 0.8
@@ -167,7 +167,7 @@ def test_a_rope_that_slips_stays_in_doubt_and_the_other_leads() -> None:
 
 
 @pytest.mark.parametrize("scale", [0.05, -0.05])
-def test_drums_far_beyond_what_is_believed_end_with_the_sensor(scale: float) -> None:
+def test_drums_far_beyond_the_prior_end_with_the_sensor(scale: float) -> None:
     found = drive(scale=scale).filtered()
     assert rms(found["error"][3000:]) < SIGMA / 3
     assert np.abs(found["error"]).max() < 5 * SIGMA
@@ -223,7 +223,7 @@ DRUMS = {
 
 
 def rig(duration: float = 12.0) -> Scenario:
-    """Case 4 on a machine whose controller believes the plant of the paper."""
+    """Case 4 on a machine whose controller assumes the plant of the paper."""
     changes = {"simulation.duration": duration, "simulation.seed": 3}
     return Scenario(0, override(case(4), KIND | SENSORS | DRUMS | changes), Plant(), {})
 

@@ -23,8 +23,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_machine_and_its_ensemble_come_out(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, figure = tmp_path / "fitted.toml", tmp_path / "fit.svg"
-    believed = ["--set", "plant.vehicle.mass=9500", "--set", "simulation.delay_samples=1"]
-    words = ["--case", "4", *SET, *believed, "--hold-out", "20%"]
+    nominal = ["--set", "plant.vehicle.mass=9500", "--set", "simulation.delay_samples=1"]
+    words = ["--case", "4", *SET, *nominal, "--hold-out", "20%"]
     main(
         [
             "identify",

@@ -78,5 +78,5 @@ def test_what_follows_from_another_tension_is_not_inherited() -> None:
     assert rope.pull(0.01, 0.0, 25.0, 0.04) == rope.tension(0.01, 0.0, 25.0)
     assert rope.tension(rope.resting_stretch(1000.0, 25.0), 0.0, 25.0) == pytest.approx(1000.0)
     assert rope.tangent(1000.0, 25.0) == pytest.approx((0.9 * stiffness(25.0, Rope(modulus=50e9)), 900.0))
-    believed = tangent_rope(rope, 1000.0, 25.0)
-    assert (believed.modulus, believed.damping) == (pytest.approx(45e9), pytest.approx(900.0))
+    nominal = tangent_rope(rope, 1000.0, 25.0)
+    assert (nominal.modulus, nominal.damping) == (pytest.approx(45e9), pytest.approx(900.0))

@@ -87,8 +87,8 @@ def test_a_linear_rope_gets_what_the_closed_form_says(tension: float, length: fl
     ours, theirs = (rope.steady_stretch(tension, length, length_rate) for rope in (found, known))
     assert ours == pytest.approx(theirs, rel=1e-12)
     assert found.tangent(tension, length) == pytest.approx(known.tangent(tension, length), rel=1e-12)
-    believed = tangent_rope(found, tension, length)
-    assert (believed.modulus, believed.area) == (pytest.approx(80e9, rel=1e-12), 4.52e-4)
+    nominal = tangent_rope(found, tension, length)
+    assert (nominal.modulus, nominal.area) == (pytest.approx(80e9, rel=1e-12), 4.52e-4)
 
 
 @pytest.mark.parametrize("rope", [Plain(), Stiffening(), Bedding()], ids=lambda rope: rope.kind)

@@ -109,7 +109,7 @@ def test_at_speed_a_filter_that_learns_and_heavy_ropes_come_to_steady_motion() -
 
 
 @pytest.mark.parametrize("x", [40.0, 46.8])
-def test_at_rest_the_wheels_scale_is_as_believed(x: float) -> None:
+def test_at_rest_the_wheels_scale_is_nominal(x: float) -> None:
     """Nothing but the rounding of positions moves it there: Newton's method must not take that for a slope."""
     point = loop_operating_point(load(SEARCHED), x, 0.0)
     assert point.state[point.loop.states.index("controller.estimator.wheel.error")] == 0

@@ -49,7 +49,7 @@ def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) ->
 
 
 def drawn(count: int) -> list[Scenario]:
-    """Vertices of the sea with a Kalman filter, whose controller believes in the nominal machine."""
+    """Vertices of the sea with a Kalman filter, whose controller assumes the nominal machine."""
     sea = load_ensemble("sea", PAPER)
     sea = replace(sea, experiment=override(sea.experiment, {"controller.estimator": "kalman"}))
     return [sea.scenario(index, 1, vertex=True) for index in range(count)]
@@ -99,7 +99,7 @@ def test_margins_on_heavy_ropes_and_gears_are_those_of_one_loop_after_the_other(
 
 
 @pytest.mark.slow
-def test_a_machine_as_drawn_has_a_controller_that_believes_the_nominal_one() -> None:
+def test_a_machine_as_drawn_has_a_controller_that_assumes_the_nominal_one() -> None:
     machines = drawn(3)
     (found,) = MarginSurvey(machines, cuts=tuple(LOOP_OPENINGS)).each([[]])
     for machine, worst in zip(machines, found, strict=True):

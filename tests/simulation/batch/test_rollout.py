@@ -107,7 +107,7 @@ def test_how_much_slack_there_may_be_is_a_share(share: float) -> None:
         rollout(NAMES, GAINS, [scenario(4)], most_slack=share)
 
 
-def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_believes_in() -> None:
+def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_assumes() -> None:
     sea = load_ensemble("sea")
     short = replace(sea, experiment=override(sea.experiment, {"simulation.duration": 2.0}))
     draws = list(short.scenarios(3, 7))

@@ -68,7 +68,7 @@ NUMBERS = numbers_of(everything())
 
 
 def moved(key: str, value: float) -> Result:
-    """A complete run with another number; the controller believes the same plant."""
+    """A complete run with another number; the controller assumes the same plant."""
     experiment = everything()
     if not key.startswith("nominal."):
         return simulate(override(experiment, {key: value}), nominal=experiment.plant)
@@ -146,7 +146,7 @@ def smooth() -> Experiment:
     return override(case(4), {"simulation.duration": 2.0, "simulation.integrator": "exponential"})
 
 
-def test_changing_the_machine_and_what_is_believed_of_it_adds_up() -> None:
+def test_changing_the_machine_and_its_nominal_plant_adds_up() -> None:
     experiment = smooth()
     found = sensitivities(MASSES, [[1e4, 1e4]], [experiment], columns=["F1"])
     upper, lower = (simulate(override(experiment, {"plant.vehicle.mass": 1e4 * (1 + h)})) for h in (1e-5, -1e-5))

@@ -112,8 +112,8 @@ def test_the_controller_keeps_the_nominal_values() -> None:
     for key in SEA.distributions:
         if key.startswith("plant."):
             assert values[key] == scenario.draws[key] != nominal[key]
-            believed = "nominal." + key.removeprefix("plant.")
-            assert values[believed] == nominal[believed]
+            name = "nominal." + key.removeprefix("plant.")
+            assert values[name] == nominal[name]
 
 
 def test_a_scenario_runs_like_an_experiment_whose_controller_is_told_the_nominal_values() -> None:
@@ -121,8 +121,8 @@ def test_a_scenario_runs_like_an_experiment_whose_controller_is_told_the_nominal
     base = override(case(4), {"simulation.duration": 2.0})
     only = Ensemble("", "", base, {f"plant.vehicle.{key}": SEA.distributions[f"plant.vehicle.{key}"] for key in keys})
     scenario = only.scenario(1, 7)
-    believed = {f"controller.nominal.{key}": getattr(base.plant.vehicle, key) for key in keys}
-    told = simulate(override(scenario.experiment, believed))
+    designed = {f"controller.nominal.{key}": getattr(base.plant.vehicle, key) for key in keys}
+    told = simulate(override(scenario.experiment, designed))
     assert simulate(scenario.experiment, nominal=scenario.nominal).final_state == told.final_state
     assert simulate(scenario.experiment).final_state != told.final_state
 

@@ -139,7 +139,7 @@ def test_the_speed_filter_delays_what_the_controller_sees() -> None:
 
 
 def test_a_wrong_nominal_mass_is_a_disturbance_to_the_controller() -> None:
-    """In the acceleration phase the believed mass is 1 t short: the ropes' pull explains too much acceleration."""
+    """In the acceleration phase the nominal mass is 1 t short: the ropes' pull explains too much acceleration."""
     right = case(2)
     wrong = replace(right, controller=Controller(nominal=Nominal(mass=9e3)))
     windows = [(result["t"] > 5) & (result["t"] < 17) for result in (simulate(right), simulate(wrong))]
@@ -148,12 +148,12 @@ def test_a_wrong_nominal_mass_is_a_disturbance_to_the_controller() -> None:
     assert wrong_d.mean() == pytest.approx(0.1 - 0.1 * 1e4 / 9e3, rel=0.05)
 
 
-def test_the_plant_does_not_know_what_the_controller_believes() -> None:
-    """A heavier plant behaves the same to a controller that believes in the old one, whichever way it is said."""
+def test_the_plant_does_not_know_what_the_controller_assumes() -> None:
+    """A heavier plant behaves the same to a controller that assumes the old one, whichever way it is said."""
     heavy = Plant(vehicle=Vehicle(mass=1.2e4))
     added = Plant(vehicle=Vehicle(mass=1e4, added_mass=2e3))
-    believing = Controller(nominal=Nominal(mass=1e4))
+    designed = Controller(nominal=Nominal(mass=1e4))
     first, second = (
-        simulate(replace(case(4), plant=plant, controller=believing, simulation=SHORT)) for plant in (heavy, added)
+        simulate(replace(case(4), plant=plant, controller=designed, simulation=SHORT)) for plant in (heavy, added)
     )
     assert first["x"] == pytest.approx(second["x"], abs=1e-15)

@@ -150,7 +150,7 @@ RUNAWAY = Experiment(
     reference=Reference(kind="uniform", speed=0.1),
     simulation=Simulation(duration=19.0),
 )
-"""The controller believes in fifty times the friction and makes up for it: the vehicle races off the track."""
+"""The controller assumes fifty times the friction and makes up for it: the vehicle races off the track."""
 
 EXPLODING = replace(
     case(1),

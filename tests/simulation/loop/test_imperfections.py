@@ -140,13 +140,13 @@ def test_compiled_and_interpreted_agree(jitter: float) -> None:
 def test_no_controller_knows_what_is_unknown() -> None:
     known, unknown = parameters_of(case(4)), parameters_of(imperfect(ALL))
     layers = {f"nominal.winch_{i}.layer_{what}" for i in (1, 2) for what in ("thickness", "laps")}
-    believed = {key for key in known if key.startswith("nominal.") and known[key] != unknown[key]}
-    assert believed == {
+    nominal = {key for key in known if key.startswith("nominal.") and known[key] != unknown[key]}
+    assert nominal == {
         "nominal.winch_1.layer_thickness",
         "nominal.winch_2.layer_thickness",
         "nominal.winch_2.layer_laps",
     }
-    assert believed < layers
+    assert nominal < layers
     assert not [key for key in known if key.startswith("nominal.") and ("error" in key or "creep" in key)]
 
 

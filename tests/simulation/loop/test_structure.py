@@ -94,7 +94,7 @@ def test_all_experiments_of_a_structure_have_its_parameters(law: str, estimator:
     assert not [key for key in parameters_of(experiment) if key.startswith("controller.nominal.")]
 
 
-def test_what_the_controller_believes_is_the_nominal_plant() -> None:
+def test_what_the_controller_assumes_is_the_nominal_plant() -> None:
     designed = Plant(vehicle=Vehicle(mass=8e3, added_mass=1e3, drag_coefficient=0.5))
     values = parameters_of(override(case(4), {"controller.nominal.mass": 7e3}), designed)
     assert (values["nominal.vehicle.mass"], values["nominal.vehicle.added_mass"]) == (7e3, 0)
@@ -137,14 +137,14 @@ def test_what_is_zero_for_good_is_not_looked_at() -> None:
     assert not np.array_equal(following(whole, 0.2), following(whole, 0.0))
 
 
-def test_what_a_controller_believes_may_lack_what_the_machine_has() -> None:
-    """Code is shaped by the machine; of a plant without sag or hysteresis, a controller of it believes zeros."""
+def test_what_a_controller_assumes_may_lack_what_the_machine_has() -> None:
+    """Code is shaped by the machine; of a plant without sag or hysteresis, a controller of it assumes zeros."""
     heavy = {f"plant.rope_{side}.submerged_weight": 20.2 for side in (1, 2)}
     heavy |= {"plant.track.roller_spacing": 1.0, "plant.rope_1.hysteresis": 7.0}
     machine = override(case(4), heavy)
-    known, believed = parameters_of(machine), parameters_of(machine, Plant())
-    assert list(believed) == list(known)
-    assert (known["nominal.track.roller_spacing"], believed["nominal.track.roller_spacing"]) == (1.0, 0.0)
+    known, nominal = parameters_of(machine), parameters_of(machine, Plant())
+    assert list(nominal) == list(known)
+    assert (known["nominal.track.roller_spacing"], nominal["nominal.track.roller_spacing"]) == (1.0, 0.0)
     weight: Any = ca.SX.sym("weight")
     spacing: Any = ca.SX.sym("spacing")
     sag = sag_shortening(Rope(submerged_weight=weight), 1000.0, 20.0, Track(roller_spacing=spacing))

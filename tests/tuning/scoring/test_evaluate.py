@@ -52,7 +52,7 @@ def test_the_paper_is_its_own_controller_whatever_law_is_tuned(kind: str, make_p
     assert problem.experiment.controller.estimator.kind == "calibrating-kalman"
     theirs = problem.paper_experiment.controller
     assert replace(theirs, nominal=paper_controller().nominal) == paper_controller()
-    assert theirs.nominal.mass == 9e3  # what is believed of the plant is no gain
+    assert theirs.nominal.mass == 9e3  # nominal values of the plant are no gains
     chatter = prepared.paper.metrics["chatter"][0, [0, 2]].mean()  # the typical ones
     assert prepared.constraints[0].bound == pytest.approx(chatter)
     assert chatter != pytest.approx(prepared.start.metrics["chatter"][0, [0, 2]].mean(), rel=0.1)
