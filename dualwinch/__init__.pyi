@@ -79,8 +79,8 @@ from .simulation.analysis.describing_function import AmplitudePoint as Amplitude
 from .simulation.analysis.describing_function import amplitude_sweep as amplitude_sweep
 from .simulation.analysis.idealisations import Idealisation as Idealisation
 from .simulation.analysis.idealisations import idealisations as idealisations
-from .simulation.analysis.linear_loop import linear_broken_loop as linear_broken_loop
 from .simulation.analysis.linear_loop import linear_closed_loop as linear_closed_loop
+from .simulation.analysis.linear_loop import linear_open_loop as linear_open_loop
 from .simulation.analysis.linear_loop import linearise as linearise
 from .simulation.analysis.margins import Margins as Margins
 from .simulation.analysis.margins import margins as margins

@@ -13,7 +13,7 @@ from dualwinch.model.actuators import ACTUATORS, Actuator, Demand, Ideal, Motor,
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
@@ -207,7 +207,7 @@ def test_runs_can_be_differentiated_by_their_numbers(actuator: Actuator, name: s
 
 
 def test_a_lag_takes_phase_off_the_loop() -> None:
-    ideal, lagging = (margins(linear_broken_loop(experiment(one), 20.0, 0.5)) for one in (Ideal(), Motor(0.02)))
+    ideal, lagging = (margins(linear_open_loop(experiment(one), 20.0, 0.5)) for one in (Ideal(), Motor(0.02)))
     assert lagging.phase < ideal.phase
     loop = linear_closed_loop(experiment(Motor(0.02)), 20.0, 0.5)
     assert {"actuator_1.torque", "actuator_2.torque"} <= set(loop.states)

@@ -200,7 +200,7 @@ def _attained(score: ControllerScore) -> dict[str, Any]:
             "amplitude": attained.worst.amplitude,
             "x": attained.worst.x,
             "v": attained.worst.v,
-            "cut": attained.worst.cut or None,
+            "opening": attained.worst.opening or None,
             "frequency": _finite(attained.worst.frequency / (2 * math.pi)),
             "reason": attained.worst.reason or None,
         }

@@ -183,10 +183,10 @@ def leads() -> str:
         ensemble = dw.load_ensemble("site", own)
         drawn = [ensemble.scenario(index, DRAWN_WITH).experiment for index in range(AT_REST)]
         survey = [
-            dw.margins(dw.linear_broken_loop(each, share * each.plant.track.length, cut=cut))
+            dw.margins(dw.linear_open_loop(each, share * each.plant.track.length, opening=opening))
             for each in (own, *drawn)
             for share in (0.05, 0.5, 0.95)
-            for cut in ("tau_1", "tau_2")
+            for opening in ("tau_1", "tau_2")
         ]
         result = dw.run_ensemble(ensemble, DRAWS, seed=DRAWN_WITH)
         least = [

@@ -201,14 +201,14 @@ is {verdict}, yet V decreases over only {100 * certified.decreasing:.0f} % of th
 
 
 def loop_margins() -> str:
-    """Margins of the loop that is cut at the force and at a torque."""
+    """Margins of the loop that is opened at the force and at a torque."""
     rows = []
-    for cut in ("u", "tau_1"):
-        found = dw.margins(dw.linear_broken_loop(dw.case(4), *MID_TRACK, cut))
+    for opening in ("u", "tau_1"):
+        found = dw.margins(dw.linear_open_loop(dw.case(4), *MID_TRACK, opening))
         cells = [f"{found.gain:.3g}", f"{found.phase:.3g}°", f"{1e3 * found.delay:.3g} ms", f"{found.disk:.3g}"]
-        rows.append([cut, *cells])
+        rows.append([opening, *cells])
     radius = np.abs(dw.linear_closed_loop(dw.case(4), *MID_TRACK).poles()).max()
-    table = markdown(["cut at", "gain", "phase", "delay", "disk"], rows)
+    table = markdown(["opened at", "gain", "phase", "delay", "disk"], rows)
     return (
         f"{table}\n\n(Mid-track at {MID_TRACK[1]:g} m/s. `--loop closed` gives eigenvalues, frequency and damping of\n"
         f"the whole loop, spectral radius {radius:.6f}.)"

@@ -1,4 +1,4 @@
-"""The command ``linearise``: plant, closed loop or broken loop at an operating point or along a sweep.
+"""The command ``linearise``: plant, closed loop or open loop at an operating point or along a sweep.
 
 The entry ``figures`` of the file holds every printed number: both come from the same tables.
 """
@@ -51,8 +51,8 @@ app = App(
     dualwinch linearise --sweep x=1:47:2 --plot modes.png --out track.mat
     dualwinch linearise --sweep v=0:2.4:0.2 --plot poles.svg --figure poles
     dualwinch linearise --loop closed --v 0.5 --plot poles.png
-    dualwinch linearise --loop broken --cut tau_1 --v 0.5 --plot margins.png
-    dualwinch linearise --loop broken --v 0.5 --plot amplitude.png --figure amplitude
+    dualwinch linearise --loop open --opening tau_1 --v 0.5 --plot margins.png
+    dualwinch linearise --loop open --v 0.5 --plot amplitude.png --figure amplitude
     dualwinch linearise --ensemble site --v 1
     dualwinch linearise --ensemble site --loop closed --v 1 --set controller.winch_1.damping=164
 """,
@@ -69,13 +69,13 @@ def linearise(
     ] = None,
     sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
     loop: Annotated[
-        Literal["open", "closed", "broken"],
-        Parameter(help="What to linearise: the plant alone, the closed loop over a sample, or that loop cut open."),
-    ] = "open",
-    cut: Annotated[
+        Literal["plant", "open", "closed"],
+        Parameter(help="What to linearise: the plant alone, or the loop over a sample, opened at a signal or closed."),
+    ] = "plant",
+    opening: Annotated[
         Literal["u", "tau_1", "tau_2", "torques"] | None,
         Parameter(
-            help="broken: signal at which the loop is cut: force command (default), torque of a winch, or both "
+            help="open: signal at which the loop is opened: force command (default), torque of a winch, or both "
             "torques, which then change alike."
         ),
     ] = None,
@@ -89,8 +89,8 @@ def linearise(
     figure: Annotated[
         Literal["amplitude", "bode", "modes", "poles", "shapes"] | None,
         Parameter(
-            help="Which figure. open: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles; "
-            "broken: bode with margins (default), or margins against the amplitude of the speed error."
+            help="Which figure. plant: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles; "
+            "open: bode with margins (default), or margins against the amplitude of the speed error."
         ),
     ] = None,
 ) -> None:
@@ -99,7 +99,7 @@ def linearise(
     At rest the operating point is an equilibrium, else steady motion with constant tensions. Derivatives are exact.
     Ropes with mass and sag, and elastic gearboxes, add their modes; ropes are assumed taut and teeth in contact.
 
-    The closed loop maps the states of plant and controller over one sample. The broken loop is the same, cut open at
+    The closed loop maps the states of plant and controller over one sample. The open loop is the same, opened at
     a signal: its gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed
     error. With either loop, the rule for the drums' resonance on their ropes is checked.
     """
@@ -115,12 +115,12 @@ def linearise(
         check_place(out)
     check_file(plot, *FIGURE_SUFFIXES)
     swept = _swept_name(sweep) if sweep else None
-    _check(loop, cut, dt, swept, figure, plot)
+    _check(loop, opening, dt, swept, figure, plot)
     values = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
     with terminal(stderr=True).status("linearising"):
-        systems, points = linear_systems(experiment, values, loop, cut or "u", dt)
-    if loop == "broken":
-        tables = print_broken(systems, experiment, values, swept, cut or "u")
+        systems, points = linear_systems(experiment, values, loop, opening or "u", dt)
+    if loop == "open":
+        tables = print_open(systems, experiment, values, swept, opening or "u")
     elif swept is None:
         learnt = learnt_states(experiment) if loop == "closed" else frozenset()
         tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed", learnt=learnt)
@@ -128,7 +128,7 @@ def linearise(
         tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
     else:
         tables = print_sweep(systems, points, experiment.plant, swept)
-    if loop != "open" and swept is None:
+    if loop != "plant" and swept is None:
         resonance = resonance_tables(_with_preload(experiment, values["preload"][0]), values["x"][0])
         print_resonance(resonance)
         tables += resonance
@@ -136,32 +136,32 @@ def linearise(
         facts = records(tables)
         save_sweep(systems, out, facts) if swept else systems[0].save(out, facts)
         wrote(out)
-    write_figure(plot, lambda: _drawn(systems, experiment, values, swept, loop, cut or "u", figure))
+    write_figure(plot, lambda: _drawn(systems, experiment, values, swept, loop, opening or "u", figure))
 
 
 SWEPT = ("x", "v", "preload")
 
-FIGURES = {"open": ("bode", "modes", "poles", "shapes"), "closed": ("poles",), "broken": ("bode", "amplitude")}
+FIGURES = {"plant": ("bode", "modes", "poles", "shapes"), "closed": ("poles",), "open": ("bode", "amplitude")}
 """Loop → its figures, the default of one point first."""
 
 
 def _check(
-    loop: str, cut: str | None, dt: float | None, swept: str | None, figure: str | None, plot: Path | None
+    loop: str, opening: str | None, dt: float | None, swept: str | None, figure: str | None, plot: Path | None
 ) -> None:
     """Raise `ConfigurationError` where options contradict each other."""
     from dualwinch.model.errors import ConfigurationError
 
     if figure and not plot:
         raise ConfigurationError("--figure: needs --plot")
-    if dt is not None and loop != "open":
+    if dt is not None and loop != "plant":
         raise ConfigurationError(f"--dt and --loop {loop}: the loop has the controller's, simulation.sample_time")
-    if cut and loop != "broken":
-        raise ConfigurationError("--cut: needs --loop broken")
-    if figure == "amplitude" and loop == "open":
-        raise ConfigurationError("--figure amplitude: needs --loop broken")
+    if opening and loop != "open":
+        raise ConfigurationError("--opening: needs --loop open")
+    if figure == "amplitude" and loop == "plant":
+        raise ConfigurationError("--figure amplitude: needs --loop open")
     if figure and figure not in FIGURES[loop]:
         raise ConfigurationError(f"--figure {figure} and --loop {loop}: must be {' or '.join(FIGURES[loop])}")
-    if swept is None and loop == "open" and figure in {"modes", "poles"}:
+    if swept is None and loop == "plant" and figure in {"modes", "poles"}:
         raise ConfigurationError(f"--figure {figure}: needs --sweep")
     if swept and figure in {"amplitude", "shapes"}:
         raise ConfigurationError(f"--figure {figure}: shows one operating point; give no --sweep")
@@ -211,9 +211,9 @@ def _with_preload(experiment: Experiment, preload: float) -> Experiment:
 
 
 def linear_systems(
-    experiment: Experiment, values: Values, loop: str, cut: str, dt: float | None
+    experiment: Experiment, values: Values, loop: str, opening: str, dt: float | None
 ) -> tuple[list[LinearSystem], list[OperatingPoint]]:
-    """The linear system at every point, and the plant's operating points (empty for a broken loop).
+    """The linear system at every point, and the plant's operating points (empty for an open loop).
 
     Raises:
         ConfigurationError: a point without an operating point of the plant.
@@ -222,18 +222,18 @@ def linear_systems(
 
     from dualwinch.model.linear.linearisation import linearise_at
     from dualwinch.model.linear.operating_point import operating_points
-    from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+    from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 
     limits = experiment.controller.limits
-    most = limits.tension_max if loop == "open" else limits.command_max
+    most = limits.tension_max if loop == "plant" else limits.command_max
     x, v, preload = (np.array(values[name]) for name in SWEPT)
-    if loop == "broken":
+    if loop == "open":
         return [
-            linear_broken_loop(_with_preload(experiment, preload), x, v, cut)
+            linear_open_loop(_with_preload(experiment, preload), x, v, opening)
             for x, v, preload in zip(*values.values(), strict=True)
         ], []
     points = operating_points(x, v, preload, experiment.plant, tension_min=limits.tension_min, tension_max=most)
-    if loop == "open":
+    if loop == "plant":
         return list(linearise_at(points, experiment.plant, dt)), points
     return [
         linear_closed_loop(_with_preload(experiment, preload), x, v)
@@ -247,7 +247,7 @@ def _drawn(
     values: Values,
     swept: str | None,
     loop: str,
-    cut: str,
+    opening: str,
     figure: str | None,
 ) -> Any:
     """Draw the requested figure, or the default one."""
@@ -259,8 +259,8 @@ def _drawn(
         return linear.closed_loop_poles(systems, swept)
     if figure == "amplitude":
         x, v, preload = (values[name][0] for name in SWEPT)
-        return linear.amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, cut))
-    if loop == "broken":
+        return linear.amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, opening))
+    if loop == "open":
         return linear.loop_bode(systems, list(map(margins, systems)), swept)
     match figure or ("modes" if swept else "bode"):
         case "shapes":
@@ -311,22 +311,22 @@ def _margin_row(found: Margins) -> list[float | bool]:
     return [*(values if found.stable else [math.nan] * len(values)), found.stable]
 
 
-def print_broken(
-    systems: Sequence[LinearSystem], experiment: Experiment, values: Values, swept: str | None, cut: str
+def print_open(
+    systems: Sequence[LinearSystem], experiment: Experiment, values: Values, swept: str | None, opening: str
 ) -> list[FigureTable]:
-    """Print margins of broken loops and, for one point of a sliding-mode law, their dependence on the amplitude."""
+    """Print margins of open loops and, for one point of a sliding-mode law, their dependence on the amplitude."""
     from dualwinch.model.linear.operating_point import contact
     from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-    from dualwinch.simulation.analysis.linear_loop import CUTS
+    from dualwinch.simulation.analysis.linear_loop import OPENED_SIGNALS
     from dualwinch.simulation.analysis.margins import margins
     from dualwinch.simulation.analysis.stability import SLIDING_MODE
     from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 
     console = terminal()
     ratio = f" ({', '.join(map('/'.join, zip(systems[0].outputs, systems[0].inputs, strict=True)))})"
-    console.print(styled("bold", f"margins of the loop cut at {cut}", ratio))
+    console.print(styled("bold", f"margins of the loop opened at {opening}", ratio))
     if not any(system.B.any() for system in systems):
-        returned = " and ".join(LOOP_OPENINGS[signal] for signal in CUTS[cut])
+        returned = " and ".join(LOOP_OPENINGS[signal] for signal in OPENED_SIGNALS[opening])
         console.print(f"no loop gain: {returned} rests on its limit or does not respond here")
     rows = [[*([values[swept][k]] if swept else []), *_margin_row(margins(system))] for k, system in enumerate(systems)]
     first = _point_columns(swept) if swept else []
@@ -336,7 +336,7 @@ def print_broken(
         console.print(words)
     if swept is None and isinstance(experiment.controller.law, SLIDING_MODE) and systems[0].B.any():
         x, v, preload = (values[name][0] for name in SWEPT)
-        points = amplitude_sweep(_with_preload(experiment, preload), x, v, cut, PRINTED_AMPLITUDES)
+        points = amplitude_sweep(_with_preload(experiment, preload), x, v, opening, PRINTED_AMPLITUDES)
         amplitude = FigureColumn("amplitude", "m/s", "e2 m/s", form="g")
         rows = [[point.amplitude, *_margin_row(point.margins)] for point in points]
         tables.append(FigureTable("margins_by_amplitude", (amplitude, *MARGIN_COLUMNS), rows))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
-from dualwinch.simulation.analysis.linear_loop import whole_broken_loop, without_idle_states
+from dualwinch.simulation.analysis.linear_loop import whole_open_loop, without_idle_states
 from dualwinch.simulation.analysis.margins import Margins, margins
 from dualwinch.simulation.analysis.stability import sliding_mode
 from dualwinch.simulation.experiment import Experiment
@@ -69,7 +69,7 @@ def amplitude_sweep(
     experiment: Experiment,
     x: float | None = None,
     v: float = 0.0,
-    cut: str = "u",
+    opening: str = "u",
     amplitudes: Sequence[float] = AMPLITUDES,
 ) -> list[AmplitudePoint]:
     """Gain and margins of the opened loop for amplitudes of the speed error.
@@ -81,7 +81,7 @@ def amplitude_sweep(
         experiment: plant, gains, sample time and delay.
         x: position in m; default: mid-track.
         v: speed in m/s.
-        cut: where the loop is opened (see `simulation.analysis.linear_loop.linear_broken_loop`).
+        opening: where the loop is opened (see `simulation.analysis.linear_loop.linear_open_loop`).
         amplitudes: of e2 in m/s, > 0.
 
     Raises:
@@ -92,7 +92,7 @@ def amplitude_sweep(
         if not 0 < amplitude < np.inf:
             raise ConfigurationError(f"amplitude = {amplitude:g}: must be a finite number > 0 m/s")
     ratio = gains.p / gains.q
-    template, parts = _parts(experiment, x, v, cut)
+    template, parts = _parts(experiment, x, v, opening)
     points = []
     for amplitude in amplitudes:
         terminal, surface = (float(describing_gain(amplitude, each, gains.smoothing)) for each in (2 - ratio, ratio))
@@ -103,7 +103,7 @@ def amplitude_sweep(
     return points
 
 
-def _parts(experiment: Experiment, x: float | None, v: float, cut: str) -> tuple[LinearSystem, dict[str, Floats]]:
+def _parts(experiment: Experiment, x: float | None, v: float, opening: str) -> tuple[LinearSystem, dict[str, Floats]]:
     """A system as template, and matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
 
     The force is linear in both slopes and the rest is linear in the force, so that three linearisations determine the
@@ -116,7 +116,7 @@ def _parts(experiment: Experiment, x: float | None, v: float, cut: str) -> tuple
     for smoothing in PROBES:
         probed = replace(law, nftsm=replace(gains, smoothing=smoothing))
         controller = replace(experiment.controller, law=probed)
-        systems.append(whole_broken_loop(replace(experiment, controller=controller), x, v, cut))
+        systems.append(whole_open_loop(replace(experiment, controller=controller), x, v, opening))
     slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
     shares = np.linalg.inv(slopes)
     return systems[0], {

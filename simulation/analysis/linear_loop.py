@@ -52,8 +52,8 @@ INPUTS = {
 }
 """Exogenous signal → its name and unit as an input of the closed loop."""
 
-CUTS = {**{name: (name,) for name in LOOP_OPENINGS}, BOTH: ("tau_1", "tau_2")}
-"""Value of ``cut`` → the openings of the loop."""
+OPENED_SIGNALS = {**{name: (name,) for name in LOOP_OPENINGS}, BOTH: ("tau_1", "tau_2")}
+"""Value of ``opening`` → the signals that are opened."""
 
 OUTSIDE = ("current", "force", "tension_min", "tension_max")
 """Further arguments of `operating_point`."""
@@ -119,8 +119,8 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
     return without_idle_states(_named(point, matrices, range(len(A)), inputs, outputs, units))
 
 
-def linear_broken_loop(
-    experiment: Experiment, x: float | None = None, v: float = 0.0, cut: str = "u", nominal: Plant | None = None
+def linear_open_loop(
+    experiment: Experiment, x: float | None = None, v: float = 0.0, opening: str = "u", nominal: Plant | None = None
 ) -> LinearSystem:
     """Linearise the loop opened at one signal, or at both torques: from the injected to minus the returned signal.
 
@@ -130,26 +130,26 @@ def linear_broken_loop(
         experiment: plant, gains, sample time and delay.
         x: position in m; default: mid-track.
         v: speed in m/s.
-        cut: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque; or ``torques``, both.
+        opening: ``u``, the position law's force command; ``tau_1`` or ``tau_2``, a winch's torque; ``torques``, both.
         nominal: the plant the controller was designed for; default: the experiment's.
 
     Raises:
-        ConfigurationError: an unknown cut, or no steady motion there.
+        ConfigurationError: an unknown opening, or no steady motion there.
     """
-    return without_idle_states(whole_broken_loop(experiment, x, v, cut, nominal))
+    return without_idle_states(whole_open_loop(experiment, x, v, opening, nominal))
 
 
-def whole_broken_loop(
-    experiment: Experiment, x: float | None, v: float, cut: str, nominal: Plant | None = None
+def whole_open_loop(
+    experiment: Experiment, x: float | None, v: float, opening: str, nominal: Plant | None = None
 ) -> LinearSystem:
-    """`linear_broken_loop` with all states, even those that affect nothing: the same states for all gains."""
-    if cut not in CUTS:
-        raise ConfigurationError(unknown("cut", cut, CUTS))
+    """`linear_open_loop` with all states, even those that affect nothing: the same states for all gains."""
+    if opening not in OPENED_SIGNALS:
+        raise ConfigurationError(unknown("opening", opening, OPENED_SIGNALS))
     point = loop_operating_point(experiment, x, v, nominal)
     (A,), (B,), (C,), (D,) = point.opened
-    signals, openings = CUTS[cut], list(LOOP_OPENINGS)
-    here = [openings.index(signal) for signal in signals]
-    others = [index for index in range(len(openings)) if index not in here]
+    signals, all_openings = OPENED_SIGNALS[opening], list(LOOP_OPENINGS)
+    here = [all_openings.index(signal) for signal in signals]
+    others = [index for index in range(len(all_openings)) if index not in here]
     # close the other openings: their injected signal is the returned one
     closing = np.linalg.inv(np.eye(len(others)) - D[np.ix_(others, others)])
     through, direct = B[:, others] @ closing, D[here][:, others] @ closing

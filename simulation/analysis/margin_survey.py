@@ -53,7 +53,7 @@ class WorstMargin:
             if no such change makes any loop unstable.
         machine: index of the machine.
         x, v: position in m and speed in m/s of the operating point.
-        cut: the opening, one of `LOOP_OPENINGS` or `margins.BOTH`; empty where the value is 0 or infinite.
+        opening: one of `LOOP_OPENINGS` or `margins.BOTH`; empty where the value is 0 or infinite.
         frequency: angular frequency in rad/s at which the loop would oscillate; NaN likewise.
         reason: for a value of 0, `UNSTABLE` or `UNSTEADY`; else empty.
         amplitude: of the speed error in m/s; 0: infinitesimal motions.
@@ -63,7 +63,7 @@ class WorstMargin:
     machine: int
     x: float
     v: float
-    cut: str = ""
+    opening: str = ""
     frequency: float = math.nan
     reason: str = ""
     amplitude: float = 0.0
@@ -104,7 +104,7 @@ class MarginSurvey:
         machines: Sequence[Experiment | Scenario],
         names: Sequence[str] = (),
         threads: int | None = None,
-        cuts: Collection[str] = (*LOOP_OPENINGS, BOTH),
+        openings: Collection[str] = (*LOOP_OPENINGS, BOTH),
         amplitudes: Collection[float] = (0.0,),
         *,
         at_speed: bool = True,
@@ -115,12 +115,12 @@ class MarginSurvey:
             machines: of one structure.
             names: keys of the varied numbers, as in `rollout`.
             threads: number of threads; default: one per core.
-            cuts: openings, one at a time; `margins.BOTH`: both torques change alike.
+            openings: one at a time; `margins.BOTH`: both torques change alike.
             amplitudes: of the speed error in m/s; 0: infinitesimal motions. Ignored for laws without odd powers of
                 it, whose margins do not depend on the amplitude.
             at_speed: whether there are points at the reference's largest speed besides those at rest.
         """
-        self.machines, self._threads, self._cuts = tuple(machines), threads, cuts
+        self.machines, self._threads, self._openings = tuple(machines), threads, openings
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
         nominal = [given.nominal if isinstance(given, Scenario) else None for given in machines]
         calm_nominal = [plant and still_plant(plant) for plant in nominal]
@@ -230,8 +230,8 @@ class MarginSurvey:
         worst, found = terms[..., -1].argmax(axis=1), []
         for number, (index, x) in enumerate(zip(worst.tolist(), middle.tolist(), strict=True)):
             frequency, *_, gain = terms[number, index].tolist()
-            cut, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
-            found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, cut, omega))
+            opening, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
+            found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, opening, omega))
         return [found[first : first + count] for first in range(0, len(found), count)]
 
     def _parameters_with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:
@@ -317,7 +317,7 @@ class MarginSurvey:
         closed = complementary(A, B, C, D, self._dt)
         stable[which] = closed.stable
         among = rows[place[which]] if roughly else None
-        least = least_margins(closed, member[which], kinds, len(group), self._cuts, among=among)
+        least = least_margins(closed, member[which], kinds, len(group), self._openings, among=among)
         found_of = []
         for index, (row, of) in enumerate(group.tolist()):
             mine = np.flatnonzero(member == index)
@@ -332,7 +332,7 @@ class MarginSurvey:
                     reason = UNSTABLE if steady[at_loop] else UNSTEADY
                     words[kind] = WorstMargin(0.0, *spot, reason=reason, amplitude=size)
                 else:
-                    words[kind] = WorstMargin(one.value, *spot, one.cut, one.frequency, "", size)
+                    words[kind] = WorstMargin(one.value, *spot, one.opening, one.frequency, "", size)
             found_of.append((row, of, words))
         return found_of
 

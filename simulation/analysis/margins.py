@@ -119,7 +119,7 @@ def margins(loop: LinearSystem) -> Margins:
 
     Args:
         loop: discrete, with one input and one output, or two of each, e.g. from
-            `simulation.analysis.linear_loop.linear_broken_loop`, or a ``StateSpace`` of python-control.
+            `simulation.analysis.linear_loop.linear_open_loop`, or a ``StateSpace`` of python-control.
 
     Raises:
         ConfigurationError: a continuous system, more inputs or outputs, no state-space system, or elements that are
@@ -471,13 +471,13 @@ class LeastMargin:
     Attributes:
         value: as in `Margins`; infinite if no such change makes any loop unstable.
         loop: index of the loop in which it occurs; -1: none.
-        cut: its opening, one of `LOCI`.
+        opening: one of `LOCI`.
         frequency: in rad/s.
     """
 
     value: float = math.inf
     loop: int = -1
-    cut: str = ""
+    opening: str = ""
     frequency: float = math.nan
 
 
@@ -512,7 +512,7 @@ def least_margins(
     group: Indices,
     kinds: Sequence[str],
     groups: int,
-    cuts: Collection[str] = LOCI,
+    openings: Collection[str] = LOCI,
     *,
     grid: FrequencyGrid = COARSE,
     among: Indices | None = None,
@@ -524,7 +524,7 @@ def least_margins(
         group: (s,) index of the group of each loop, from 0.
         kinds: of `MARGIN_KINDS`, or ``fall``, the factor by which the gain may fall.
         groups: number of groups.
-        cuts: openings, of `LOCI`.
+        openings: of `LOCI`.
         grid: frequency grid.
         among: (s,) larger groups: margins far above the smallest of these are only read off the grid. Default: `group`.
 
@@ -536,7 +536,7 @@ def least_margins(
     omega = _frequencies(loops, grid)
     response = loops.loci(omega, exact=grid.exact)
     found: list[dict[str, LeastMargin]] = [{} for _ in range(groups)]
-    wanted = np.array([cut in cuts for cut in LOCI])
+    wanted = np.array([opening in openings for opening in LOCI])
     for kind in kinds:
         places = _read_off(kind, omega, response)
         places = places[wanted[places.locus]]

@@ -508,11 +508,11 @@ def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
 @built_once
 def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
     """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
-    loop, cut = closed_loop(structure), closed_loop(structure, cuts=tuple(LOOP_OPENINGS))
-    arguments = [ca.SX.sym(name, cut.sample.size1_in(name)) for name in cut.sample.name_in()]
+    loop, opened = closed_loop(structure), closed_loop(structure, openings=tuple(LOOP_OPENINGS))
+    arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
     state, exogenous, parameters, leaving = arguments
-    following, row, _ = cut.step(*arguments)
-    returned = cut.sample(*arguments)[cut.sample.name_out().index("returned")]
+    following, row, _ = opened.step(*arguments)
+    returned = opened.sample(*arguments)[opened.sample.name_out().index("returned")]
     kept = np.flatnonzero(~loop.marked(Mark.BOOKKEEPING)).tolist()
     plant = with_leaves(structure.plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant.")
     blank = blank_state(structure.plant)

@@ -11,7 +11,7 @@ from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
@@ -239,7 +239,7 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], adv
     if unstable and points[0].margins.stable:
         yield (
             f"unstable at speed errors of {' and '.join(unstable)} cm/s, though stable at small ones: a disturbance "
-            f"or a noisy sensor may bring it there (dualwinch linearise --loop broken --x {middle:g})"
+            f"or a noisy sensor may bring it there (dualwinch linearise --loop open --x {middle:g})"
             f"{advice and f'; {advice}'}"
         )
 
@@ -253,15 +253,15 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
     """
     middle = experiment.plant.track.length / 2
     try:
-        found = {cut: margins(linear_broken_loop(experiment, middle, cut=cut)) for cut in LOOP_OPENINGS}
+        found = {opening: margins(linear_open_loop(experiment, middle, opening=opening)) for opening in LOOP_OPENINGS}
     except (DualwinchError, ArithmeticError):
         return
-    cut, worst = min(found.items(), key=lambda each: each[1].delay)
+    opening, worst = min(found.items(), key=lambda each: each[1].delay)
     if worst.delay < least and all(each.stable for each in found.values()):
         yield (
-            f"the loop tolerates {1e3 * worst.delay:.2g} ms of further delay at {cut}, at rest at {middle:g} m; a "
+            f"the loop tolerates {1e3 * worst.delay:.2g} ms of further delay at {opening}, at rest at {middle:g} m; a "
             f"sample takes {1e3 * experiment.simulation.sample_time:g} ms "
-            f"(dualwinch linearise --loop broken --cut {cut} --x {middle:g})"
+            f"(dualwinch linearise --loop open --opening {opening} --x {middle:g})"
         )
 
 

@@ -226,18 +226,20 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
 
 
 @built_once
-def closed_loop(structure: Experiment, zeros: frozenset[str] = frozenset(), cuts: tuple[str, ...] = ()) -> ClosedLoop:
+def closed_loop(
+    structure: Experiment, zeros: frozenset[str] = frozenset(), openings: tuple[str, ...] = ()
+) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
     Args:
         structure: determines the functions.
         zeros: names of parameters (`structure.zeros_of`) and signals (`absent_signals`) that are always zero: the
             functions leave out their terms and ignore their values.
-        cuts: `ANALYSIS_POINTS` at which to open the loop for analysis: the signals injected at the openings become a
-            fourth input, ``cut``, of `sample`, `observe` and `step`, and the returned signals a further output,
+        openings: `ANALYSIS_POINTS` at which to open the loop for analysis: the signals injected there become a fourth
+            input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
             ``returned``, of `sample`.
     """
-    return _closed_loop(structure, zeros, cuts)
+    return _closed_loop(structure, zeros, openings)
 
 
 def _metric_sample(
@@ -287,7 +289,7 @@ def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter
     return _Instant(t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following))
 
 
-def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, ...]) -> ClosedLoop:
+def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[str, ...]) -> ClosedLoop:
     simulation, silence = structure.simulation, silence_of(structure.sensors)
     calm = nothing_from_outside(structure.controller)
     queued = _queue_names(simulation.delay_samples)
@@ -297,13 +299,13 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
         "parameters": tuple(parameters_of(structure)),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
-    injected = {cut: ca.SX.sym(cut) for cut in cuts}
+    injected = {opening: ca.SX.sym(opening) for opening in openings}
     of_state, outside, values = (
         dict(zip(names, ca.vertsplit(symbols[name]), strict=True)) for name, names in vectors.items()
     )
     outside |= {name: ca.SX(0) for name in zeros & outside.keys()}
-    if cuts:
-        symbols["cut"] = ca.vertcat(*injected.values())
+    if openings:
+        symbols["injected"] = ca.vertcat(*injected.values())
     values |= dict.fromkeys(zeros, ca.SX(0))
     parts = symbolic_parts(structure, values)
     plant, sensors, actuator = parts.plant, parts.sensors, parts.actuator
@@ -377,9 +379,9 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], cuts: tuple[str, 
     following |= dict(zip(queued, queue[2:], strict=True)) | sums
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}
-    if cuts:
+    if openings:
         returned = pulls | {"u": output.position.u_sat, "tau_1": winches.tau_1, "tau_2": winches.tau_2}
-        at_sample["returned"] = ca.vertcat(*(returned[cut] for cut in cuts))
+        at_sample["returned"] = ca.vertcat(*(returned[opening] for opening in openings))
     marks = {name: leaf.marks for name, leaf in describe_parts(start).items()}
     marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # nothing depends on them
     move, one_step = between_samples(structure, problem, symbols["parameters"])

@@ -273,7 +273,7 @@ def _loci(response: NDArray[np.complex128]) -> list[NDArray[np.complex128]]:
     return list(np.where(swapped[:, None], values[:, ::-1], values).T)
 
 
-def _cut(system: LinearSystem) -> str:
+def _opening(system: LinearSystem) -> str:
     """Opening of a loop in words."""
     return " and ".join(name.removesuffix("_in") for name in system.inputs)
 
@@ -290,7 +290,7 @@ def loop_bode(
         ax: axes for gain and phase; default: a figure of its own.
     """
     drawn = _styled(systems, swept)
-    title = f"Loop cut at {_cut(systems[0])}"
+    title = f"Loop opened at {_opening(systems[0])}"
     with new_page(ax, 5.0, title, _point_in_words(systems[0], swept)) as page:
         gain, phase = panels = page.panels(2, sharex=True)
         for system, style in drawn:
@@ -371,7 +371,7 @@ def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None)
     system, margins = points[0].system, [point.margins for point in points]
     amplitude = 1e3 * np.array([point.amplitude for point in points])
     sound = [1.0 if each.stable else math.nan for each in margins]
-    title = f"Margins of the loop cut at {_cut(system)} depend on amplitude"
+    title = f"Margins of the loop opened at {_opening(system)} depend on amplitude"
     with new_page(ax, 5.0, title, _point_in_words(system, None)) as page:
         gain, delay = panels = page.panels(2, sharex=True)
         for axes, name, label, colour, factor in (

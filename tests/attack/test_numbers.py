@@ -27,7 +27,7 @@ COMMANDS = [
     ("simulate", "--plot", "o.svg"),
     ("simulate", "--engine", "interpreter"),
     ("linearise", "--out", "o.json"),
-    ("linearise", "--loop", "broken", "--out", "o.json"),
+    ("linearise", "--loop", "open", "--out", "o.json"),
     ("certify", "--out", "o.json"),
     ("sweep", "controller.coordination.preload=1000:4000:1000", "--out", "o.csv"),
     ("export", "c", "--out", "o"),

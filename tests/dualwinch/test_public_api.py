@@ -54,7 +54,7 @@ SEA = dualwinch.load_ensemble("sea")
         (lambda: dualwinch.compile(None), "function: must be a CasADi Function, not NoneType"),
         (lambda: dualwinch.plant(3), "values: must be a Plant, not int"),
         (lambda: dualwinch.modes(3), "system: must be a LinearSystem (linearise makes one), not int"),
-        (lambda: dualwinch.linear_broken_loop(CASE, nominal=3), "nominal: must be a Plant, not int"),
+        (lambda: dualwinch.linear_open_loop(CASE, nominal=3), "nominal: must be a Plant, not int"),
         (lambda: dualwinch.nearby_gains(3), "given: must be a Certificate (certify makes one), not int"),
         (lambda: dualwinch.tune("foo"), "problem: must be a TuningProblem (tuning_problem makes one), not str"),
         (lambda: dualwinch.tuning_problem(CASE, settings=[3]), "settings: must be a text or a list of texts, not 3"),

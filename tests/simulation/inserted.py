@@ -1,4 +1,4 @@
-"""The nonlinear closed loop with a gain or a delay put into it where the linear analysis cuts it."""
+"""The nonlinear closed loop with a gain or a delay put into it where the linear analysis opens it."""
 
 from dataclasses import dataclass
 
@@ -40,18 +40,18 @@ def run(
     kick: dict[str, float],
     samples: int,
     *,
-    cut: str = "u",
+    opening: str = "u",
     gain: float = 1.0,
     delay: int = 0,
 ) -> Run:
-    """From steady motion, with some states kicked. At the cut, deviations are multiplied and sent `delay` samples late.
+    """From steady motion, with some states kicked. At the opening, deviations are multiplied and delayed.
 
     Args:
         kick: state of the closed loop → what is added to it at the start.
     """
     cruise = loop_operating_point(experiment, x, v)
-    loop = closed_loop(structure_of(cruise.experiment), cuts=(cut,))
-    steady, here = cruise.row[LOOP_OPENINGS[cut]], loop.columns.index(LOOP_OPENINGS[cut])
+    loop = closed_loop(structure_of(cruise.experiment), openings=(opening,))
+    steady, here = cruise.row[LOOP_OPENINGS[opening]], loop.columns.index(LOOP_OPENINGS[opening])
     state, line, reference = ca.SX.sym("state", len(loop.states)), ca.SX.sym("line", max(delay, 1)), ca.SX.sym("x_ref")
     outside, index = ca.SX(cruise.exogenous), loop.exogenous.index("reference.x")
     outside[index] = reference

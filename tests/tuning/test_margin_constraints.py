@@ -13,7 +13,7 @@ import pytest
 from dualwinch.cli.tune import StudyOptions, write
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
@@ -142,12 +142,12 @@ def test_where_drums_swing_margins_are_bounded_at_rest_for_small_speed_errors() 
 @pytest.mark.parametrize("amplitude", [0.002, 0.1])
 def test_margins_at_an_amplitude_are_those_of_the_describing_functions(amplitude: float) -> None:
     experiment = case(4)
-    (least,) = MarginSurvey([experiment], cuts=["u"], amplitudes=[amplitude]).worst([[]], ["delay", "disk"])
+    (least,) = MarginSurvey([experiment], openings=["u"], amplitudes=[amplitude]).worst([[]], ["delay", "disk"])
     (point,) = amplitude_sweep(experiment, least["delay"].x, least["delay"].v, "u", [amplitude])
     assert least["delay"].value == pytest.approx(point.margins.delay, rel=0.05)
     (point,) = amplitude_sweep(experiment, least["disk"].x, least["disk"].v, "u", [amplitude])
     assert least["disk"].value == pytest.approx(point.margins.disk, rel=0.05)
-    both = MarginSurvey([experiment], cuts=["u"], amplitudes=[amplitude, 0.01]).worst([[]], ["delay"])[0]["delay"]
+    both = MarginSurvey([experiment], openings=["u"], amplitudes=[amplitude, 0.01]).worst([[]], ["delay"])[0]["delay"]
     assert both.value <= least["delay"].value
 
 
@@ -267,10 +267,10 @@ def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_pat
     _stands_and_falls(kept, math.floor(1e3 * worst.value), math.ceil(1.5e3 * worst.value), (worst.x, worst.v))
     (place,) = [words for words in margin_places(kept) if "(best)" in words]
     assert f"x = {worst.x:g} m" in place
-    assert worst.cut in place
+    assert worst.opening in place
     write(kept, "memory", StudyOptions(out=tmp_path))
     assert place in (tmp_path / "best.toml").read_text()
-    assert worst.cut in (tmp_path / "report.html").read_text()
+    assert worst.opening in (tmp_path / "report.html").read_text()
     noted = json.loads((tmp_path / "study.json").read_text())["margins"]
     assert noted["best"]["worst.delay_margin"]["value"] == pytest.approx(worst.value)
     assert noted["paper"]["worst.delay_margin"]["machine"] == "the nominal machine"
@@ -290,7 +290,7 @@ def _stands_and_falls(tuned: TuningResult, borne: int, too_much: int, point: tup
 def test_an_unstable_start_is_a_violated_constraint_and_its_place_is_told(make_problem: MakeProblem) -> None:
     late = ["simulation.duration=0.1", "simulation.sample_time=0.005", "simulation.delay_samples=8"]
     problem = make_problem(ensemble=None, settings=late, constraints=["none", DELAY], space=[BETA])
-    assert not margins(linear_broken_loop(problem.experiment, 2.5, 0.0, "u")).stable
+    assert not margins(linear_open_loop(problem.experiment, 2.5, 0.0, "u")).stable
     found = tune(replace(problem), trials=2, method="random")
     assert found.verdict.scored.statistics["worst.delay_margin"] == 0
     assert found.verdict.scored.violations["worst.delay_margin >= 0.008 s"] == 1

@@ -37,16 +37,16 @@ class MarginLocation:
 
     @property
     def words(self) -> str:
-        """In words, such as ``cut at u, x = 2.5 m, v = 1.8 m/s, speed error 1 cm/s, 14.7 Hz, draw 12``."""
+        """In words, such as ``opened at u, x = 2.5 m, v = 1.8 m/s, speed error 1 cm/s, 14.7 Hz, draw 12``."""
         worst = self.worst
         point = f"x = {worst.x:.4g} m, v = {worst.v:.4g} m/s"
         if worst.amplitude:
             point += f", speed error {100 * worst.amplitude:.3g} cm/s"
         if worst.reason:
             return f"{worst.reason} at {point}, {self.machine}"
-        if not worst.cut:
+        if not worst.opening:
             return "no such change makes it unstable"
-        return f"cut at {worst.cut}, {point}, {worst.frequency / (2 * math.pi):.3g} Hz, {self.machine}"
+        return f"opened at {worst.opening}, {point}, {worst.frequency / (2 * math.pi):.3g} Hz, {self.machine}"
 
 
 @dataclass(frozen=True)

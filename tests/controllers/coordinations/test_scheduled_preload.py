@@ -10,7 +10,7 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -123,7 +123,7 @@ def test_with_all_foreseen_it_is_the_least_sum_of_that_rate_that_is_large_enough
 def test_around_a_cruise_the_loop_is_that_of_a_constant_preload() -> None:
     """At 1 m/s and the same tensions: a force of 1390 N leaves 300 N above tension_min of a sum of 2390 N."""
     scheduled, constant = (
-        margins(linear_broken_loop(override(case(2), values), v=1.0))
+        margins(linear_open_loop(override(case(2), values), v=1.0))
         for values in (
             {"controller.coordination.kind": "scheduled-preload"},
             {"controller.coordination.preload": 2390.0},

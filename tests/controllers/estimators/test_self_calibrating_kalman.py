@@ -27,7 +27,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
@@ -263,7 +263,7 @@ def test_gradients_are_those_of_central_differences() -> None:
 def test_margins_are_those_of_a_filter_that_knows_the_machine() -> None:
     """What is learnt slowly takes nothing from the margins, and learning is stable."""
     plain, learning = (
-        margins(linear_broken_loop(override(case(4), {"controller.estimator": kind}), 25.0, 0.5))
+        margins(linear_open_loop(override(case(4), {"controller.estimator": kind}), 25.0, 0.5))
         for kind in ("kalman", "self-calibrating-kalman")
     )
     assert learning.stable

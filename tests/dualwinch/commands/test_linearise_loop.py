@@ -1,4 +1,4 @@
-"""``dualwinch linearise --loop closed`` and ``--loop broken`` as a user runs them."""
+"""``dualwinch linearise --loop closed`` and ``--loop open`` as a user runs them."""
 
 import json
 import re
@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 
 
 def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, plot = tmp_path / "loop.json", tmp_path / "bode.svg"
-    main(["linearise", "--loop", "broken", "--v", "0.5", "--out", str(out), "--plot", str(plot)])
+    main(["linearise", "--loop", "open", "--v", "0.5", "--out", str(out), "--plot", str(plot)])
     said = capsys.readouterr().out
-    system = linear_broken_loop(case(2), 25.0, 0.5)
+    system = linear_open_loop(case(2), 25.0, 0.5)
     found = margins(system)
     for number in (found.gain, found.phase, 1e3 * found.delay, found.disk):
         assert f"{number:.4g}" in said
@@ -32,11 +32,11 @@ def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys:
 def test_both_torques_can_be_cut_as_margins_of_a_tuning_say_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["linearise", "--loop", "broken", "--cut", "torques", "--v", "0.5", "--plot", str(tmp_path / "bode.svg")]
+    words = ["linearise", "--loop", "open", "--opening", "torques", "--v", "0.5", "--plot", str(tmp_path / "bode.svg")]
     main([*words, "--out", str(tmp_path / "loop.json")])
     said = capsys.readouterr().out
-    assert "margins of the loop cut at torques (tau_1_out/tau_1_in, tau_2_out/tau_2_in)" in said
-    assert f"{1e3 * margins(linear_broken_loop(case(2), 25.0, 0.5, 'torques')).delay:.4g}" in said
+    assert "margins of the loop opened at torques (tau_1_out/tau_1_in, tau_2_out/tau_2_in)" in said
+    assert f"{1e3 * margins(linear_open_loop(case(2), 25.0, 0.5, 'torques')).delay:.4g}" in said
     assert "by amplitude of the speed error" in said
     assert json.loads((tmp_path / "loop.json").read_text())["inputs"] == ["tau_1_in", "tau_2_in"]
     main([*words[:-1], str(tmp_path / "a.svg"), "--figure", "amplitude"])
@@ -47,13 +47,13 @@ def test_the_closed_loop_is_told_stable_and_swept(tmp_path: Path, capsys: pytest
     assert ": stable" in capsys.readouterr().out
     main(["linearise", "--loop", "closed", "--sweep", "preload=1000:3000:1000", "--out", str(tmp_path / "all.json")])
     assert capsys.readouterr().out.count("0.99") >= 3
-    main(["linearise", "--loop", "broken", "--sweep", "x=5:45:20", "--plot", str(tmp_path / "bodes.svg")])
-    main(["linearise", "--loop", "broken", "--plot", str(tmp_path / "a.svg"), "--figure", "amplitude"])
+    main(["linearise", "--loop", "open", "--sweep", "x=5:45:20", "--plot", str(tmp_path / "bodes.svg")])
+    main(["linearise", "--loop", "open", "--plot", str(tmp_path / "a.svg"), "--figure", "amplitude"])
 
 
 def test_an_unstable_loop_has_its_verdict_and_no_margins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "loop.json"
-    shaken = ["linearise", "--loop", "broken", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"]
+    shaken = ["linearise", "--loop", "open", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"]
     main([*shaken, "--out", str(out)])
     (printed,) = {
         line for line in capsys.readouterr().out.partition("by amplitude")[0].splitlines() if "UNSTABLE" in line
@@ -136,10 +136,10 @@ def test_what_a_filter_learns_of_the_ropes_is_one_line(tmp_path: Path, capsys: p
     ("words", "message"),
     [
         (["--loop", "closed", "--dt", "0.01"], "the loop has the controller's"),
-        (["--loop", "closed", "--cut", "u"], "--cut: needs --loop broken"),
+        (["--loop", "closed", "--opening", "u"], "--opening: needs --loop open"),
         (["--loop", "closed", "--plot", "p.svg", "--figure", "bode"], "must be poles"),
-        (["--plot", "p.svg", "--figure", "amplitude"], "needs --loop broken"),
-        (["--loop", "broken", "--v", "3"], "steady motion needs a force of 8590 N"),
+        (["--plot", "p.svg", "--figure", "amplitude"], "needs --loop open"),
+        (["--loop", "open", "--v", "3"], "steady motion needs a force of 8590 N"),
     ],
 )
 def test_wrong_input_is_one_line(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

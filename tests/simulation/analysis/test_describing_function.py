@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from dualwinch.controllers.laws.nftsm import odd_power
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep, describing_gain
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -27,7 +27,7 @@ def test_describing_gain_is_the_first_harmonic(exponent: float, amplitude: float
 
 
 def test_small_amplitudes_give_the_jacobian_s_loop_and_large_ones_a_softer_one() -> None:
-    jacobian = margins(linear_broken_loop(PAPER, 25.0, 0.5))
+    jacobian = margins(linear_open_loop(PAPER, 25.0, 0.5))
     small, large = amplitude_sweep(PAPER, 25.0, 0.5, amplitudes=(1e-9, 1e-3))
     assert small.margins.gain == pytest.approx(jacobian.gain, rel=1e-6)
     assert small.margins.delay == pytest.approx(jacobian.delay, rel=1e-6)

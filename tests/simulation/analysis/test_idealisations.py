@@ -76,7 +76,7 @@ def test_what_a_rope_of_another_law_weighs_is_not_guessed() -> None:
 def test_gain_of_a_linear_law_is_that_of_the_exact_linear_loop() -> None:
     """Up to what ropes and drums make of the command, whose resonance is four times as fast."""
     experiment, omega = dw.case(2, "pid-cascade"), 100.0
-    loop = dw.linear_broken_loop(experiment, 25.0, 0.0, "u")
+    loop = dw.linear_open_loop(experiment, 25.0, 0.0, "u")
     z = np.exp(1j * omega * 1e-3)
     (exact,) = abs(loop.C @ np.linalg.solve(z * np.eye(len(loop.A)) - loop.A, loop.B) + loop.D).ravel()
     found = [position_loop_gain(experiment, omega, amplitude) for amplitude in (1e-3, 1e-4)]

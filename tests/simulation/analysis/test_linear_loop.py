@@ -9,7 +9,7 @@ import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import modes
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.operating_points import loop_operating_point, without_round_off
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
@@ -101,8 +101,8 @@ def test_the_papers_loop_is_stable_and_its_states_are_those_that_matter() -> Non
 
 
 def test_closing_the_cut_loop_gives_the_closed_loop() -> None:
-    for cut in ("u", "tau_1", "tau_2"):
-        whole, opened = linear_closed_loop(PAPER, 25.0, 0.5), linear_broken_loop(PAPER, 25.0, 0.5, cut)
+    for opening in ("u", "tau_1", "tau_2"):
+        whole, opened = linear_closed_loop(PAPER, 25.0, 0.5), linear_open_loop(PAPER, 25.0, 0.5, opening)
         closed = np.linalg.eigvals(opened.A - opened.B @ opened.C)
         for pole in whole.poles():
             assert np.abs(closed - pole).min() < 1e-5
@@ -130,8 +130,8 @@ def test_where_nothing_is_steady_it_says_so(x: float, v: float, changes: dict[st
 
 
 def test_an_unknown_cut_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="unknown cut 'tau_3'; did you mean 'tau_"):
-        linear_broken_loop(PAPER, cut="tau_3")
+    with pytest.raises(ConfigurationError, match="unknown opening 'tau_3'; did you mean 'tau_"):
+        linear_open_loop(PAPER, opening="tau_3")
 
 
 @pytest.mark.parametrize("estimator", ["none", "calibrating-kalman"])

@@ -10,7 +10,7 @@ from dualwinch.config.experiment_file import load
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.operating_points import RESIDUAL, STEP, LoopOperatingPoint, loop_operating_point
 from dualwinch.simulation.paper import case
@@ -77,7 +77,7 @@ def test_a_slow_integral_is_where_it_rests(estimator: str, ramp: float) -> None:
 def test_margins_with_the_calibrating_filter_are_those_of_a_run() -> None:
     """Gain that the loop bears in the nonlinear closed loop: 3.25 (see docs/stability.md for how that is found)."""
     plain, learning = (
-        margins(linear_broken_loop(override(case(4), {"controller.estimator": kind}), X, 0.5))
+        margins(linear_open_loop(override(case(4), {"controller.estimator": kind}), X, 0.5))
         for kind in ("kalman", "calibrating-kalman")
     )
     assert learning.stable

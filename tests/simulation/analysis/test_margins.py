@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.simulation.analysis import margin_survey
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import BOTH, Margins, complementary, margins
 from dualwinch.simulation.paper import case
 from tests.simulation.inserted import run
@@ -53,9 +53,9 @@ def agrees(system: LinearSystem, found: Margins) -> None:
     assert found.disk_phase == pytest.approx(disk_phase, rel=1e-5)
 
 
-@pytest.mark.parametrize("cut", ["u", "tau_2"])
-def test_margins_of_the_papers_loop_are_those_of_python_control(cut: str) -> None:
-    system = linear_broken_loop(PAPER, 25.0, 0.5, cut)
+@pytest.mark.parametrize("opening", ["u", "tau_2"])
+def test_margins_of_the_papers_loop_are_those_of_python_control(opening: str) -> None:
+    system = linear_open_loop(PAPER, 25.0, 0.5, opening)
     agrees(system, margins(system))
 
 
@@ -115,15 +115,15 @@ def test_an_integrator_that_is_all_but_silent_may_vanish() -> None:
 
 def test_a_loop_that_carries_nothing_bears_everything() -> None:
     """Cruise at 1.8 m/s: rope 2's winch rests on its lower limit and answers to nothing."""
-    found = margins(linear_broken_loop(PAPER, 25.0, 1.8, "tau_2"))
+    found = margins(linear_open_loop(PAPER, 25.0, 1.8, "tau_2"))
     assert found.gain == found.phase == found.delay == math.inf
     assert found.disk == pytest.approx(2)
 
 
-@pytest.mark.parametrize("cut", ["u", "tau_1"])
-def test_gain_margin_is_where_the_nonlinear_loop_starts_to_oscillate(cut: str) -> None:
-    margin = margins(linear_broken_loop(PAPER, 25.0, 0.0, cut)).gain
-    below, above = (run(PAPER, 25.0, 0.0, KICK, 1200, cut=cut, gain=share * margin) for share in (0.95, 1.05))
+@pytest.mark.parametrize("opening", ["u", "tau_1"])
+def test_gain_margin_is_where_the_nonlinear_loop_starts_to_oscillate(opening: str) -> None:
+    margin = margins(linear_open_loop(PAPER, 25.0, 0.0, opening)).gain
+    below, above = (run(PAPER, 25.0, 0.0, KICK, 1200, opening=opening, gain=share * margin) for share in (0.95, 1.05))
     assert below.peaks[3] < 0.3 * below.peaks[1]
     assert above.peaks[3] > 3 * above.peaks[0]
     assert below.taut
@@ -132,7 +132,7 @@ def test_gain_margin_is_where_the_nonlinear_loop_starts_to_oscillate(cut: str) -
 
 def test_delay_margin_is_where_the_nonlinear_loop_starts_to_oscillate() -> None:
     """23.6 ms at the force command: 22 samples are borne, 25 are not."""
-    margin = margins(linear_broken_loop(PAPER, 25.0, 0.0)).delay
+    margin = margins(linear_open_loop(PAPER, 25.0, 0.0)).delay
     assert margin == pytest.approx(23.6e-3, abs=1e-4)
     below, above = (run(PAPER, 25.0, 0.0, KICK, 2000, delay=samples) for samples in (22, 25))
     assert below.peaks[3] < 0.3 * below.peaks[1]
@@ -146,17 +146,17 @@ def test_margins_of_both_torques_at_once_are_those_that_a_survey_finds(
     v: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(margin_survey, "survey_points", lambda _, **_words: [(25.0, v)])
-    (worst,) = margin_survey.MarginSurvey([PAPER], cuts=[BOTH]).worst([[]])
-    found = margins(linear_broken_loop(PAPER, 25.0, v, BOTH))
-    assert {of.cut for of in worst.values()} == {BOTH}
+    (worst,) = margin_survey.MarginSurvey([PAPER], openings=[BOTH]).worst([[]])
+    found = margins(linear_open_loop(PAPER, 25.0, v, BOTH))
+    assert {of.opening for of in worst.values()} == {BOTH}
     assert {kind: getattr(found, kind) for kind in worst} == pytest.approx(
         {kind: of.value for kind, of in worst.items()}, rel=1e-6
     )
-    assert found.delay < margins(linear_broken_loop(PAPER, 25.0, v, "tau_1")).delay
+    assert found.delay < margins(linear_open_loop(PAPER, 25.0, v, "tau_1")).delay
 
 
 def test_responses_by_schur_forms_are_those_by_solving() -> None:
-    loop = linear_broken_loop(PAPER, 25.0, 0.5, BOTH)
+    loop = linear_open_loop(PAPER, 25.0, 0.5, BOTH)
     assert loop.dt is not None
     closed = complementary(loop.A[None], loop.B[None], -loop.C[None], -loop.D[None], loop.dt)
     omega, one = np.geomspace(1e-2, 3e3, 50), np.zeros(50, np.intp)

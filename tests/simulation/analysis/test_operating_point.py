@@ -29,7 +29,7 @@ def test_limits_preload_and_plant_come_from_the_experiment() -> None:
         dw.operating_point(strong, preload=50_000)
 
 
-@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_broken_loop])
+@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_open_loop])
 def test_a_plant_alone_has_neither_limits_nor_preload(of: Callable[..., object]) -> None:
     with pytest.raises(ConfigurationError, match=r"experiment: must be an Experiment, which .* not Plant"):
         of(dw.override(dw.case(4), STRONG).plant, 10)
@@ -37,13 +37,13 @@ def test_a_plant_alone_has_neither_limits_nor_preload(of: Callable[..., object])
 
 def test_amid_the_track_is_where_loops_are_linearised() -> None:
     strong = dw.override(dw.case(4), STRONG)
-    assert dw.linear_broken_loop(strong).operating_point["x"] == 60
+    assert dw.linear_open_loop(strong).operating_point["x"] == 60
     assert dw.linear_closed_loop(strong).operating_point["x"] == 60
     (point,) = dw.amplitude_sweep(strong, amplitudes=[1e-3])
     assert point.system.operating_point["x"] == 60
 
 
-@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_broken_loop])
+@pytest.mark.parametrize("of", [dw.operating_point, dw.linearise, dw.linear_closed_loop, dw.linear_open_loop])
 @pytest.mark.parametrize(
     ("x", "v", "words"),
     [

@@ -8,7 +8,7 @@ from pathlib import Path
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.remarks import (
     RemarkLimits,
@@ -165,9 +165,9 @@ def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
     assert not list(delay_remarks(case(4), 5e-3))
     tuned = load(Path(__file__).parents[3] / "benchmarks/independent/tuned_in_site.toml")
     (said,) = delay_remarks(tuned, 5e-3)
-    least = margins(linear_broken_loop(tuned, 25.0, cut="tau_1")).delay
+    least = margins(linear_open_loop(tuned, 25.0, opening="tau_1")).delay
     late = override(tuned, {"controller.winch_1.lead": 0.0, "controller.winch_2.lead": 0.0})
-    assert 1.8 * margins(linear_broken_loop(late, 25.0, cut="tau_1")).delay < least < 3 * tuned.simulation.sample_time
+    assert 1.8 * margins(linear_open_loop(late, 25.0, opening="tau_1")).delay < least < 3 * tuned.simulation.sample_time
     assert re.match(
         rf"the loop tolerates {1e3 * least:.2g} ms of further delay at (tau_1|tau_2|torques), at rest", said
     )

@@ -77,7 +77,7 @@ def test_a_survey_has_the_least_of_many_machines() -> None:
         gain, machine, winch = max(gains)
         margin = worst[RESONANCE]
         assert margin.value == pytest.approx(1 / gain)
-        assert (margin.machine, margin.cut) == (machine, f"tau_{winch}")
+        assert (margin.machine, margin.opening) == (machine, f"tau_{winch}")
 
 
 def test_other_laws_are_refused() -> None:

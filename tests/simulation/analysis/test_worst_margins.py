@@ -13,7 +13,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.analysis import margin_survey
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margin_survey import UNSTABLE, UNSTEADY, MarginSurvey, survey_points
 from dualwinch.simulation.analysis.margins import BOTH, MARGIN_KINDS, margins
 from dualwinch.simulation.experiment import Experiment
@@ -34,12 +34,12 @@ LAWS: tuple[dict[str, Any], ...] = (
 
 
 def one_after_the_other(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
-    """Kind → least margin over all points and cuts; 0 where a loop is unstable or has no cruise."""
+    """Kind → least margin over all points and openings; 0 where a loop is unstable or has no cruise."""
     least = dict.fromkeys(MARGIN_KINDS, math.inf)
     for x, v in survey_points(experiment):
-        for cut in LOOP_OPENINGS:
+        for opening in LOOP_OPENINGS:
             try:
-                found = margins(linear_broken_loop(experiment, x, v, cut, nominal))
+                found = margins(linear_open_loop(experiment, x, v, opening, nominal))
             except ConfigurationError:
                 return dict.fromkeys(MARGIN_KINDS, 0.0)
             if not found.stable:
@@ -78,7 +78,7 @@ def test_margins_are_those_of_one_loop_after_the_other(
     experiment = override(PAPER, changes)
     if not all_points:
         at(monkeypatch, [(2.5, -1.8)])
-    (found,) = MarginSurvey([experiment], cuts=tuple(LOOP_OPENINGS)).worst([[]])
+    (found,) = MarginSurvey([experiment], openings=tuple(LOOP_OPENINGS)).worst([[]])
     wanted = one_after_the_other(experiment)
     assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-9)
 
@@ -92,7 +92,7 @@ def test_margins_on_heavy_ropes_and_gears_are_those_of_one_loop_after_the_other(
         "controller.winch_2.damping": 164.0,
     }
     experiment = override(load_ensemble("site").experiment, values)
-    (found,) = MarginSurvey([experiment], cuts=tuple(LOOP_OPENINGS)).worst([[]])
+    (found,) = MarginSurvey([experiment], openings=tuple(LOOP_OPENINGS)).worst([[]])
     wanted = one_after_the_other(experiment)
     assert min(wanted.values()) > 0
     assert {kind: worst.value for kind, worst in found.items()} == pytest.approx(wanted, rel=1e-6)
@@ -101,7 +101,7 @@ def test_margins_on_heavy_ropes_and_gears_are_those_of_one_loop_after_the_other(
 @pytest.mark.slow
 def test_a_machine_as_drawn_has_a_controller_that_assumes_the_nominal_one() -> None:
     machines = drawn(3)
-    (found,) = MarginSurvey(machines, cuts=tuple(LOOP_OPENINGS)).each([[]])
+    (found,) = MarginSurvey(machines, openings=tuple(LOOP_OPENINGS)).each([[]])
     for machine, worst in zip(machines, found, strict=True):
         wanted = one_after_the_other(machine.experiment, machine.nominal)
         assert {kind: of.value for kind, of in worst.items()} == pytest.approx(wanted, rel=1e-9)
@@ -119,12 +119,12 @@ def test_a_filter_that_learns_the_machine_has_margins_on_a_rig(monkeypatch: pyte
     changes = {"controller.kind": "adrc", "controller.estimator": "self-calibrating-kalman"}
     rig = replace(rig, experiment=override(rig.experiment, changes))
     machines = [rig.experiment, *(rig.scenario(index, 7) for index in range(2))]
-    (found,) = MarginSurvey(machines, cuts=("u",)).each([[]], ["delay", "disk"])
+    (found,) = MarginSurvey(machines, openings=("u",)).each([[]], ["delay", "disk"])
     for machine, worst in zip(machines, found, strict=True):
         experiment, nominal = (
             (machine.experiment, machine.nominal) if isinstance(machine, Scenario) else (machine, None)
         )
-        wanted = [margins(linear_broken_loop(experiment, *point, "u", nominal)) for point in points]
+        wanted = [margins(linear_open_loop(experiment, *point, "u", nominal)) for point in points]
         assert all(each.stable for each in wanted)
         for kind, of in worst.items():
             assert of.value == pytest.approx(min(getattr(each, kind) for each in wanted), rel=1e-6)
@@ -134,15 +134,15 @@ def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> Non
     """Many gains on many machines at once give what one of each gives, and linearising there the same margin."""
     machines, names = drawn(4), ["controller.nftsm.beta", "controller.coordination.preload"]
     gains = [[0.05, 2000.0], [0.02, 2500.0], [0.03, 3000.0]]
-    survey = MarginSurvey(machines, names, cuts=tuple(LOOP_OPENINGS))
+    survey = MarginSurvey(machines, names, openings=tuple(LOOP_OPENINGS))
     for row, worst in zip(gains, survey.worst(gains), strict=True):
         for kind, of in worst.items():
             machine = machines[of.machine]
             changed = override(machine.experiment, dict(zip(names, row, strict=True)))
-            there = margins(linear_broken_loop(changed, of.x, of.v, of.cut, machine.nominal))
+            there = margins(linear_open_loop(changed, of.x, of.v, of.opening, machine.nominal))
             assert getattr(there, kind) == pytest.approx(of.value, rel=1e-9)
             assert getattr(there, f"{kind}_frequency") == pytest.approx(of.frequency, rel=1e-6)
-            alone = MarginSurvey([machine], names, cuts=tuple(LOOP_OPENINGS)).worst([row])[0][kind]
+            alone = MarginSurvey([machine], names, openings=tuple(LOOP_OPENINGS)).worst([row])[0][kind]
             assert alone.value == pytest.approx(of.value, rel=1e-9)
 
 
@@ -153,7 +153,7 @@ def test_both_torques_may_be_late_by_the_delay_margin_and_no_more(kp: float, mon
     experiment = override(case(2), gains)
     for point in survey_points(experiment):
         monkeypatch.setattr(margin_survey, "survey_points", lambda _, point=point, **_words: [point])
-        margin = MarginSurvey([experiment], cuts=(BOTH,)).worst([[]], ["delay"])[0]["delay"].value
+        margin = MarginSurvey([experiment], openings=(BOTH,)).worst([[]], ["delay"])[0]["delay"].value
         borne = math.floor(margin / experiment.simulation.sample_time)
         radii = [
             np.abs(linear_closed_loop(override(experiment, {"simulation.delay_samples": late}), *point).poles()).max()
@@ -179,7 +179,7 @@ def test_where_nothing_is_steady_there_is_no_margin(monkeypatch: pytest.MonkeyPa
     worst = MarginSurvey([master]).worst([[]])[0]["disk"]
     assert (worst.value, worst.reason) == (0.0, UNSTEADY)
     with pytest.raises(ConfigurationError, match="reaches no steady motion"):
-        linear_broken_loop(master, worst.x, worst.v)
+        linear_open_loop(master, worst.x, worst.v)
 
 
 def test_all_machines_of_the_sea_have_steady_motion_at_the_ends_of_the_track(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.scenario import Scenario
@@ -54,8 +54,8 @@ def test_gradients_on_a_rig_are_those_of_central_differences() -> None:
 def test_the_linear_loop_knows_the_machine(v: float) -> None:
     """A torque that is 2 % too large is 2 % of loop gain; a drum that is larger pulls with a longer lever."""
     experiment = load_ensemble("rig").experiment
-    plain = linear_broken_loop(experiment, 25.0, v, "tau_1")
-    strong = linear_broken_loop(override(experiment, {"plant.winch_1.torque_error": 0.02}), 25.0, v, "tau_1")
+    plain = linear_open_loop(experiment, 25.0, v, "tau_1")
+    strong = linear_open_loop(override(experiment, {"plant.winch_1.torque_error": 0.02}), 25.0, v, "tau_1")
     at = np.array([30.0])
     assert strong.response(at)[0, 0, 0] / plain.response(at)[0, 0, 0] == pytest.approx(1.02, rel=1e-6)
     larger = override(experiment, {"plant.winch_1.radius_error": 0.002, "plant.winch_1.eccentricity": 1e-4})

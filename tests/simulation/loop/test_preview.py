@@ -19,7 +19,7 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey
 from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.batch.rollout import rollout
@@ -123,8 +123,8 @@ def test_in_a_cruise_the_setpoints_ahead_go_on_with_it() -> None:
 def test_what_is_seen_of_a_cruise_changes_no_margin() -> None:
     """The loop is that of the same law without a look ahead."""
     blind = replace(EXPERIMENT, controller=Controller(law=Adrc()))
-    for cut in ("u", "tau_1"):
-        ours, theirs = (linear_broken_loop(experiment, 10.0, 0.5, cut) for experiment in (EXPERIMENT, blind))
+    for opening in ("u", "tau_1"):
+        ours, theirs = (linear_open_loop(experiment, 10.0, 0.5, opening) for experiment in (EXPERIMENT, blind))
         omega = np.logspace(-1, 3, 30)
         assert ours.response(omega) == pytest.approx(theirs.response(omega), rel=1e-6)
     worst = [MarginSurvey([experiment]).worst([[]])[0] for experiment in (EXPERIMENT, blind)]

@@ -8,7 +8,7 @@ from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop
+from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.linear import (
@@ -114,7 +114,7 @@ def test_shapes_need_the_plants_states() -> None:
 
 def test_margins_of_unstable_loops_are_not_drawn() -> None:
     shaken = override(case(2), {"controller.nftsm.smoothing": 1e-7})
-    loop = linear_broken_loop(shaken, 25.0, 0.5)
+    loop = linear_open_loop(shaken, 25.0, 0.5)
     figure = loop_bode([loop], [margins(loop)])
     assert titles(figure) == ["unstable: no margins", ""]
     points = amplitude_sweep(shaken, 25.0, 0.5, amplitudes=[1e-6, 1e-3])

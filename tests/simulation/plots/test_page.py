@@ -16,7 +16,7 @@ from dualwinch.model.linear.linearisation import linearise, linearise_sweep
 from dualwinch.model.plant import Plant
 from dualwinch.simulation import plots
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_broken_loop, linear_closed_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.stability import certify
 from dualwinch.simulation.ensembles.comparison import compare
@@ -56,8 +56,8 @@ def sweep() -> tuple[Any, ...]:
     return linearise_sweep([5.0, 25.0, 40.0]), "x", Plant()
 
 
-def broken() -> tuple[Any, ...]:
-    system = linear_broken_loop(case(4), 25.0, 0.5, "u")
+def opened() -> tuple[Any, ...]:
+    system = linear_open_loop(case(4), 25.0, 0.5, "u")
     return [system], [margins(system)]
 
 
@@ -80,7 +80,7 @@ FIGURES: dict[str, tuple[Draw, Callable[[], tuple[Any, ...]], int]] = {
     "mode shapes": (mode_shapes, lambda: (linearise(), Plant()), 4),
     "modal frequencies": (modal_frequencies, lambda: (*sweep(), 1e-3), 2),
     "pole map": (pole_map, sweep, 2),
-    "loop bode": (loop_bode, broken, 2),
+    "loop bode": (loop_bode, opened, 2),
     "closed-loop poles": (closed_loop_poles, lambda: ([linear_closed_loop(case(4), 25.0, 0.5)],), 2),
     "amplitude": (amplitude_margins, lambda: (amplitude_sweep(case(4), 25.0, 0.5, "u", (1e-4, 1e-3)),), 2),
 }
