@@ -83,12 +83,12 @@ def race_table(race: Record) -> str:
             f"{numbers[entry['key']]}. {entry['name']}",
             _below(entry["over_paper"]),
             *_figures(entry),
-            _kept(entry, race),
+            _constraints(entry, race),
             ", ".join(numbers[key] for key in entry["alike"]) or "–",
         ]
         for entry in race["entries"]
     ]
-    rows.append(["the paper's gains", "1 ×", *_figures(race["paper"]), _kept(race["paper"], race), ""])
+    rows.append(["the paper's gains", "1 ×", *_figures(race["paper"]), _constraints(race["paper"], race), ""])
     headings = ["", "error below the paper's", "RMS error (mm)", "chatter (N)", "load (N m)", "operations a sample"]
     return markdown([*headings, "constraints", "does not differ from"], rows)
 
@@ -171,8 +171,8 @@ def _below(ratio: Record) -> str:
 def _briefly(entry: Record, race: Record) -> str:
     estimate = entry["over_paper"]["estimate"]
     words = "–" if estimate is None else below_words(Interval(estimate, estimate, estimate)).split(" (")[0]
-    kept = _kept(entry, race)
-    return words if kept == "kept" else f"{words}, {kept}"
+    constraints = _constraints(entry, race)
+    return words if constraints == "satisfied" else f"{words}, {constraints}"
 
 
 def _figures(runs: Record) -> list[str]:
@@ -186,11 +186,12 @@ def _rms(mean_square: float | None) -> str:
     return "–" if mean_square is None else f"{MILLIMETRES * math.sqrt(mean_square):.3g}"
 
 
-def _kept(runs: Record, race: Record) -> str:
+def _constraints(runs: Record, race: Record) -> str:
     lost = race["test_scenarios"] - runs["completed"]
     if lost:
         return f"{lost} not completed"
-    return f"broken: {runs['broken'][0]}" if runs["broken"] else "kept"
+    violated = runs["violated"] if "violated" in runs else runs["broken"]  # its name until 0.1.0
+    return f"violated: {violated[0]}" if violated else "satisfied"
 
 
 def _read(folder: Path) -> Record:

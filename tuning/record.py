@@ -70,7 +70,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     lines += ["constraints there:"]
     lines += [
         f"    {constraint.label}: {number(scored.statistics[constraint.statistic.name])}, "
-        f"{'kept' if scored.violations[constraint.label] <= 0 else 'violated'}"
+        f"{'satisfied' if scored.violations[constraint.label] <= 0 else 'violated'}"
         for constraint in verdict.constraints
     ]
     if places := margin_places(tuned):

@@ -279,12 +279,12 @@ def worth(tuned: TuningResult) -> str:
     if verdict.contradiction:
         gained = f"{verdict.contradiction}: {gained}"
     scored = verdict.scored
-    broken = [
+    violated_bounds = [
         f"{constraint.label} ({number(scored.statistics[constraint.statistic.name], 3)})"
         for constraint in verdict.constraints
         if scored.violations[constraint.label] > 0
     ]
-    violated = [f"violates {', '.join(broken)}"] if broken else []
+    violated = [f"violates {', '.join(violated_bounds)}"] if violated_bounds else []
     chance = [verdict.chance.words] if verdict.chance else []
     words = [gained, instability(tuned), *violated, *chance, assumptions(tuned.problem.ensemble)]
     return "; ".join(filter(None, words))

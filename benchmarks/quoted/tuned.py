@@ -89,11 +89,11 @@ def _row(found: dw.RobustnessResult, label: str) -> ImperfectionResult:
 def all_at_once() -> tuple[float, float, str]:
     """The largest size of all imperfections that gains tuned in `rig` bear, the next one, and what that breaks."""
     found = dw.stress(best("rig"))
-    broken = next(
+    failed = next(
         row for row in found.ranking if len(row.imperfection.keys) > 1 and row.imperfection.label == "all together"
     )
-    first = broken.breaks["given"]
-    return first.held, first.size or np.inf, first.broken[0].words if first.broken else ""
+    first = failed.margins["given"]
+    return first.held, first.size or np.inf, first.violated[0].words if first.violated else ""
 
 
 @cache
@@ -211,7 +211,7 @@ def heavy_breakdown() -> str:
     rows = [
         (*row[:2], *row[-2:])
         for each, row in zip(found.ranking, found.table()[1], strict=True)
-        if each.breaks["given"].size is not None
+        if each.margins["given"].size is not None
     ]
     table = markdown(["imperfection", "in site", "gains tuned in rig break at", "by"], rows).replace("--:|", "---|")
     return f"{table}\n\n*{len(found.ranking) - len(rows)} further imperfections break them at no size.*"

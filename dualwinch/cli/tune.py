@@ -510,8 +510,8 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     for words in contenders(tuned):
         say(words)
     for constraint in verdict.constraints:
-        kept = verdict.scored.violations[constraint.label] <= 0
-        say(styled("" if kept else "red", "kept    " if kept else "violated", f"  {constraint.label}"))
+        satisfied = verdict.scored.violations[constraint.label] <= 0
+        say(styled("" if satisfied else "red", "satisfied" if satisfied else "violated ", f"  {constraint.label}"))
     further = (*margin_places(tuned), widen(tuned), too_short(tuned), endings(tuned), authority(tuned))
     for words in filter(None, (tested(tuned), *further)):
         say(words)

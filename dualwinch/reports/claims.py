@@ -158,9 +158,12 @@ def _limits(runs: Runs) -> Iterator[Claim]:
     cases = [number for number in (1, 2, 3, 4) if (number, PROPOSED) in runs]
     if cases:
         found = {number: _exceeded(runs[number, PROPOSED]) for number in cases}
-        kept = [f"Case {number}" for number, words in found.items() if not words]
-        broken = [f"Case {number}: {words}" for number, words in found.items() if words]
-        sentences = [f"Kept in {' and '.join(kept)}." if kept else "", *(f"{words}." for words in broken)]
+        satisfied = [f"Case {number}" for number, words in found.items() if not words]
+        violated = [f"Case {number}: {words}" for number, words in found.items() if words]
+        sentences = [
+            f"Satisfied in {' and '.join(satisfied)}." if satisfied else "",
+            *(f"{words}." for words in violated),
+        ]
         yield Claim(
             "5",
             "The coordination avoids actuator saturation and keeps the tensions under control.",

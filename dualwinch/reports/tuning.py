@@ -73,7 +73,7 @@ def write_tuning_report(
     folder = Path(path).parent
     own = "".join(f" --plugin {shlex.quote(plugin)}" for plugin in plugins)
     noted = [in_full(words, f"--config {shlex.quote(str(folder / 'best.toml'))}{own}") for words in tuned.remarks]
-    kept = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
+    wanted = "; ".join(constraint.label for constraint in tuned.training.constraints) or "nothing"
     write_page(
         Path(path),
         "tuning.html.j2",
@@ -83,7 +83,7 @@ def write_tuning_report(
         costs=costs(tuned),
         steps=next_steps(tuned, folder, own),
         stress=_stress_command(folder, own),
-        constraints=f"Constraints of the search: {kept}.",
+        constraints=f"Constraints of the search: {wanted}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
         authority=" ".join(filter(None, map(_sentence, (*noted, authority(tuned), too_short(tuned))))),
         where=where(tuned),
@@ -108,9 +108,9 @@ def _sentence(words: str) -> str:
 
 def _summary(tuned: TuningResult) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
-    kept = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
+    verb = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
     return (
-        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {kept} every constraint there. "
+        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {verb} every constraint there. "
         f"Of {len(tuned.trials)} trials, {feasible} satisfied them in all tuning scenarios."
     )
 
@@ -137,7 +137,7 @@ def _bounds(tuned: TuningResult) -> list[dict[str, Any]]:
         {
             "label": constraint.label,
             "value": number_text(scored.statistics[constraint.statistic.name]),
-            "kept": scored.violations[constraint.label] <= 0,
+            "satisfied": scored.violations[constraint.label] <= 0,
         }
         for constraint in tuned.verdict.constraints
     ]

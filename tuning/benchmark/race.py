@@ -226,12 +226,12 @@ def least_robust(problem: TuningProblem, experiment: Experiment, workers: Worker
     name = "given"
     found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
-        return tuple({"label": "none", "size": "", "broken": broken.words} for broken in found.lost.get(name, ()))
+        return tuple({"label": "none", "size": "", "violated": limit.words} for limit in found.lost.get(name, ()))
     return tuple(
         {
             "label": row.imperfection.label,
             "size": found.where(row, name),
-            "broken": row.by_what(name),
+            "violated": row.cause(name),
         }
         for row in found.ranking[:SHOWN_ENTRIES]
     )
@@ -417,10 +417,10 @@ def scored(
     candidates = [trial.candidate for found in fronts.values() for trial in found]
     points = iter(scorer.over(candidates, test.scenarios, constraints=test.constraints))
     rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
-    broken = None
+    stress = None
     if robustness:
         watch.phase(STRESS_PHASE)
-        broken = robustness(tuned.best, workers)
+        stress = robustness(tuned.best, workers)
     return EntryResult(
         entry=entrant.entry,
         runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
@@ -434,13 +434,13 @@ def scored(
             improved=tuned.verdict.improved,
             version=version("dualwinch"),
         ),
-        stress=broken,
+        stress=stress,
     )
 
 
 def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPoint:
     means, gains = evaluation.statistics, problem.space.settings(evaluation.point)
-    return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], kept=evaluation.feasible, gains=gains)
+    return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], feasible=evaluation.feasible, gains=gains)
 
 
 def paper(

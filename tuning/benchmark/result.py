@@ -255,7 +255,7 @@ class BenchmarkResult:
     def stress_rows(self) -> list[list[str]]:
         """Least robustness margin of each entry, where computed: name, imperfection, size and violated limit."""
         return [
-            [self.names[scored.entry.key], first["label"], first["size"], first["broken"]]
+            [self.names[scored.entry.key], first["label"], first["size"], first["violated"]]
             for scored in self.ranking
             for first in (scored.stress or ())[:1]
         ]
@@ -349,7 +349,7 @@ def _cells(runs: ScoredRuns) -> list[str]:
         f"{MILLIMETRES * math.sqrt(error):.3g}",
         f"{chatter:.3g}",
         f"{load:.3g}",
-        runs.kept,
+        runs.verdict,
         str(runs.operations),
     ]
 
@@ -408,7 +408,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         handles = [
             dot(color=BLUE, label="best, or not different from it"),
             dot(color=INK, label="other"),
-            dot(color=INK, markerfacecolor="white", label="breaks a constraint"),
+            dot(color=INK, markerfacecolor="white", label="violates a constraint"),
             Line2D([], [], color=VERMILION, label="the paper's gains"),
         ]
         if len(found.entries) > len(found.ranking):
@@ -421,7 +421,7 @@ def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colo
     interval = found.ratios[scored.entry.key].interval
     if math.isnan(interval.estimate):
         return
-    face = "white" if scored.runs.broken else colour
+    face = "white" if scored.runs.violated else colour
     axes.plot((interval.low, interval.high), (row, row), color=colour, linewidth=2.0, alpha=0.5)
     axes.plot(interval.estimate, row, "o", color=colour, markerfacecolor=face, markersize=5, zorder=3)
     others = [found.ratios[search.entry.key].interval.estimate for search in found.searches[scored.entry.group]]
@@ -475,13 +475,13 @@ def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
 
 
 def _front(axes: Axes, scored: EntryResult, cost: str, look: dict[str, Any]) -> None:
-    kept = [point for point in scored.fronts.get(cost, ()) if point.kept]
+    feasible = [point for point in scored.fronts.get(cost, ()) if point.feasible]
     best = _means(scored.runs, cost)
-    points = [(point.cost, _rms(point.error)) for point in kept] + ([] if scored.runs.broken else [best])
+    points = [(point.cost, _rms(point.error)) for point in feasible] + ([] if scored.runs.violated else [best])
     if points:
         shown = [points[index] for index in undominated(*zip(*points, strict=True))]
         axes.plot(*zip(*shown, strict=True), linewidth=1.1, alpha=0.8, marker=".", markersize=3, **look)
-    face = "white" if scored.runs.broken else look["color"]
+    face = "white" if scored.runs.violated else look["color"]
     axes.plot(*best, "o", color=look["color"], markerfacecolor=face, markersize=4)
 
 

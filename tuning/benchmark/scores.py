@@ -56,22 +56,22 @@ class ScoredRuns(RunOutcomes):
     operations: int
 
     @property
-    def broken(self) -> tuple[str, ...]:
+    def violated(self) -> tuple[str, ...]:
         """The violated constraints, the worst first."""
-        broken = [name for name, by in self.violations.items() if by > 0]
-        return tuple(sorted(broken, key=self.violations.__getitem__, reverse=True))
+        violated = [name for name, by in self.violations.items() if by > 0]
+        return tuple(sorted(violated, key=self.violations.__getitem__, reverse=True))
 
     def over(self, statistic: Statistic) -> float:
         """A statistic over the completed scenarios; NaN without any."""
         return statistic.over(self.of_completed(statistic.metric))
 
     @property
-    def kept(self) -> str:
-        """``kept`` if all constraints are satisfied; else the number of incomplete scenarios or the worst violation."""
+    def verdict(self) -> str:
+        """``satisfied`` if all constraints are; else the number of incomplete scenarios or the worst violation."""
         lost = int((~self.completed).sum())
         if lost:
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
-        return f"broken: {self.broken[0]}" if self.broken else "kept"
+        return f"violated: {self.violated[0]}" if self.violated else "satisfied"
 
     def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
@@ -83,7 +83,7 @@ class ScoredRuns(RunOutcomes):
         return {
             "statistics": {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics},
             "completed": int(np.count_nonzero(self.completed)),
-            "broken": list(self.broken),
+            "violated": list(self.violated),
             "operations": self.operations,
         }
 
@@ -133,13 +133,13 @@ class FrontPoint:
     Attributes:
         cost: mean of the metric traded for error, in its unit.
         error: mean square error in m², averaged over the scenarios.
-        kept: whether every scenario is completed and every constraint satisfied.
+        feasible: whether every scenario is completed and every constraint satisfied.
         gains: tuned key → value.
     """
 
     cost: float
     error: float
-    kept: bool
+    feasible: bool
     gains: dict[str, Any]
 
 

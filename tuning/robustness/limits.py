@@ -101,18 +101,18 @@ def value_of(constraint: Constraint, runs: RunOutcomes) -> float:
 
 
 @dataclass(frozen=True)
-class BrokenLimit:
+class ViolatedLimit:
     """A violated limit.
 
     Attributes:
-        what: name of the metric, or the outcome of an incomplete run.
+        name: of the metric, or the outcome of an incomplete run.
         value: of the statistic; of an outcome, the number of its runs.
         bound: of the constraint.
         unit: of both; empty for outcomes.
         at_least: whether the bound is a lower one.
     """
 
-    what: str
+    name: str
     value: float
     bound: float
     unit: str
@@ -121,16 +121,16 @@ class BrokenLimit:
     @property
     def words(self) -> str:
         """Such as ``peak tension 6980 N > 6000 N``."""
-        name = self.label
+        label = self.label
         if not self.unit:
-            return f"{name} in {self.value:.0f} scenario{'s' * (self.value != 1)}"
+            return f"{label} in {self.value:.0f} scenario{'s' * (self.value != 1)}"
         (value, bound), unit = with_unit([self.value, self.bound], self.unit)
-        return f"{name} {value}{unit} {'<' if self.at_least else '>'} {bound}{unit}"
+        return f"{label} {value}{unit} {'<' if self.at_least else '>'} {bound}{unit}"
 
     @property
     def label(self) -> str:
         """Name of the metric or outcome in words."""
-        return in_words(self.what)
+        return in_words(self.name)
 
 
 ON_BOUND = 1e-6
@@ -243,7 +243,7 @@ def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOut
     return tuple(found)
 
 
-def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[BrokenLimit, ...]:
+def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:
     """Limits for which gains already fail in the base; empty if their robustness margins are computed.
 
     Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors, or easing a violated bound
@@ -254,19 +254,19 @@ def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: 
         runs: of these gains in the base.
         tension_max: upper force limit of their winches in N.
     """
-    if lost := broken((), runs):
+    if lost := violated_limits((), runs):
         return lost
     asked = [RobustnessLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
     hopeless = {limit.asked for limit in limits if limit.vacuous}
     return tuple(
         found
         for limit in asked
-        for found in broken([limit], runs)
-        if limit.asked in hopeless or (found.what == "peak_tension" and found.value > tension_max)
+        for found in violated_limits([limit], runs)
+        if limit.asked in hopeless or (found.name == "peak_tension" and found.value > tension_max)
     )
 
 
-def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
+def is_no_measure(failures: Sequence[ViolatedLimit]) -> bool:
     """Whether gains with these failures are unusable as baseline: multiples of their values are no sensible bounds.
 
     A violated least tension alone does not count: a rope may have been slack for a moment.
@@ -274,10 +274,10 @@ def is_no_measure(failures: Sequence[BrokenLimit]) -> bool:
     return any(not failure.at_least for failure in failures)
 
 
-def broken(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[BrokenLimit, ...]:
+def violated_limits(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[ViolatedLimit, ...]:
     """Violated limits: first incomplete runs, then constraints in descending order of violation."""
     lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
-    found = [BrokenLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
+    found = [ViolatedLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
     exceeded = []
     for limit in limits:
         constraint = limit.constraint
@@ -286,6 +286,6 @@ def broken(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[Broken
         if beyond > 0 and runs.completed.any():
             unit = unit_of(constraint.statistic.quantity)
             exceeded.append(
-                (beyond, BrokenLimit(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least))
+                (beyond, ViolatedLimit(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least))
             )
     return (*found, *(entry for _, entry in sorted(exceeded, key=lambda pair: -pair[0])))

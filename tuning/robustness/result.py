@@ -17,7 +17,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
 from dualwinch.tuning.robustness.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
-from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, RobustnessLimit, is_no_measure, multiple
+from dualwinch.tuning.robustness.limits import SHARE, RobustnessLimit, ViolatedLimit, is_no_measure, multiple
 from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
 
 HOLDS = "holds"
@@ -29,19 +29,19 @@ PAPER = "paper"
 
 
 @dataclass(frozen=True)
-class Breakdown:
+class RobustnessMargin:
     """Robustness margin of gains for an imperfection.
 
     Attributes:
         size: the smallest tried size at which they break, 1 being the ensemble's; ``None``: at none.
         held: the largest tried size below it, at which they hold; 0: only without the imperfection.
-        broken: limits violated at `size`; the worst first.
+        violated: limits violated at `size`; the worst first.
         monotone: whether they hold at no larger tried size.
     """
 
     size: float | None
     held: float
-    broken: tuple[BrokenLimit, ...]
+    violated: tuple[ViolatedLimit, ...]
     monotone: bool
 
     @property
@@ -57,24 +57,24 @@ class ImperfectionResult:
     Attributes:
         imperfection: that is scaled.
         reach: its range of sizes.
-        breaks: name of the gains → their robustness margin.
+        margins: name of the gains → their robustness margin.
     """
 
     imperfection: Imperfection
     reach: SizeRange
-    breaks: dict[str, Breakdown]
+    margins: dict[str, RobustnessMargin]
 
     @property
     def switched(self) -> bool:
         """Whether the imperfection is a switch or a part, without intermediate sizes."""
         return self.reach.bottom == self.reach.top
 
-    def by_what(self, name: str) -> str:
+    def cause(self, name: str) -> str:
         """The limit that gains of a name violate at their robustness margin, in words."""
-        broken = self.breaks[name]
-        if broken.size is None:
+        margin = self.margins[name]
+        if margin.size is None:
             return "end of its range" if self.reach.obstacle else ""
-        return broken.broken[0].words + ("" if broken.monotone else "; holds at a larger size")
+        return margin.violated[0].words + ("" if margin.monotone else "; holds at a larger size")
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,7 +92,7 @@ class RobustnessResult:
     scaling: ScaledEnsemble
     controllers: dict[str, Controller]
     limits: dict[str, tuple[RobustnessLimit, ...]]
-    lost: dict[str, tuple[BrokenLimit, ...]]
+    lost: dict[str, tuple[ViolatedLimit, ...]]
     rows: tuple[ImperfectionResult, ...]
 
     @property
@@ -104,7 +104,7 @@ class RobustnessResult:
     def ranking(self) -> tuple[ImperfectionResult, ...]:
         """The rows in ascending order of the last controller's robustness margin."""
         names = self.names[::-1]
-        return tuple(sorted(self.rows, key=lambda row: [row.breaks[name].order for name in names]))
+        return tuple(sorted(self.rows, key=lambda row: [row.margins[name].order for name in names]))
 
     def amount(self, row: ImperfectionResult, size: float) -> ImperfectionSize | None:
         """Physical size of a row's imperfection; ``None`` for all together."""
@@ -112,15 +112,15 @@ class RobustnessResult:
 
     def where(self, row: ImperfectionResult, name: str) -> str:
         """Robustness margin of gains of a name, as a multiple of the ensemble's size and in physical units."""
-        broken = row.breaks[name]
-        if broken.size is None:
-            far = HOLDS if row.switched else f"{HOLDS} to {multiple(broken.held)}"
-            return far if broken.held else "–"
-        amount = self.amount(row, broken.size)
+        margin = row.margins[name]
+        if margin.size is None:
+            far = HOLDS if row.switched else f"{HOLDS} to {multiple(margin.held)}"
+            return far if margin.held else "–"
+        amount = self.amount(row, margin.size)
         if row.switched:
             return str(amount)
-        below = "≤ " if broken.size <= size(LOWEST) else ""
-        return f"{below}{multiple(broken.size)}" + (f" ({amount})" if amount else "")
+        below = "≤ " if margin.size <= size(LOWEST) else ""
+        return f"{below}{multiple(margin.size)}" + (f" ({amount})" if amount else "")
 
     @property
     def heading(self) -> str:
@@ -132,12 +132,12 @@ class RobustnessResult:
         )
 
     def table(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows: imperfection, size in the ensemble, and for each controller its margin and what breaks."""
+        """Headings and rows: imperfection, size in the ensemble, and each controller's margin and what limits it."""
         headings = ["imperfection", f"in {self.scaling.ensemble.name}"]
         headings += [words for name in self.names for words in (f"{name} breaks at", "by")]
         rows = [
             [row.imperfection.label, str(self.amount(row, 1.0) or "")]
-            + [words for name in self.names for words in (self.where(row, name), row.by_what(name))]
+            + [words for name in self.names for words in (self.where(row, name), row.cause(name))]
             for row in self.ranking
         ]
         return headings, rows
@@ -150,7 +150,7 @@ class RobustnessResult:
             words = [words[0].replace("*paper)", "*its own)")]
         for name, limits in self.limits.items():
             if self.lost[name]:
-                why = ", ".join(broken.words for broken in self.lost[name])
+                why = ", ".join(limit.words for limit in self.lost[name])
                 own = (
                     "; others are judged by multiples of their own values in the base"
                     if name == PAPER
@@ -196,11 +196,11 @@ class RobustnessResult:
             "base": scaling.base.name,
             "scenarios": scaling.count,
             "seed": scaling.seed,
-            "sizes": {"lowest": size(LOWEST), "highest": size(HIGHEST), "factor": size(1), "steps_a_decade": STEPS},
+            "sizes": {"lowest": size(LOWEST), "highest": size(HIGHEST), "factor": size(1), "steps_per_decade": STEPS},
             "gains": [
                 {
                     "name": name,
-                    "lost_in_base": _broken(self.lost[name]),
+                    "failures_in_base": _violated(self.lost[name]),
                     "limits": [limit.to_dict() for limit in self.limits[name]],
                     "controller": {key: value for key, value in leaves(controller).items() if value is not None},
                 }
@@ -213,16 +213,16 @@ class RobustnessResult:
                     "keys": list(row.imperfection.keys),
                     "in_ensemble": _amount(self.amount(row, 1.0)),
                     "largest_size": size(row.reach.top) if row.reach.steps else None,
-                    "ends_by": row.reach.obstacle or None,
-                    "breaks": {
+                    "obstacle": row.reach.obstacle or None,
+                    "margins": {
                         name: {
-                            "size": broken.size,
-                            "held_at": broken.held,
-                            "amount": None if broken.size is None else _amount(self.amount(row, broken.size)),
-                            "broken": _broken(broken.broken),
-                            "monotone": broken.monotone,
+                            "size": margin.size,
+                            "held_at": margin.held,
+                            "amount": None if margin.size is None else _amount(self.amount(row, margin.size)),
+                            "violated": _violated(margin.violated),
+                            "monotone": margin.monotone,
                         }
-                        for name, broken in row.breaks.items()
+                        for name, margin in row.margins.items()
                     },
                 }
                 for row in self.ranking
@@ -234,8 +234,8 @@ def _amount(amount: ImperfectionSize | None) -> dict[str, Any] | None:
     return None if amount is None else {**asdict(amount), "unit": _unit(amount.unit), "text": str(amount)}
 
 
-def _broken(limits: Sequence[BrokenLimit]) -> list[dict[str, Any]]:
-    return [{**asdict(broken), "unit": _unit(broken.unit), "text": broken.words} for broken in limits]
+def _violated(limits: Sequence[ViolatedLimit]) -> list[dict[str, Any]]:
+    return [{**asdict(limit), "unit": _unit(limit.unit), "text": limit.words} for limit in limits]
 
 
 def _unit(unit: str) -> str:
@@ -270,7 +270,7 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
         for height, row in enumerate(found.ranking):
             for index, name in enumerate(found.names):
                 offset = APART * (2 * index / (len(found.names) - 1) - 1) if len(found.names) > 1 else 0.0
-                _draw(axes, found, row, row.breaks[name], height + offset, looks[name])
+                _draw(axes, found, row, row.margins[name], height + offset, looks[name])
         _scales(axes, found)
         handles = [
             Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=_legend(found, name))
@@ -281,19 +281,19 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
 
 
 def _draw(
-    axes: Axes, found: RobustnessResult, row: ImperfectionResult, broken: Breakdown, height: float, colour: str
+    axes: Axes, found: RobustnessResult, row: ImperfectionResult, margin: RobustnessMargin, height: float, colour: str
 ) -> None:
     """Draw the range of sizes at which gains hold, and the size at which they break with its cause, or an arrow."""
     lowest = size(LOWEST)
-    end = broken.held if broken.size is None else broken.size
+    end = margin.held if margin.size is None else margin.size
     axes.plot((lowest / 1.3, max(end, lowest)), (height, height), color=colour, linewidth=1.6, alpha=0.45)
-    if broken.size is None:
-        if broken.held:
+    if margin.size is None:
+        if margin.held:
             axes.plot(end, height, ">", color=colour, markersize=5)
         return
     axes.plot(end, height, "o", color=colour, markersize=5, zorder=3)
-    amount = found.amount(row, broken.size)
-    words = ", ".join(filter(None, (str(amount) if amount and not row.switched else "", broken.broken[0].label)))
+    amount = found.amount(row, margin.size)
+    words = ", ".join(filter(None, (str(amount) if amount and not row.switched else "", margin.violated[0].label)))
     axes.annotate(
         words,
         (end, height),

@@ -50,27 +50,27 @@ class Bisection:
         """Steps to try next; empty at the end of the search."""
         if not self.tried:
             return decades(self.bottom, self.top)
-        broken, held = self.broken, self.held
-        if broken is None or held is None or broken - held == 1:
+        breakdown, held = self.breakdown, self.held
+        if breakdown is None or held is None or breakdown - held == 1:
             return []
-        return [(held + broken) // 2]
+        return [(held + breakdown) // 2]
 
     @property
-    def broken(self) -> int | None:
+    def breakdown(self) -> int | None:
         """The smallest tried step at which the gains break."""
-        return min((step for step, broken in self.tried.items() if broken), default=None)
+        return min((step for step, broke in self.tried.items() if broke), default=None)
 
     @property
     def held(self) -> int | None:
-        """The largest tried step below `broken`; the gains hold there."""
-        broken = self.top + 1 if self.broken is None else self.broken
-        return max((step for step in self.tried if step < broken), default=None)
+        """The largest tried step below `breakdown`; the gains hold there."""
+        breakdown = self.top + 1 if self.breakdown is None else self.breakdown
+        return max((step for step in self.tried if step < breakdown), default=None)
 
     @property
     def monotone(self) -> bool:
-        """Whether the gains hold at no tried step above `broken`."""
-        broken = self.broken
-        return broken is None or all(broke for step, broke in self.tried.items() if step > broken)
+        """Whether the gains hold at no tried step above `breakdown`."""
+        breakdown = self.breakdown
+        return breakdown is None or all(broke for step, broke in self.tried.items() if step > breakdown)
 
 
 HIGHEST_COMPILED = STEPS

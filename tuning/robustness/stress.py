@@ -33,15 +33,15 @@ from dualwinch.tuning.robustness.imperfections import (
     union,
 )
 from dualwinch.tuning.robustness.limits import (
-    BrokenLimit,
     RobustnessLimit,
-    broken,
+    ViolatedLimit,
     constraints_of,
     failures,
     is_no_measure,
     limits_of,
+    violated_limits,
 )
-from dualwinch.tuning.robustness.result import PAPER, Breakdown, ImperfectionResult, RobustnessResult
+from dualwinch.tuning.robustness.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
 from dualwinch.tuning.robustness.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
 
 NO_BASE = "none"
@@ -312,12 +312,12 @@ def breakdowns(
     if is_no_measure(lost[PAPER]):  # others are judged by multiples of their own values
         limits |= {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
     found = {
-        name: _breaks(runner, controller, limits[name], reaches, sizes_of)
+        name: _margins(runner, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()
         if not lost[name]
     }
     rows = [
-        ImperfectionResult(imperfection, reach, {name: breaks[imperfection] for name, breaks in found.items()})
+        ImperfectionResult(imperfection, reach, {name: margins[imperfection] for name, margins in found.items()})
         for imperfection, reach in reaches.items()
     ]
     progress(1.0)
@@ -331,26 +331,26 @@ def _check(scaling: ScaledEnsemble, name: str, controller: Controller) -> None:
         raise ConfigurationError(f"{name}: {error}") from error
 
 
-def _breaks(
+def _margins(
     runner: ScaledRunner,
     controller: Controller,
     limits: Sequence[RobustnessLimit],
     reaches: Mapping[Imperfection, SizeRange],
     sizes_of: Callable[[Imperfection, int], dict[str, float]],
-) -> dict[Imperfection, Breakdown]:
+) -> dict[Imperfection, RobustnessMargin]:
     """Bisect for all imperfections at once: each round is one batch."""
     searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
-    found: dict[tuple[Imperfection, int], tuple[BrokenLimit, ...]] = {}
+    found: dict[tuple[Imperfection, int], tuple[ViolatedLimit, ...]] = {}
     while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
         sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
         for (imperfection, step), runs in zip(wanted, runner.run(controller, sizes), strict=True):
-            found[imperfection, step] = broken(limits, runs)
+            found[imperfection, step] = violated_limits(limits, runs)
             searches[imperfection].tried[step] = bool(found[imperfection, step])
     return {
-        imperfection: Breakdown(
-            size=None if search.broken is None else size(search.broken),
+        imperfection: RobustnessMargin(
+            size=None if search.breakdown is None else size(search.breakdown),
             held=0.0 if search.held is None else size(search.held),
-            broken=() if search.broken is None else found[imperfection, search.broken],
+            violated=() if search.breakdown is None else found[imperfection, search.breakdown],
             monotone=search.monotone,
         )
         for imperfection, search in searches.items()

@@ -34,7 +34,7 @@ def test_a_prompt_and_a_notebook_show_the_table_and_the_rule() -> None:
     assert all(len(row) == len(headings) for row in rows)
     assert [row[0] for row in rows][0::4] == ["1. adrc", "the paper's gains"]
     assert [row[-1] for row in rows] == ["2", "1", "–", "–", ""]
-    assert "broken: worst.peak_tension <= 6000 N" in rows[2]
+    assert "violated: worst.peak_tension <= 6000 N" in rows[2]
     shown = repr(FOUND)
     assert "4 entries, 3000 rollouts of 'rig' each, scored in 40 test scenarios, seed 5" in shown
     assert "Holm's correction over all pairs" in shown
@@ -95,7 +95,7 @@ def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() ->
 
 def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:
     assert FOUND.stress_rows() == []
-    first = replace(FOUND.entries[1], stress=({"label": "drums", "size": "2×", "broken": "MSE"},))
+    first = replace(FOUND.entries[1], stress=({"label": "drums", "size": "2×", "violated": "MSE"},))
     assert replace(FOUND, entries=(first,)).stress_rows() == [["adrc", "drums", "2×", "MSE"]]
 
 

@@ -23,7 +23,7 @@ def test_dots_are_the_ratios_the_best_first_and_hollow_where_a_constraint_is_bro
         interval = FOUND.ratios[entry.entry.key].interval
         assert np.ravel(dot.get_xydata()).tolist() == pytest.approx([interval.estimate, row])
         assert np.ravel(span.get_xdata()).tolist() == pytest.approx([interval.low, interval.high])
-        assert (dot.get_markerfacecolor() == "white") is bool(entry.runs.broken)
+        assert (dot.get_markerfacecolor() == "white") is bool(entry.runs.violated)
     assert len(dots) == 4
     assert len({dots[0].get_color(), dots[1].get_color()}) == 1 != len({dots[0].get_color(), dots[2].get_color()})
     assert axes.get_xscale() == "log"
@@ -47,8 +47,8 @@ def test_fronts_leave_out_what_breaks_a_constraint_or_is_beaten() -> None:
     lines = [line for line in chatter.lines if line.get_linestyle() != "None" and line.get_marker() == "."]
     adrc = next(line for line in lines if np.ravel(line.get_ydata())[0] == pytest.approx(1e3 * 4e-7**0.5))
     assert np.ravel(adrc.get_xdata()).tolist() == [1.0, 2.0], "a point that satisfies all constraints, and the best"
-    broken = next(line for line in lines if np.ravel(line.get_ydata())[0] == pytest.approx(1e3 * 2e-6**0.5))
-    assert np.ravel(broken.get_xdata()).tolist() == [1.0], "its best breaks a constraint"
+    infeasible = next(line for line in lines if np.ravel(line.get_ydata())[0] == pytest.approx(1e3 * 2e-6**0.5))
+    assert np.ravel(infeasible.get_xdata()).tolist() == [1.0], "its best violates a constraint"
 
 
 def test_a_least_error_is_drawn_where_it_is_near() -> None:

@@ -4,7 +4,7 @@ import pytest
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import RunOutcomes
-from dualwinch.tuning.robustness.limits import DEFAULTS, broken, constraints_of, failures, limits_of
+from dualwinch.tuning.robustness.limits import DEFAULTS, constraints_of, failures, limits_of, violated_limits
 
 EXPERIMENT = Experiment()
 
@@ -49,9 +49,9 @@ def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
     assert [limit.constraint.bound for limit in limits] == [45.0, 11000.0]
     assert [limit.asked.bound for limit in limits] == [100.0, 5000.0]
     assert all(limit.eased for limit in limits)
-    assert broken(limits, reached(GOOD)) == ()
+    assert violated_limits(limits, reached(GOOD)) == ()
     worse = {"min_tension": (44.0, 90.0), "peak_tension": (11500.0, 1.0)}
-    assert [each.what for each in broken(limits, reached(GOOD, worse))] == ["peak_tension", "min_tension"]
+    assert [each.name for each in violated_limits(limits, reached(GOOD, worse))] == ["peak_tension", "min_tension"]
 
 
 def test_runs_that_end_early_come_first_then_the_largest_share() -> None:
@@ -59,14 +59,14 @@ def test_runs_that_end_early_come_first_then_the_largest_share() -> None:
     good = reached(GOOD, {"peak_tension": (4000.0, 4000.0), "min_tension": (150.0, 150.0)})
     limits = limits_of(constraints, good, good)
     bad = reached({"peak_tension": (np.nan, 6000.0), "min_tension": (np.nan, 20.0)}, outcomes=("diverged", "completed"))
-    assert [each.words for each in broken(limits, bad)] == [
+    assert [each.words for each in violated_limits(limits, bad)] == [
         "diverged in 1 scenario",
         "min tension 20 N < 100 N",
         "peak tension 6000 N > 5000 N",
     ]
     lost = reached(GOOD, outcomes=("left_track", "left_track"))
-    assert [each.words for each in broken(limits, lost)] == ["left track in 2 scenarios"]
-    assert [each.words for each in broken((), lost)] == ["left track in 2 scenarios"]
+    assert [each.words for each in violated_limits(limits, lost)] == ["left track in 2 scenarios"]
+    assert [each.words for each in violated_limits((), lost)] == ["left track in 2 scenarios"]
 
 
 def test_numbers_are_told_apart_from_their_bounds() -> None:
@@ -74,7 +74,7 @@ def test_numbers_are_told_apart_from_their_bounds() -> None:
         ("worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=1e-6"), (), EXPERIMENT
     )
     good = reached(GOOD)
-    found = broken(
+    found = violated_limits(
         limits_of(constraints, good, good),
         reached({"peak_tension": (6004.7, 1.0), "slack_share": (0.00486, 0.0), "mse": (2.5e-6, 0.0)}),
     )

@@ -10,7 +10,7 @@ from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness.imperfections import ImperfectionSize
-from dualwinch.tuning.robustness.limits import SHARE, BrokenLimit, multiple, plain
+from dualwinch.tuning.robustness.limits import SHARE, ViolatedLimit, multiple, plain
 from dualwinch.tuning.robustness.result import RobustnessResult
 from dualwinch.tuning.robustness.stress import breakdowns
 from tests.tuning.stress.ensembles import of, sea
@@ -41,7 +41,7 @@ def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Robustne
     assert len({len(line) for line in lines}) == 1
     assert {line.replace("\\|", "").count("|") for line in lines} == {7}
     assert "a\\|b.toml breaks at" in lines[0]
-    sizes = [row.breaks["a|b.toml"].order for row in found.ranking]
+    sizes = [row.margins["a|b.toml"].order for row in found.ranking]
     assert sizes == sorted(sizes)
     html = found._repr_html_()
     assert "winch radius error" in html
@@ -81,11 +81,12 @@ def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
         "nominal": 0.0,
     }
     for row, kept in zip(found.ranking, record["imperfections"], strict=True):
-        for name, broken in row.breaks.items():
-            assert kept["breaks"][name]["size"] == broken.size
-            assert [each["what"] for each in kept["breaks"][name]["broken"]] == [each.what for each in broken.broken]
-            if broken.size and row.imperfection.label == "vehicle added mass":
-                assert kept["breaks"][name]["amount"]["high"] == pytest.approx(4e3 * broken.size)
+        for name, margin in row.margins.items():
+            assert kept["margins"][name]["size"] == margin.size
+            violated = kept["margins"][name]["violated"]
+            assert [each["name"] for each in violated] == [each.name for each in margin.violated]
+            if margin.size and row.imperfection.label == "vehicle added mass":
+                assert kept["margins"][name]["amount"]["high"] == pytest.approx(4e3 * margin.size)
 
 
 def test_the_figure_has_a_row_for_each_imperfection(found: RobustnessResult) -> None:
@@ -96,9 +97,9 @@ def test_the_figure_has_a_row_for_each_imperfection(found: RobustnessResult) -> 
         "  ".join(filter(None, (row.imperfection.label, str(found.amount(row, 1.0) or "")))) for row in found.ranking
     ]
     drawn = {round(float(np.asarray(line.get_xdata())[0]), 9) for line in axes.lines if line.get_marker() == "o"}
-    broken = {broken.size for row in found.rows for broken in row.breaks.values() if broken.size}
-    assert broken
-    assert drawn == {round(size, 9) for size in broken}
+    sizes = {margin.size for row in found.rows for margin in row.margins.values() if margin.size}
+    assert sizes
+    assert drawn == {round(size, 9) for size in sizes}
     assert encode(figure, ".svg") == encode(found.plot(), ".svg")
 
 
@@ -133,7 +134,7 @@ def test_numbers_in_words() -> None:
 
 
 def test_paper_gains_that_fail_already_in_the_base_are_said_to_bound_nothing(found: RobustnessResult) -> None:
-    lost = replace(found, lost=found.lost | {"paper": (BrokenLimit("left_track", 3, 0, ""),)})
+    lost = replace(found, lost=found.lost | {"paper": (ViolatedLimit("left_track", 3, 0, ""),)})
     said = (
         "paper: fails already in the base, left track in 3 scenarios; others are judged by multiples of their own "
         "values in the base"

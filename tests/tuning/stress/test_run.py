@@ -36,17 +36,17 @@ def test_a_break_is_where_ensembles_of_just_that_size_break() -> None:
     own = {"paper": paper_controller()}
     found = breakdowns(own, base, of(DRUMS, base), constraints, scenarios=4, seed=4)
     (row,) = found.rows
-    broken = row.breaks["paper"]
-    assert broken.size is not None
-    assert broken.size / broken.held == pytest.approx(size(1))
+    margin = row.margins["paper"]
+    assert margin.size is not None
+    assert margin.size / margin.held == pytest.approx(size(1))
 
     def worst(multiple: float) -> float:
         low, high = 1 - 0.002 * multiple, 1 + 0.002 * multiple
         text = DRUMS.replace("[0.998, 1.002]", f"[{low!r}, {high!r}]")
         return run_ensemble(loads_ensemble(text, experiment), 4, 4, traces=False).statistic("worst.peak_tension")
 
-    assert worst(broken.held) <= limit < worst(broken.size)
-    assert broken.broken[0].value == pytest.approx(worst(broken.size), rel=1e-6)
+    assert worst(margin.held) <= limit < worst(margin.size)
+    assert margin.violated[0].value == pytest.approx(worst(margin.size), rel=1e-6)
 
 
 def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
@@ -61,7 +61,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
     first, again = found(2, 1), found(2, 2)
     assert first.rows == again.rows
     assert [row.imperfection.name for row in first.rows][-1] == "all together"
-    assert all(row.breaks.keys() == own.keys() for row in first.rows)
+    assert all(row.margins.keys() == own.keys() for row in first.rows)
     assert first.rows != found(4, 2).rows
 
 
@@ -116,7 +116,7 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
     found = breakdowns({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
     assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
     assert found.names == ("paper",)
-    assert set(found.rows[0].breaks) == {"paper"}
+    assert set(found.rows[0].margins) == {"paper"}
     assert "wild: fails already in the base, left track in 1 scenario" in repr(found)
 
 
@@ -145,7 +145,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     least = constraints_from(["worst.min_tension>=1e5", "worst.mse<=4*paper"], base.experiment)
     monkeypatch.setattr("dualwinch.tuning.robustness.limits.WORSE", np.inf)
     moment = breakdowns(own, base, of(DRUMS, base), least, scenarios=2, seed=0)
-    assert [each.what for each in moment.lost["paper"]] == ["min_tension"]
+    assert [each.name for each in moment.lost["paper"]] == ["min_tension"]
     assert moment.limits["own"][1].constraint.bound > 1
     assert "(4*paper)" in repr(moment)
     assert "paper: fails already in the base, slack share 70 % > 0 %; others are judged" in repr(found)
@@ -169,7 +169,7 @@ def test_gains_tuned_in_the_sea_are_lost_on_a_drum_a_hundredth_of_a_per_cent_off
     wanted = ["worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=4*paper"]
     found = breakdowns(own, base, drums, constraints_from(wanted, base.experiment), scenarios=6, seed=0)
     (row,) = found.rows
-    tuned, paper = row.breaks["tuned"], row.breaks["paper"]
+    tuned, paper = row.margins["tuned"], row.margins["paper"]
     assert tuned.size is not None
     amount = found.amount(row, tuned.size)
     assert amount is not None

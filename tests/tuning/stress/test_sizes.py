@@ -26,24 +26,24 @@ def test_sizes() -> None:
 def test_a_monotone_break_is_found_to_a_rung(threshold: int, top: int) -> None:
     search = finished(Bisection(LOWEST, top), lambda step: step >= threshold)
     if threshold > top:
-        assert (search.broken, search.held) == (None, top)
+        assert (search.breakdown, search.held) == (None, top)
     else:
-        assert search.broken == threshold
+        assert search.breakdown == threshold
         assert search.held == (threshold - 1 if threshold > LOWEST else None)
     assert search.monotone
     assert len(search.tried) <= 6 + 3
 
 
-@given(broken=st.sets(st.integers(LOWEST, HIGHEST)))
-def test_of_other_breaks_the_smallest_that_was_tried_is_told(broken: set[int]) -> None:
-    search = finished(Bisection(LOWEST, HIGHEST), broken.__contains__)
-    tried = [step for step in search.tried if step in broken]
-    assert search.broken == (min(tried) if tried else None)
+@given(breakdowns=st.sets(st.integers(LOWEST, HIGHEST)))
+def test_of_other_breakdowns_the_smallest_tried_is_told(breakdowns: set[int]) -> None:
+    search = finished(Bisection(LOWEST, HIGHEST), breakdowns.__contains__)
+    tried = [step for step in search.tried if step in breakdowns]
+    assert search.breakdown == (min(tried) if tried else None)
     if tried:
         larger = [step for step in search.tried if step > min(tried)]
-        assert search.monotone == all(step in broken for step in larger)
+        assert search.monotone == all(step in breakdowns for step in larger)
 
 
 def test_nothing_is_tried_where_nothing_is_allowed() -> None:
     search = finished(Bisection(LOWEST, LOWEST - 1), lambda _: True)
-    assert (search.broken, search.held, search.tried) == (None, None, {})
+    assert (search.breakdown, search.held, search.tried) == (None, None, {})
