@@ -1,7 +1,7 @@
 """What a short and a long search are worth in the sea, in scenarios that nobody tuned on.
 
 ``python -m benchmarks.tuned`` prints the table (six minutes); ``--write FILE`` puts it between the file's two marks,
-``--plot FILE`` draws what the longer search traded.
+``--plot FILE`` draws the trade-offs that the longer search found.
 """
 
 import argparse

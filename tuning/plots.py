@@ -156,7 +156,7 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
     kept = np.isfinite(points).all(axis=1)
     feasible = np.array([trial.feasible for trial in whole]) & kept
     words = f"{axis_title(upward)} against {axis_title(across)}, complete trials"
-    with new_page(None, 3.8, "What is traded", words) as page:
+    with new_page(None, 3.8, "Trade-offs", words) as page:
         (axes,) = page.panels()
         for chosen, colour, label in _by_feasibility(feasible):
             shown = points[_thinned(np.flatnonzero(chosen & kept))]
