@@ -5,9 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.plant import remembers_friction
-from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.scalar import present
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.margin_survey import WorstMargin
 from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
@@ -57,8 +55,12 @@ def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | S
 
 Floats = NDArray[np.float64]
 
-CONTACTS = (".bristle_stiffness", ".hysteresis", ".backlash")
-"""Ends of the keys of what sticks or rattles."""
+CONTACTS = (
+    "plant.vehicle.bristle_stiffness",
+    *(f"plant.rope_{side}.hysteresis" for side in (1, 2)),
+    *(f"plant.winch_{side}.backlash" for side in (1, 2)),
+)
+"""Keys of stick-slip and backlash; 0: none."""
 
 APART = 1e-5
 """Step of finite differences, as a share of a gain's range."""
@@ -221,11 +223,9 @@ def gradients_guide(problem: TuningProblem) -> bool:
     With LuGre friction, hysteresis or backlash a run is smooth only between contacts. Its exact derivative says little
     of a step that a search takes, in which contacts change.
     """
-    plant = problem.experiment.plant
-    rattles = any(present(side.winch.backlash) for side in plant.sides)
+    plant = leaves(problem.experiment.plant, "plant.")
     drawn = problem.ensemble.distributions if problem.ensemble else {}
-    contacts = remembers_friction(plant) or rattles or any(key.endswith(CONTACTS) for key in drawn)
-    return bool(smooth(problem)) and not contacts
+    return bool(smooth(problem)) and not any(plant[key] or key in drawn for key in CONTACTS)
 
 
 def _smooth_keys(problem: TuningProblem, point: Point) -> tuple[list[str], list[float]]:

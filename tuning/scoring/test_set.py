@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import Scorer, bounds_in
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.scoring.training_set import infeasible_as_hard
 from dualwinch.tuning.selection_config import SampleSizes
 
 ALIKE = 1e-9
@@ -185,7 +186,7 @@ class TestSet:
         (margins,) = scorer.margins([candidate], machines)
         evaluation, feasible = (
             scorer.evaluation(candidate, result, each, margins=margins, constraints=self.constraints)
-            for each in (scenarios, self._hard_beyond_authority(scenarios))
+            for each in (scenarios, infeasible_as_hard(scenarios, self.within_authority))
         )
         if not (margins and machines):
             return ControllerScore(evaluation, feasible, result)
@@ -195,13 +196,6 @@ class TestSet:
             for kind, worst in margins.items()
         }
         return ControllerScore(evaluation, feasible, result, attained)
-
-    def _hard_beyond_authority(self, scenarios: Sequence[Experiment | Scenario]) -> list[Experiment | Scenario]:
-        """The scenarios, infeasible ones as hard ones, which count in the worst case only; unless all are."""
-        return [
-            replace(scenario, hard=True) if isinstance(scenario, Scenario) and not within else scenario
-            for scenario, within in zip(scenarios, self.within_authority | ~self.within_authority.any(), strict=True)
-        ]
 
 
 def _machine_name(machine: Experiment | Scenario) -> str:

@@ -18,6 +18,8 @@ Every candidate is run in a few of the hard scenarios, the active ones (`ActiveS
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +41,8 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.progress import DRAWING, NO_PROGRESS, REFERENCES, TuningProgress
 from dualwinch.tuning.scoring.rollouts import over, run_pairs, worst_of
 from dualwinch.tuning.selection_config import SelectionConfig
+
+AnyScenario = TypeVar("AnyScenario", bound=Experiment | Scenario)
 
 
 @dataclass(frozen=True)
@@ -152,16 +156,30 @@ def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:
 
 
 def validation_draws(scenarios: Sequence[Scenario], config: SelectionConfig) -> list[Scenario]:
-    """The draws in which the vehicle falls behind by at most `largest_lag`; all draws if only hard ones would remain.
+    """The draws in which the vehicle falls behind by at most `largest_lag`, infeasible ones as hard ones.
 
-    If it falls behind at all, the lag is most of the error and hardly depends on gains: such draws are marked hard.
+    All draws, as they are, if all are infeasible.
     """
-    kept = [
-        replace(scenario, hard=asked.share > 1)
-        for scenario, asked in zip(scenarios, force_demands(scenarios), strict=True)
-        if asked.shortfall <= config.largest_lag
+    demands = force_demands(scenarios)
+    feasible = np.array([demand.share <= 1 for demand in demands], bool)
+    near = np.array([demand.shortfall <= config.largest_lag for demand in demands], bool) | ~feasible.any()
+    return list(compress(infeasible_as_hard(scenarios, feasible), near))
+
+
+def infeasible_as_hard(scenarios: Sequence[AnyScenario], feasible: NDArray[np.bool_]) -> list[AnyScenario]:
+    """The scenarios, those beyond the actuators' authority as hard ones, which count in the worst case only.
+
+    There the vehicle falls behind; the lag is most of the error and hardly depends on gains. If all scenarios are
+    infeasible, none is marked.
+
+    Args:
+        scenarios: the scenarios; an experiment without draws cannot be marked.
+        feasible: (scenarios,) whether each is within the actuators' authority.
+    """
+    return [
+        replace(scenario, hard=True) if isinstance(scenario, Scenario) and not within else scenario
+        for scenario, within in zip(scenarios, feasible | ~feasible.any(), strict=True)
     ]
-    return kept if any(not scenario.hard for scenario in kept) else list(scenarios)
 
 
 def survey(
