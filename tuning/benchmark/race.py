@@ -32,7 +32,7 @@ from dualwinch.simulation.batch.workers import Workers, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, Progress, no_progress
+from dualwinch.simulation.progress import PhaseProgress, no_progress
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.benchmark.entries import (
     LAW,
@@ -488,26 +488,28 @@ class EntryProgress(TuningProgress):
 
     def __init__(self, name: str, number: int, of: int, progress: PhaseProgress) -> None:
         """Watch entry `number`, from 0, of `of` entries to run."""
-        super().__init__()
+        super().__init__(self._in_phase)
         self._name, self._number, self._of, self._of_race = name, number, of, progress
-        self._words = ""
+        self._words, self._share = "", 0.0
 
     def phase(self, words: str) -> None:
         """Report the beginning of a phase."""
-        self._words = words
-        self._report(BEGINS.get(words, 0.0))
-
-    def step(self, words: str, status: str = "") -> Progress:  # noqa: ARG002
-        """Report nothing: phases suffice."""
-        return no_progress
+        self._words, self._share = words, BEGINS.get(words, 0.0)
+        self._report(words)
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Report the share of the search that is done."""
-        self._report(BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING]))
+        self._share = BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING])
+        self._report(self._words)
 
-    def _report(self, share: float) -> None:
+    def _in_phase(self, fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG002
+        """Report a step of a phase, or a compilation; the share of the entry is that of the phase's beginning."""
+        self._report(phase or self._words, status)
+
+    def _report(self, words: str, status: str = "") -> None:
         number = f"{self._number + 1} of {self._of}, " if self._of > 1 else ""
-        self._of_race((self._number + share) / self._of, f"{number}{self._name}: {self._words}")
+        begin = f"{number}{self._name}: "
+        self._of_race((self._number + self._share) / self._of, f"{begin}{words}", status and f"{begin}{status}")
 
 
 def run_race(
@@ -596,7 +598,7 @@ class RaceJob:
         if self.entrant is None:
 
             def phase_alone(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
-                progress(0.0, phase)
+                progress(0.0, phase, status)
 
             return EntryProgress(self.name, 0, 1, phase_alone)
         return EntryProgress(self.name, number, count, progress)

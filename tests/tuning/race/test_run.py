@@ -1,5 +1,6 @@
 """A small race: the same whoever interrupts it, its numbers those of a comparison, and no one below the least error."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from dualwinch.tuning.benchmark.entries import BenchmarkTerms, EntryProblem
 from dualwinch.tuning.benchmark.race import run_race
 from dualwinch.tuning.benchmark.result import BenchmarkResult
 from dualwinch.tuning.benchmark.scores import COSTS
+from dualwinch.tuning.scoring.progress import SCORING, SCREENING
 from tests.simulation.batch.test_workers import Remote
 from tests.tuning.race.conftest import MakeRace
 
@@ -30,23 +32,35 @@ def numbers(found: BenchmarkResult) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class Finished:
-    """A race that is over: who took part, on which terms, what was found, and the shares told on the way."""
+    """A race that is over: who took part, on which terms, what was found, and what was reported on the way."""
 
     entrants: list[EntryProblem]
     terms: BenchmarkTerms
     found: BenchmarkResult
     shares: list[float]
+    phases: list[str]
+    statuses: list[str]
 
 
 @pytest.fixture(scope="module")
 def finished(make_race: MakeRace) -> Finished:
     entrants, terms = make_race()
-    shares: list[float] = []
+    shares, phases, statuses = list[float](), list[str](), list[str]()
 
-    def noted(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
+    def noted(fraction: float, phase: str = "", status: str = "") -> None:
         shares.append(fraction)
+        phases.append(phase)
+        statuses.append(status)
 
-    return Finished(entrants, terms, run_race(entrants, terms, progress=noted), shares)
+    return Finished(entrants, terms, run_race(entrants, terms, progress=noted), shares, phases, statuses)
+
+
+def test_the_steps_of_the_choice_are_reported_as_those_of_one_study(finished: Finished) -> None:
+    for words in ("choosing: the paper's gains and the start in the validation set", SCREENING, SCORING):
+        assert f"1 of 2, nftsm: {words}" in finished.phases
+    numbered = [status for status in finished.statuses if status]
+    assert all(re.match(r"[12] of 2, (nftsm|adrc): choosing: ", status) for status in numbered)
+    assert any(re.search(r" validation scenarios, \d+ %$", status) for status in numbered)
 
 
 def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
