@@ -37,7 +37,7 @@ BEST = "--config best.toml"
 """Options that select the best gains, in the folder of the two files."""
 
 
-def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any]) -> None:
+def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any], typed: str = BEST) -> None:
     """Write the best as a configuration file, with its provenance in comments.
 
     Args:
@@ -45,6 +45,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
         tuned: the study.
         toml: the experiment with the best's gains.
         facts: name → value of further provenance, such as code version and date.
+        typed: options that select the best gains in the file's folder, for commands in notes.
     """
     problem, verdict = tuned.problem, tuned.verdict
     best, scored = verdict.best, verdict.scored
@@ -54,7 +55,7 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
     lines += [
         worth(tuned),
         headline(tuned),
-        *(f"note: {in_full(words, BEST)}" for words in tuned.remarks),
+        *(f"note: {in_full(words, typed)}" for words in tuned.remarks),
         tested(tuned),
         *problem.choices,
         *contenders(tuned),
@@ -84,7 +85,9 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
         )
 
 
-def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str) -> None:
+def write_study(
+    path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str, typed: str = BEST
+) -> None:
     """Write the content of a report: the problem, every trial as columns, the best and the test scores.
 
     Args:
@@ -92,6 +95,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
         tuned: the study.
         facts: provenance.
         configuration: TOML of ensemble or experiment.
+        typed: as in `write_best`.
     """
     problem, verdict, sizes = tuned.problem, tuned.verdict, tuned.verdict.sizes
     content = {
@@ -134,7 +138,7 @@ def write_study(path: str | Path, tuned: TuningResult, facts: Mapping[str, Any],
             else None,
             "contradiction": verdict.contradiction or None,
             "instability": instability(tuned) or None,
-            "remarks": [in_full(words, BEST) for words in tuned.remarks],
+            "remarks": [in_full(words, typed) for words in tuned.remarks],
             "settings": tuned.gains,
             "at_bounds": dict(gains_at_bounds(tuned)),
             "training": _scores(verdict.best),

@@ -215,8 +215,9 @@ def tune(
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)
-        run_study(problem, options, line, given.plugin)
-        line.say(f"next: {next_line(options.out / 'best.toml', ensemble, given)}")
+        following = next_line(options.out / "best.toml", ensemble, given)
+        run_study(problem, options, line, given.plugin, following)
+        line.say(f"next: {following}")
 
 
 def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
@@ -268,7 +269,11 @@ def recall_parts(options: StudyOptions) -> list[str]:
 
 
 def run_study(
-    problem: TuningProblem, options: StudyOptions, line: ProgressLine, plugins: list[str] | None = None
+    problem: TuningProblem,
+    options: StudyOptions,
+    line: ProgressLine,
+    plugins: list[str] | None = None,
+    following: str = "",
 ) -> TuningResult:
     """Check options and files, then search, select, score, write and print.
 
@@ -277,6 +282,7 @@ def run_study(
         options: method, budget and storage.
         line: shows the progress.
         plugins: files with the user's own parts, for printed commands about the best gains.
+        following: the command that evaluates the best gains (`next_line`), for the report.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
@@ -323,7 +329,7 @@ def run_study(
                 watch=TuningProgress(line, problem.objectives),
             )
         line(1.0, "writing best.toml, study.json and report.html")
-        write(tuned, options.kept_in, options, plugins or [])
+        write(tuned, options.kept_in, options, plugins or [], following)
         line.stop()
         if tuned.interrupted:
             line.say("interrupted; this is the best so far")
@@ -336,8 +342,20 @@ def run_study(
     return tuned
 
 
-def write(tuned: TuningResult, storage: str, options: StudyOptions, plugins: Sequence[str] = ()) -> None:
-    """Write ``best.toml``, ``study.json`` and ``report.html``; `plugins` as in `run_study`."""
+def seen_from(folder: Path, plugin: str) -> str:
+    """How a command that is run in a folder names a plugin: the relative path of a file; a module as it is."""
+    if not plugin.endswith(".py"):
+        return plugin
+    try:
+        return os.path.relpath(plugin, folder)
+    except ValueError:  # another drive
+        return str(Path(plugin).absolute())
+
+
+def write(
+    tuned: TuningResult, storage: str, options: StudyOptions, plugins: Sequence[str] = (), following: str = ""
+) -> None:
+    """Write ``best.toml``, ``study.json`` and ``report.html``; `plugins` and `following` as in `run_study`."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
     from dualwinch.config.experiment_file import to_toml
@@ -363,10 +381,11 @@ def write(tuned: TuningResult, storage: str, options: StudyOptions, plugins: Seq
         facts["parts"] = in_words(parts)
     check_folder(out)
     best = to_toml(tuned.best)
-    write_best(out / "best.toml", tuned, best, facts)
+    here = ExperimentOptions(config=Path("best.toml"), plugin=[seen_from(out, plugin) for plugin in plugins]).typed
+    write_best(out / "best.toml", tuned, best, facts, here)
     named = {name.replace(" ", "_"): value for name, value in facts.items()} | {"versions": versions()}
-    write_study(out / "study.json", tuned, named | {"compared": compared(tuned)}, configuration(problem))
-    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins)
+    write_study(out / "study.json", tuned, named | {"compared": compared(tuned)}, configuration(problem), here)
+    write_tuning_report(out / "report.html", tuned, {**facts, **versions()}, best, plugins, following)
 
 
 def compared(tuned: TuningResult) -> dict[str, Any]:

@@ -56,7 +56,12 @@ CAPTIONS = {
 
 
 def write_tuning_report(
-    path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str, plugins: Sequence[str] = ()
+    path: str | Path,
+    tuned: TuningResult,
+    facts: Mapping[str, Any],
+    configuration: str,
+    plugins: Sequence[str] = (),
+    following: str = "",
 ) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
@@ -66,6 +71,8 @@ def write_tuning_report(
         facts: provenance, name → value.
         configuration: the best as TOML.
         plugins: files with the user's own parts, for commands about the best gains.
+        following: command that compares the best gains with the paper's in the ensemble, which may be a file; default:
+            in the built-in ensemble of that name.
 
     Raises:
         OSError: the file cannot be written.
@@ -81,7 +88,7 @@ def write_tuning_report(
         gained=gained(tuned),
         idealised=[one.statement for one in idealisations(tuned.best)],
         costs=costs(tuned),
-        steps=next_steps(tuned, folder, own),
+        steps=next_steps(tuned, folder, own, following),
         stress=_stress_command(folder, own),
         constraints=f"Constraints of the search: {wanted}.",
         contenders=" ".join(map(_sentence, contenders(tuned))),
@@ -239,13 +246,14 @@ def _stress_command(folder: Path, own: str) -> str:
     return f"dualwinch stress {shlex.quote(str(folder / 'best.toml'))}{own} --out {shlex.quote(str(folder))}"
 
 
-def next_steps(tuned: TuningResult, folder: Path, own: str = "") -> list[tuple[str, str]]:
+def next_steps(tuned: TuningResult, folder: Path, own: str = "", following: str = "") -> list[tuple[str, str]]:
     """Next steps: words and a command, empty for mere advice.
 
     Args:
         tuned: the study.
         folder: of its files.
         own: options of the commands for the user's own parts, each after a space.
+        following: as in `write_tuning_report`.
     """
     best = shlex.quote(str(folder / "best.toml"))
     ensemble = tuned.problem.ensemble
@@ -253,9 +261,9 @@ def next_steps(tuned: TuningResult, folder: Path, own: str = "") -> list[tuple[s
     if not tuned.verdict.improved:
         return steps
     if ensemble is not None:
-        named = f" --ensemble {ensemble.name}"
+        following = following or f"dualwinch compare paper {best} --ensemble {shlex.quote(ensemble.name)}{own}"
         words = "Check it against the paper's gains in scenarios of a new seed, with confidence intervals:"
-        steps.append((words, f"dualwinch compare paper {best}{named}{own} --seed 1000"))
+        steps.append((words, f"{following} --seed 1000"))
     words = "Find which imperfection breaks it first; this report will then show it:"
     steps.append((words, _stress_command(folder, own)))
     steps.append(("Look at a run:", f"dualwinch simulate --config {best}{own} --plot run.png"))

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from html import escape
+from html import escape, unescape
 from io import StringIO
 from pathlib import Path
 
@@ -163,6 +163,33 @@ def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     commands = re.findall(r"dualwinch [^<)]*best\.toml[^<)]*", report)
     assert len(commands) >= 2
     assert all(f" --plugin {plugin} " in each for each in commands), commands
+    noted = f"(dualwinch linearise --config best.toml --plugin {Path('..') / 'spring.py'} --loop closed --x 25)"
+    assert noted in (out / "best.toml").read_text()
+    remarks = json.loads((out / "study.json").read_text())["best"]["remarks"]
+    assert any(noted in words for words in remarks)
+
+
+def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "my sea.toml"
+    mine.write_text("""
+        [ensemble]
+        name = "choppy"
+        description = "a sea of mine"
+
+        [simulation]
+        duration = 0.1
+
+        [distributions]
+        "plant.vehicle.mass" = { uniform = [0.9, 1.1], of = "nominal" }
+    """)
+    words = ("--constraint", "none", "--scenarios", 2, "--trials", 16, "--out", tmp_path / "out")
+    assert dualwinch("tune", "--ensemble", mine, *words) == 0
+    (following,) = re.findall(r"next: (dualwinch compare .*)", capsys.readouterr().err)
+    assert f"--ensemble '{mine}'" in following
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"{following} --seed 1000" in unescape(report)
 
 
 @pytest.mark.usefixtures("no_report")
