@@ -17,9 +17,9 @@ agrees with its data sheet remains unchanged, as does a zero set at rest. The ex
 known that well.
 
 Neither sensor is trusted blindly. Outliers among the readings are rejected. If the readings deviate persistently from
-the encoder's position, the encoder is doubted: its variance as a position sensor grows with the square of the excess,
+the encoder's position, the encoder is suspect: its variance as a position sensor grows with the square of the excess,
 so that its weight decreases smoothly, and its calibration is soon forgotten. An encoder that has jumped is calibrated
-anew, and its weight returns. A rope that slips stays in doubt.
+anew, and its weight returns. The encoder of a rope that slips stays suspect.
 """
 
 from collections.abc import Sequence
@@ -99,7 +99,7 @@ class DrumGains:
 
 @dataclass(frozen=True)
 class TrustGains:
-    """Rejection of outlying readings, and doubt of encoders."""
+    """Rejection of outlying readings, and detection of encoder faults."""
 
     gate: Annotated[
         Positive,
@@ -114,9 +114,9 @@ class TrustGains:
         Quantity("m", "innovation at which the weight of an encoder has fallen to a half", "assumption"),
         Tunable(1e-4, 1e-2, standard=False),
     ] = 1e-3
-    doubt_time: Annotated[
+    fault_time: Annotated[
         Positive,
-        Quantity("s", "time constant of the low-pass on the difference of readings and encoder", "assumption"),
+        Quantity("s", "time constant of the low-pass on the residual of readings and encoder", "assumption"),
         Tunable(0.05, 1, standard=False),
     ] = 0.15
     slide_time: Annotated[
@@ -126,7 +126,7 @@ class TrustGains:
     ] = 0.1
     relearning_time: Annotated[
         Positive,
-        Quantity("s", "as memory, while the encoder is doubted", "assumption"),
+        Quantity("s", "memory while the encoder is suspect", "assumption"),
         Tunable(0.1, 5, standard=False),
     ] = 0.3
 
@@ -239,17 +239,17 @@ def deviations(gains: DrumGains) -> dict[str, Scalar]:
     }
 
 
-HALF_DOUBTED = 0.3
-"""Excess of the low-passed residual over its plausible size, in deviations of a reading, at a doubt of 1/2."""
+HALF_FAULTY = 0.3
+"""Excess of the low-passed residual over its plausible size, in deviations of a reading, at fault odds of 1."""
 
 
-def doubt_odds(residual: Scalar, variance: Scalar) -> Scalar:
-    """Odds against an encoder: 0 for full trust, 1 for the trust in the position sensor.
+def fault_odds(residual: Scalar, variance: Scalar) -> Scalar:
+    """Odds of a fault of an encoder: 0 for full trust, 1 for the trust in the position sensor.
 
     `residual` is low-passed, over the deviation of a reading; `variance` is that of the expected reading, over that of
     its noise.
     """
-    return (maximum(absolute(residual) - sqrt(1 + variance), 0.0) / HALF_DOUBTED) ** 2
+    return (maximum(absolute(residual) - sqrt(1 + variance), 0.0) / HALF_FAULTY) ** 2
 
 
 def calibrate(
@@ -266,27 +266,27 @@ def calibrate(
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
     before = estimated_error(known.errors, row, gains)
     counts = reading.alive * drum.taut
-    # the doubt of the last sample, independent of this reading
-    odds = doubt_odds(known.residual, 0.0)
-    doubt = odds / (1 + odds)
-    fade = where(counts, exp(-sample_time / gains.memory) * (1 - doubt * sample_time / trusting.relearning_time), 1.0)
+    # the fault probability of the last sample, independent of this reading
+    odds = fault_odds(known.residual, 0.0)
+    fault = odds / (1 + odds)
+    fade = where(counts, exp(-sample_time / gains.memory) * (1 - fault * sample_time / trusting.relearning_time), 1.0)
     expectation = expected(known.errors, row, fade)
     innovation = (says - drum.direction * reading.x) / deviation - expectation.value
     bound = trusting.gate * sqrt(1 + expectation.variance)
     within = absolute(innovation) <= bound
     limited = clip(innovation, -bound, bound)
-    # in doubt the gate opens: apparent outliers show the new errors
+    # of a suspect encoder the gate opens: apparent outliers show the new errors
     opened = bound * (1 + odds)
-    weight = reading.weight * where(counts, where(within, 1.0, doubt), 0.0)
+    weight = reading.weight * where(counts, where(within, 1.0, fault), 0.0)
     errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
     after = estimated_error(errors, row, gains)
-    share = where(counts, sample_time / trusting.doubt_time, 0.0)
+    share = where(counts, sample_time / trusting.fault_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
     following = replace(known, errors=errors, residual=residual)
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
-        odds=doubt_odds(following.residual, expectation.variance),
+        odds=fault_odds(following.residual, expectation.variance),
         used=counts * within,
     )
     return following, position

@@ -9,7 +9,7 @@ precision with the frame of the position sensor.
 - A new calibration shifts the predicted position. This is no motion: speed and disturbance remain unchanged, and the
   position for the law changes smoothly.
 - While the sensor is silent (no number, or the same for many samples) only the encoders are used.
-- Encoders of slack ropes and doubted encoders are faded out. Without any the filter uses position and speed sensor,
+- Encoders of slack ropes and suspect encoders are faded out. Without any the filter uses position and speed sensor,
   with the gain for these. Both gains depend on parameters alone.
 """
 
@@ -82,7 +82,7 @@ class SelfCalibratingState:
 
 @dataclass(frozen=True)
 class SelfCalibratingEstimate(KalmanEstimate):
-    """Output of the filter, with its calibration and its doubt of each sensor."""
+    """Output of the filter, with its calibration and the fault probability of each encoder."""
 
     zero_1: Annotated[Scalar, Quantity("m", "learnt zero of encoder 1, in m of rope")] = 0.0
     zero_2: Annotated[Scalar, Quantity("m", "learnt zero of encoder 2, in m of rope")] = 0.0
@@ -96,8 +96,8 @@ class SelfCalibratingEstimate(KalmanEstimate):
     scale_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of scale_2")] = 0.0
     excess_1_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_1")] = 0.0
     excess_2_sd: Annotated[Scalar, Quantity("1", "standard deviation of excess_2")] = 0.0
-    doubt_1: Annotated[Scalar, Quantity("1", "doubt of encoder 1, from 0 (trusted) to 1 (left out)")] = 0.0
-    doubt_2: Annotated[Scalar, Quantity("1", "doubt of encoder 2, from 0 (trusted) to 1 (left out)")] = 0.0
+    fault_1: Annotated[Scalar, Quantity("1", "probability of a fault of encoder 1: 0 trusted, 1 left out")] = 0.0
+    fault_2: Annotated[Scalar, Quantity("1", "probability of a fault of encoder 2: 0 trusted, 1 left out")] = 0.0
     position_used: Annotated[Scalar, Quantity("1", "1 where the reading of the position sensor is accepted")] = 1.0
 
 
@@ -282,7 +282,7 @@ class SelfCalibratingKalman(Estimator):
             for name, (value, spread) in learnt_errors(known, self.drums).items():
                 if name in PASSED_ON:
                     found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
-            found[f"doubt_{number}"] = position.odds / (1 + position.odds)
+            found[f"fault_{number}"] = position.odds / (1 + position.odds)
         return found
 
 

@@ -13,7 +13,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     Reading,
     TrustGains,
     calibrate,
-    doubt_odds,
+    fault_odds,
     learnt_errors,
     learnt_names,
     regressors,
@@ -147,8 +147,8 @@ def test_an_outlier_teaches_nothing_and_a_silent_sensor_takes_no_knowledge_away(
     assert (silent.residual, position.used) == (known.residual, 0)
 
 
-def test_readings_that_stay_away_raise_doubt_and_are_trusted_in_the_end() -> None:
-    """The encoder has jumped by 10 mm: doubted within a tenth of a second, learnt anew within a second or so."""
+def test_readings_that_stay_away_show_a_fault_and_are_trusted_in_the_end() -> None:
+    """The encoder has jumped by 10 mm: suspect within a tenth of a second, learnt anew within a second or so."""
     positions = np.linspace(0, 4, 2000)
     known, position = after(positions, positions, 1.0, TRUE)
     jumped, odds = TRUE | {"zero": TRUE["zero"] + 0.01}, []
@@ -162,10 +162,10 @@ def test_readings_that_stay_away_raise_doubt_and_are_trusted_in_the_end() -> Non
     assert position.x == pytest.approx(4.0, abs=SIGMA / 3)
 
 
-def test_doubt_begins_where_a_single_reading_could_not_be_so_far_off() -> None:
-    assert doubt_odds(0.99, 0.0) == doubt_odds(-1.9, 3.0) == 0
-    assert doubt_odds(-1.3, 0.0) == pytest.approx(1)
-    assert doubt_odds(2.6, 3.0) == pytest.approx(4)
+def test_a_fault_begins_where_a_single_reading_could_not_be_so_far_off() -> None:
+    assert fault_odds(0.99, 0.0) == fault_odds(-1.9, 3.0) == 0
+    assert fault_odds(-1.3, 0.0) == pytest.approx(1)
+    assert fault_odds(2.6, 3.0) == pytest.approx(4)
 
 
 def test_regressors_are_in_deviations_of_a_reading() -> None:

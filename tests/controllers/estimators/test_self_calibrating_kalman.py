@@ -112,7 +112,7 @@ def test_it_finds_drums_and_zeros_and_with_them_the_position() -> None:
     assert found["zero_1"][-1] == pytest.approx(1e-3, abs=3 * found["zero_1_sd"][-1])
     assert rms(found["error"][2000:]) < SIGMA / 15
     assert np.abs(found["error"]).max() < SIGMA / 3
-    assert not found["doubt_1"].any()
+    assert not found["fault_1"].any()
     assert found["position_used"].mean() > 0.999
 
 
@@ -134,7 +134,7 @@ def test_a_silent_sensor_is_done_without_and_nothing_jumps_when_it_is_back(how: 
     assert found["position_used"][9005:].all()
     assert np.abs(found["error"][2000:]).max() < SIGMA / 5
     assert np.abs(np.diff(found["error"][6990:])).max() < 1e-5
-    assert max(found["doubt_1"].max(), found["doubt_2"].max()) < 0.1
+    assert max(found["fault_1"].max(), found["fault_2"].max()) < 0.1
 
 
 def test_a_silent_sensor_at_the_start_is_no_harm() -> None:
@@ -149,20 +149,20 @@ def test_outliers_are_left_out() -> None:
     assert rms(found["error"][2000:]) < SIGMA / 10
 
 
-def test_an_encoder_that_jumps_is_doubted_learnt_anew_and_trusted_again() -> None:
+def test_an_encoder_that_jumps_is_suspect_learnt_anew_and_trusted_again() -> None:
     jumped = drive().changed("theta_1", lambda angle, t: angle + np.where(t < 7, 0.0, 0.01 / 0.8))
     found = jumped.filtered()
-    assert found["doubt_1"][7000:7200].max() > 0.8
-    assert found["doubt_1"][8500:].mean() < 0.05
-    assert found["doubt_2"].max() < 0.1
+    assert found["fault_1"][7000:7200].max() > 0.8
+    assert found["fault_1"][8500:].mean() < 0.05
+    assert found["fault_2"].max() < 0.1
     assert np.abs(found["error"]).max() < SIGMA
     assert np.abs(found["d_est"][7000:] - found["d_est"][6999]).max() < 0.2
 
 
-def test_a_rope_that_slips_stays_in_doubt_and_the_other_leads() -> None:
+def test_a_rope_that_slips_stays_suspect_and_the_other_leads() -> None:
     slipping = drive().changed("theta_1", lambda angle, t: angle + np.where(t < 6, 0.0, 0.1 * (t - 6)))
     found = slipping.filtered()
-    assert found["doubt_1"][7000:].min() > 0.5
+    assert found["fault_1"][7000:].min() > 0.5
     assert np.abs(found["error"]).max() < SIGMA
 
 

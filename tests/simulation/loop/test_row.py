@@ -41,7 +41,7 @@ OWN_OF_ESTIMATORS = {
     "self-calibrating-kalman": ESTIMATED
     | {"zero_1": "m", "zero_2": "m", "scale_1": "1", "scale_2": "1", "excess_1": "1", "excess_2": "1"}
     | {"zero_1_sd": "m", "zero_2_sd": "m", "scale_1_sd": "1", "scale_2_sd": "1", "excess_1_sd": "1", "excess_2_sd": "1"}
-    | {"doubt_1": "1", "doubt_2": "1", "position_used": "1"},
+    | {"fault_1": "1", "fault_2": "1", "position_used": "1"},
 }
 OWN_OF_COORDINATIONS = {
     "differential-tension": {},
