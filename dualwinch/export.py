@@ -15,7 +15,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.export.casadi import casadi_files, functions_of_blocks, generated_c, variables_of
 from dualwinch.codegen.export.mex import mex_files
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.export.structured_text import MOST_OPERATIONS, st_package
+from dualwinch.codegen.export.structured_text import MAX_OPERATIONS, st_package
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.fmu import (
     PLATFORMS,
@@ -34,7 +34,8 @@ from dualwinch.config.folders import check_place, make_folder
 from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.blocks import BLOCKS, BlockName, block
+from dualwinch.simulation.blocks import BLOCKS, BlockName
+from dualwinch.simulation.blocks import block as block_of
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import PhaseProgress, no_progress
@@ -75,7 +76,7 @@ def export_c(
     experiment: Experiment,
     out: str | PathLike[str],
     *,
-    what: str = "controller",
+    block: str = "controller",
     precision: str = "double",
     freeze: bool = False,
     udp: bool = False,
@@ -85,7 +86,7 @@ def export_c(
     Args:
         experiment: structure and values.
         out: folder, made if missing.
-        what: ``controller``, ``plant`` or ``closed-loop``.
+        block: ``controller``, ``plant`` or ``closed-loop``.
         precision: ``double`` or ``float``, of every number.
         freeze: write the parameters as constants instead of an argument.
         udp: for a controller, also write a program that connects it to ``dualwinch serve``: ``udp.c``.
@@ -97,11 +98,11 @@ def export_c(
         ConfigurationError: an unknown block, `udp` without a controller, or a folder that cannot be written to.
         CodegenError: a controller with inputs that a served plant does not send.
     """
-    made, origin = block(what, experiment), provenance(experiment)
+    made, origin = block_of(block, experiment), provenance(experiment)
     files = c_package(made, symbol(made), origin, precision, freeze=freeze)
     if udp:
-        if what != "controller":
-            raise ConfigurationError(f"udp: must be off for the {what}; only a controller can be connected")
+        if block != "controller":
+            raise ConfigurationError(f"udp: must be off for the {block}; only a controller can be connected")
         files["udp.c"] = udp_client(frozen(made) if freeze else made, symbol(made), origin)
     return write(files, out)
 
@@ -110,20 +111,20 @@ def export_st(
     experiment: Experiment,
     out: str | PathLike[str],
     *,
-    what: str = "controller",
+    block: str = "controller",
     precision: str = "double",
     flavour: str = "iec",
-    most_operations: int = MOST_OPERATIONS,
+    max_operations: int = MAX_OPERATIONS,
 ) -> list[Path]:
     """Write a block in Structured Text (IEC 61131-3): function blocks, PLCopen XML, README and an example program.
 
     Args:
         experiment: structure and values.
         out: folder, made if missing.
-        what: ``controller``, ``plant`` or ``closed-loop``.
+        block: ``controller``, ``plant`` or ``closed-loop``.
         precision: ``double`` (LREAL) or ``float`` (REAL), of every number.
         flavour: ``iec``, ``codesys``, ``twincat`` or ``siemens-scl``.
-        most_operations: largest number of operations of a call.
+        max_operations: largest number of operations of a call.
 
     Returns:
         The files.
@@ -132,13 +133,13 @@ def export_st(
         ConfigurationError: an unknown block, or a folder that cannot be written to.
         CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
     """
-    made, about = block(what, experiment), provenance(experiment)
-    files = st_package(made, symbol(made), about, precision, flavour=flavour, most_operations=most_operations)
+    made, about = block_of(block, experiment), provenance(experiment)
+    files = st_package(made, symbol(made), about, precision, flavour=flavour, max_operations=max_operations)
     return write(files, out)
 
 
 def generate_c(
-    what: Experiment | ca.Function,
+    source: Experiment | ca.Function,
     folder: str | PathLike[str],
     *,
     blocks: Sequence[BlockName] = BLOCKS,
@@ -153,7 +154,7 @@ def generate_c(
     of every vector. For a function ``f``: ``f.c``.
 
     Args:
-        what: an experiment, or any CasADi function.
+        source: an experiment, or any CasADi function.
         folder: for the files; made if missing.
         blocks: parts of an experiment.
         header: CasADi's option: a header file, too.
@@ -167,10 +168,10 @@ def generate_c(
         CodegenError: CasADi generates no C for the function.
         ConfigurationError: an unknown block, or a folder that cannot be written to.
     """
-    if isinstance(what, ca.Function):
-        files = generated_c({what.name(): what}, what.name(), header=header, main=main, mex=mex)
+    if isinstance(source, ca.Function):
+        files = generated_c({source.name(): source}, source.name(), header=header, main=main, mex=mex)
     else:
-        made = [block(name, what) for name in blocks]
+        made = [block_of(name, source) for name in blocks]
         files = generated_c(functions_of_blocks(made), "dualwinch", header=header, main=main, mex=mex)
         files |= {"variables.json": variables_of(made)}
     return write(files, folder)
@@ -186,7 +187,7 @@ def export_casadi(experiment: Experiment, out: str | PathLike[str]) -> list[Path
     Returns:
         The files.
     """
-    return write(casadi_files([block(what, experiment) for what in BLOCKS], provenance(experiment)), out)
+    return write(casadi_files([block_of(name, experiment) for name in BLOCKS], provenance(experiment)), out)
 
 
 def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
@@ -199,7 +200,7 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
     Returns:
         The files.
     """
-    controller, plant = block("controller", experiment), block("plant", experiment)
+    controller, plant = block_of("controller", experiment), block_of("plant", experiment)
     reference = asked_motion(experiment)
     return write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)
 
@@ -231,7 +232,7 @@ def export_fmu(
     experiment: Experiment,
     out: str | PathLike[str],
     *,
-    what: str = "controller",
+    block: str = "controller",
     fmi: Version = 2,
     kind: Kind | None = None,
     platforms: str | None = None,
@@ -242,7 +243,7 @@ def export_fmu(
     Args:
         experiment: structure and values.
         out: the file, ``.fmu``.
-        what: ``controller``, ``plant`` or ``closed-loop``.
+        block: ``controller``, ``plant`` or ``closed-loop``.
         fmi: version, 2 or 3.
         kind: interfaces; default: all that the block can have.
         platforms: names separated by commas, or ``all``; default: this machine's.
@@ -261,9 +262,9 @@ def export_fmu(
         raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
     check_place(out)
     targets = platforms_of(platforms)
-    made = block(what, experiment)
+    made = block_of(block, experiment)
     if kind not in {None, "co-simulation"} and made.derivative is None:
-        raise ConfigurationError(f"--kind {kind}: the {what} is sampled; only the plant can be model-exchange or both")
+        raise ConfigurationError(f"--kind {kind}: the {block} is sampled; only the plant can be model-exchange or both")
     model = fmu_model(replace(frozen(made, {SAMPLE_TIME}), name=symbol(made)), fmi, kind)
     origin = provenance(experiment)
     about = About(origin.product, experiment.duration, f"configuration {origin.configuration}")

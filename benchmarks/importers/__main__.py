@@ -74,7 +74,7 @@ def main() -> int:
         folder = Path(made)
         for version in (2, 3):
             for name in BLOCKS:
-                export_fmu(case(4), folder / f"{name}{version}.fmu", what=name, fmi=version)
+                export_fmu(case(4), folder / f"{name}{version}.fmu", block=name, fmi=version)
         both = [answers(folder, version, reference, expected) for version in (2, 3)]
     for name in both[0]:
         table.add_row(name, *(findings[name] for findings in both))

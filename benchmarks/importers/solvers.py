@@ -45,7 +45,7 @@ def table() -> str:
     lines = [f"| {' | '.join(headings)} |", "|---|" + "---|" * len(INTERVALS)]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plant.fmu"
-        export_fmu(case(4), path, what="plant")
+        export_fmu(case(4), path, block="plant")
         exact = run(path, "CoSimulation", step_size=1e-3, output_interval=1e-3)
         for tolerance in TOLERANCES:
             cells = [cell(path, exact, tolerance, interval) for interval in INTERVALS]

@@ -31,7 +31,7 @@ from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.codegen.source.statements import Element, Strand, statements
 from dualwinch.codegen.source.structured_text import WORK, StructuredText, floor_function, work_variables
 
-MOST_OPERATIONS = 20_000
+MAX_OPERATIONS = 20_000
 """Default limit of operations per call: 2 ms at 0.1 µs each."""
 
 COUNTED = {
@@ -80,7 +80,7 @@ def st_package(
     precision: str = "double",
     *,
     flavour: str = "iec",
-    most_operations: int = MOST_OPERATIONS,
+    max_operations: int = MAX_OPERATIONS,
 ) -> dict[str, str]:
     """The files of a package by name: source text, PLCopen XML and a README.
 
@@ -90,7 +90,7 @@ def st_package(
         provenance: written into comments and README.
         precision: ``double`` (LREAL) or ``float`` (REAL).
         flavour: dialect, one of `FLAVOURS`.
-        most_operations: limit of operations per call.
+        max_operations: limit of operations per call.
 
     Raises:
         CodegenError: an unknown precision or flavour, a block of more operations, or an operation or names that
@@ -104,9 +104,9 @@ def st_package(
         raise CodegenError(f"unknown flavour '{flavour}': must be {' or '.join(FLAVOURS)}")
     made = _Package(block, name, provenance, precision, chosen)
     count = operation_count(made.apart.step)
-    if count.total > most_operations:
+    if count.total > max_operations:
         raise CodegenError(
-            f"{block.name}: {count.total} operations per call; must be <= {most_operations} (--most-operations)"
+            f"{block.name}: {count.total} operations per call; must be <= {max_operations} (--max-operations)"
         )
     project = made.project()
     files = files_of(project, chosen)

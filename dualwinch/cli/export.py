@@ -25,17 +25,17 @@ The code is generated from the functions that `dualwinch simulate` runs, with th
     version=__version__,
 )
 
-What = Literal["controller", "plant", "closed-loop"]
+Block = Literal["controller", "plant", "closed-loop"]
 Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
 
 
-def chosen_from(given: ExperimentOptions, what: str | None = None) -> Experiment:
+def chosen_from(given: ExperimentOptions, block: str | None = None) -> Experiment:
     """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
     from dualwinch.simulation.analysis.remarks import in_full, loop_remarks
     from dualwinch.simulation.experiment import Experiment
 
     found = given.experiment()
-    if what != "plant" and found.plant != Experiment().plant:
+    if block != "plant" and found.plant != Experiment().plant:
         for words in loop_remarks(found):
             print_note(in_full(words, given.typed))
     return found
@@ -53,14 +53,14 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
     dualwinch export c --out controller
     dualwinch export c --precision float --freeze --out firmware
     dualwinch export c --udp --case 4 --out controller
-    dualwinch export c --what plant --case 4 --out plant
-    dualwinch export c --generator casadi --what plant --mex --out plant
+    dualwinch export c --block plant --case 4 --out plant
+    dualwinch export c --generator casadi --block plant --mex --out plant
 """,
 )
 def export_c(
     *,
     out: Out,
-    what: Annotated[What | None, default_of("export_c", "what"), Parameter(help="Part to export.")] = None,
+    block: Annotated[Block | None, default_of("export_c", "block"), Parameter(help="Block to export.")] = None,
     precision: Annotated[
         Literal["double", "float"] | None,
         default_of("export_c", "precision"),
@@ -89,17 +89,17 @@ def export_c(
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
-    experiment = chosen_from(given, what)
+    experiment = chosen_from(given, block)
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
-        wrote_to(out, run(experiment, out, freeze=freeze, udp=udp, **stated(what=what, precision=precision)))
+        wrote_to(out, run(experiment, out, freeze=freeze, udp=udp, **stated(block=block, precision=precision)))
         return
     if freeze or udp or precision == "float":
         raise ConfigurationError(
             "--generator casadi: writes double precision with parameters as an argument, without a program"
         )
-    blocks: list[BlockName] = [what or own_default("export_c", "what")]
+    blocks: list[BlockName] = [block or own_default("export_c", "block")]
     wrote_to(out, generate_c(experiment, out, blocks=blocks, header=header, main=main, mex=mex))
 
 
@@ -109,13 +109,13 @@ def export_c(
 
     dualwinch export st --config tuned/best.toml --out plc
     dualwinch export st --flavour twincat --precision float --out plc
-    dualwinch export st --set controller.kind=mpc --most-operations 2000 --out plc
+    dualwinch export st --set controller.kind=mpc --max-operations 2000 --out plc
 """,
 )
 def export_st(
     *,
     out: Out,
-    what: Annotated[What | None, default_of("export_st", "what"), Parameter(help="Part to export.")] = None,
+    block: Annotated[Block | None, default_of("export_st", "block"), Parameter(help="Block to export.")] = None,
     precision: Annotated[
         Literal["double", "float"] | None,
         default_of("export_st", "precision"),
@@ -129,10 +129,10 @@ def export_st(
             "project; siemens-scl: external sources of TIA Portal."
         ),
     ] = None,
-    most_operations: Annotated[
+    max_operations: Annotated[
         int | None,
         WHOLE,
-        default_of("export_st", "most_operations"),
+        default_of("export_st", "max_operations"),
         Parameter(help="Refuse a block with more operations per call; the README states their number."),
     ] = None,
     given: ExperimentOptions = EXPERIMENT,
@@ -144,10 +144,10 @@ def export_st(
     from dualwinch.export import export_st as run
     from dualwinch.model.errors import ConfigurationError
 
-    if most_operations is not None and most_operations < 1:
-        raise ConfigurationError(f"--most-operations {most_operations}: must be >= 1")
-    experiment = chosen_from(given, what)
-    options = stated(what=what, precision=precision, flavour=flavour, most_operations=most_operations)
+    if max_operations is not None and max_operations < 1:
+        raise ConfigurationError(f"--max-operations {max_operations}: must be >= 1")
+    experiment = chosen_from(given, block)
+    options = stated(block=block, precision=precision, flavour=flavour, max_operations=max_operations)
     wrote_to(out, run(experiment, out, **options))
 
 
@@ -155,15 +155,15 @@ def export_st(
     name="fmu",
     help_epilogue="""Examples:
 
-    dualwinch export fmu --what plant --case 4 --out plant.fmu
-    dualwinch export fmu --what controller --fmi 3 --out controller.fmu
-    dualwinch export fmu --what plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
+    dualwinch export fmu --block plant --case 4 --out plant.fmu
+    dualwinch export fmu --block controller --fmi 3 --out controller.fmu
+    dualwinch export fmu --block plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
 """,
 )
 def export_fmu(
     *,
     out: Annotated[Path, Parameter(help="File to write, .fmu.")],
-    what: Annotated[What | None, default_of("export_fmu", "what"), Parameter(help="Part to export.")] = None,
+    block: Annotated[Block | None, default_of("export_fmu", "block"), Parameter(help="Block to export.")] = None,
     fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi"), Parameter(help="Version of FMI.")] = None,
     kind: Annotated[
         Literal["co-simulation", "model-exchange", "both"] | None,
@@ -185,9 +185,9 @@ def export_fmu(
     from dualwinch.cli.progress import ProgressLine
     from dualwinch.export import export_fmu as run
 
-    experiment = chosen_from(given, what)
+    experiment = chosen_from(given, block)
     with ProgressLine("generating") as progress:
-        words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(what=what, fmi=fmi))
+        words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(block=block, fmi=fmi))
     wrote(words)
 
 

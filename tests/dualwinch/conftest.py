@@ -15,7 +15,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     @cache
     def made(what: str, version: int) -> Path:
         path = tmp_path_factory.mktemp("fmu") / f"{what}.fmu"
-        export_fmu(case(4), path, what=what, fmi=version)  # pyright: ignore[reportArgumentType]
+        export_fmu(case(4), path, block=what, fmi=version)  # pyright: ignore[reportArgumentType]
         return path
 
     return made

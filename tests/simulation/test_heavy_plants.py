@@ -150,7 +150,7 @@ def test_packages_step_as_the_interpreter_with_more_segments(tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_fmu_of_the_plant_moves_as_its_block(version: Any, tmp_path: Path) -> None:
-    export_fmu(heavy(), tmp_path / "plant.fmu", what="plant", fmi=version)
+    export_fmu(heavy(), tmp_path / "plant.fmu", block="plant", fmi=version)
     fmu, made = Instance(tmp_path / "plant.fmu"), block("plant", heavy())
     state, outputs = values(made.states), np.zeros(0)
     torques = dict(zip(names(made.inputs), values(made.inputs), strict=True)) | {"tau_1": 40.0, "tau_2": 25.0}

@@ -68,7 +68,7 @@ def test_what_casadi_does_not_generate_is_refused(tmp_path: Path) -> None:
 
 
 def test_on_the_command_line(tmp_path: Path) -> None:
-    main(["export", "c", "--generator", "casadi", "--what", "plant", "--mex", "--out", str(tmp_path)])
+    main(["export", "c", "--generator", "casadi", "--block", "plant", "--mex", "--out", str(tmp_path)])
     text = (tmp_path / "dualwinch.c").read_text()
     assert "int plant_step(" in text
     assert "controller_step" not in text

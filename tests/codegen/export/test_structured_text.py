@@ -230,8 +230,8 @@ def test_names_are_those_that_the_standard_has() -> None:
 def test_what_it_cannot_write_is_refused_with_the_reason() -> None:
     operations = operation_count(small(terms=500).step).total
     assert operations > 500
-    with pytest.raises(CodegenError, match=r"small: \d+ operations per call; must be <= 500 \(--most-operations\)"):
-        st_package(small(terms=500), "st", ABOUT, most_operations=500)
+    with pytest.raises(CodegenError, match=r"small: \d+ operations per call; must be <= 500 \(--max-operations\)"):
+        st_package(small(terms=500), "st", ABOUT, max_operations=500)
     with pytest.raises(CodegenError, match="unknown flavour 'step7': must be iec or codesys or twincat or siemens-scl"):
         st_package(small(), "st", ABOUT, flavour="step7")
     with pytest.raises(CodegenError, match="unknown precision 'half': must be double or float"):

@@ -57,7 +57,7 @@ def test_a_controller_whose_loop_is_unstable_is_exported_with_a_note(
     late = ["--set", "simulation.delay_samples=40", "--set", "plant.winch_1.inertia=2.5"]
     run("c", *late, "--out", tmp_path)
     assert "note: unstable at small amplitudes: at rest at 25 m deviations grow by" in capsys.readouterr().err
-    run("c", *late, "--what", "plant", "--out", tmp_path)
+    run("c", *late, "--block", "plant", "--out", tmp_path)
     assert "unstable" not in capsys.readouterr().err
 
 
@@ -126,7 +126,7 @@ def test_mex_functions_run_the_closed_loop_in_octave(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("c", "--what", "plnt", "--out", "x"), 'Choose from: "controller", "plant", "closed-loop"'),
+        (("c", "--block", "plnt", "--out", "x"), 'Choose from: "controller", "plant", "closed-loop"'),
         (("c", "--precision", "half", "--out", "x"), 'Choose from: "double", "float"'),
         (("c", "--out", "/dev/null/x"), "/dev/null/x: cannot be made"),
         (("mex", "--set", "plant.vehicle.mass=-1", "--out", "x"), "plant.vehicle.mass = -1"),
@@ -153,8 +153,8 @@ def test_structured_text_is_written_with_the_values_of_the_experiment(tmp_path: 
 
 
 def test_structured_text_beyond_the_allowed_operations_is_refused(tmp_path: Path, capsys) -> None:
-    for limit, said in ((100, "must be <= 100 (--most-operations)"), (0, "--most-operations 0: must be >= 1")):
+    for limit, said in ((100, "must be <= 100 (--max-operations)"), (0, "--max-operations 0: must be >= 1")):
         with pytest.raises(SystemExit):
-            run("st", "--most-operations", limit, "--out", tmp_path / "none")
+            run("st", "--max-operations", limit, "--out", tmp_path / "none")
         assert said in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "none").exists()

@@ -107,7 +107,7 @@ def test_a_controller_that_looks_ahead_is_told_where_the_motion_goes(version: Ve
         case(2, "mpc"), {f"reference.{key}": value for key, value in short.items()} | {"simulation.duration": 1.0}
     )
     expected = simulate(experiment).columns
-    export_fmu(experiment, tmp_path / "loop.fmu", what="closed-loop", fmi=version)
+    export_fmu(experiment, tmp_path / "loop.fmu", block="closed-loop", fmi=version)
     loop = Instance(tmp_path / "loop.fmu")
     outside = exogenous_signals(experiment)
     names = exogenous_names(experiment.controller)
@@ -170,7 +170,7 @@ def test_what_follows_from_parameters_follows_their_changes(version: Version, tm
     """The gain of the Kalman filter: before the start, under way, and back with a state that was kept."""
     experiment = with_leaves(case(4), {"controller.estimator": "kalman"})
     made, path = block("controller", experiment), tmp_path / "kalman.fmu"
-    export_fmu(experiment, path, what="controller", fmi=version)
+    export_fmu(experiment, path, block="controller", fmi=version)
     names = [f"state.{state.name}" for state in made.states]
     at, now = np.array([state.start for state in made.states]), np.array([given.start for given in made.inputs]) + 0.01
     parameters = {parameter.name: parameter.start for parameter in made.parameters}

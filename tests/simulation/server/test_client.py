@@ -47,4 +47,4 @@ def test_a_controller_with_other_inputs_is_refused(tmp_path: Path) -> None:
 
 def test_only_a_controller_can_be_connected(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="udp: must be off for the plant"):
-        export_c(dw.case(4), tmp_path, what="plant", udp=True)
+        export_c(dw.case(4), tmp_path, block="plant", udp=True)
