@@ -97,7 +97,7 @@ from .simulation.batch.rollout import BatchResult as BatchResult
 from .simulation.batch.rollout import rollout as rollout
 from .simulation.batch.sensitivities import Sensitivities as Sensitivities
 from .simulation.batch.sensitivities import sensitivities as sensitivities
-from .simulation.batch.workers import KeepingExecutor as KeepingExecutor
+from .simulation.batch.workers import CheckpointingExecutor as CheckpointingExecutor
 from .simulation.blocks import block as block
 from .simulation.ensembles.comparison import Comparison as Comparison
 from .simulation.ensembles.comparison import compare as compare

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
+    CHECKPOINTING_WORKERS,
     EXPERIMENT,
-    KEEPING_WORKERS,
     WHOLE,
+    CheckpointingWorkerOptions,
     ExperimentOptions,
     Figure,
-    KeepingWorkerOptions,
     note_other_ensemble,
     note_other_machine,
 )
@@ -56,7 +56,7 @@ def compare(
     given: ExperimentOptions = EXPERIMENT,
     out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
     plot: Figure = None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
 ) -> None:
     """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
 

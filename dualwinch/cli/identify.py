@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
+    CHECKPOINTING_WORKERS,
     EXPERIMENT,
-    KEEPING_WORKERS,
     WHOLE,
+    CheckpointingWorkerOptions,
     ExperimentOptions,
     Figure,
     Json,
-    KeepingWorkerOptions,
     Priors,
     default_of,
     stated,
@@ -117,7 +117,7 @@ def identify(
         Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
     ] = None,
     plot: Figure = None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.

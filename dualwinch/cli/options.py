@@ -468,10 +468,10 @@ WORKERS = WorkerOptions()
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class KeepingWorkerOptions(WorkerOptions):
+class CheckpointingWorkerOptions(WorkerOptions):
     """Options for batches of runs: cluster, reproducibility, and a folder for finished portions."""
 
-    keep: Annotated[
+    checkpoint: Annotated[
         Path | None,
         Parameter(
             help="Folder for portions that the cluster's workers have finished; if the scheduler or this process ends "
@@ -481,24 +481,28 @@ class KeepingWorkerOptions(WorkerOptions):
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
-        """As in `WorkerOptions`, with finished portions kept.
+        """As in `WorkerOptions`, with finished portions stored.
 
         Raises:
-            ConfigurationError: as there, or `keep` without a cluster, or a folder that cannot be written to.
+            ConfigurationError: as there, or `checkpoint` without a cluster, or a folder that cannot be written to.
         """
         from concurrent.futures import Executor
 
         from dualwinch.config.folders import made_folder
         from dualwinch.model.errors import ConfigurationError
-        from dualwinch.simulation.batch.workers import KeepingExecutor
+        from dualwinch.simulation.batch.workers import CheckpointingExecutor
 
-        if self.keep and self.cluster is None:
-            raise ConfigurationError("--keep: needs --cluster")
-        with made_folder(self.keep) if self.keep else nullcontext(), super().workers(line) as workers:
-            yield KeepingExecutor(workers, self.keep) if self.keep and isinstance(workers, Executor) else workers
+        if self.checkpoint and self.cluster is None:
+            raise ConfigurationError("--checkpoint: needs --cluster")
+        with made_folder(self.checkpoint) if self.checkpoint else nullcontext(), super().workers(line) as workers:
+            yield (
+                CheckpointingExecutor(workers, self.checkpoint)
+                if self.checkpoint and isinstance(workers, Executor)
+                else workers
+            )
 
 
-KEEPING_WORKERS = KeepingWorkerOptions()
+CHECKPOINTING_WORKERS = CheckpointingWorkerOptions()
 """Defaults: no option given."""
 
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
+    CHECKPOINTING_WORKERS,
     CONTROLLER,
-    KEEPING_WORKERS,
     WHOLE,
+    CheckpointingWorkerOptions,
     ControllerOptions,
     Figure,
     Json,
-    KeepingWorkerOptions,
     note_other_ensemble,
 )
 from dualwinch.cli.output import (
@@ -56,7 +56,7 @@ app = App(
     dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
     dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5,40] --set reference.jerk_limit=0.2
     dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
-    dualwinch simulate --ensemble rig --scenarios 1000000 --statistics-only --cluster tcp://scheduler:8786 --keep kept
+    dualwinch simulate --ensemble rig --scenarios 1000000 --statistics-only --cluster tcp://host:8786 --checkpoint done
 """,
 )
 
@@ -93,7 +93,7 @@ def simulate(
             negative="",
         ),
     ] = False,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.
@@ -112,7 +112,7 @@ def simulate(
             "scenarios": scenarios,
             "seed": seed,
             "cluster": None if where.cluster == os.environ.get("DUALWINCH_CLUSTER") else where.cluster,
-            "keep": where.keep,
+            "checkpoint": where.checkpoint,
             "statistics-only": statistics_only or None,
         }
         for name, value in alone.items():
@@ -144,7 +144,7 @@ def simulate_one(
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -245,7 +245,7 @@ def simulate_ensemble(
     seed: int | None,
     out: Path | None,
     plot: Path | None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     *,
     json: bool,
 ) -> None:
@@ -275,7 +275,7 @@ def stream_ensemble(
     scenarios: int | None,
     seed: int | None,
     out: Path | None,
-    where: KeepingWorkerOptions,
+    where: CheckpointingWorkerOptions,
     *,
     json: bool,
 ) -> None:

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
+    CHECKPOINTING_WORKERS,
     EXPERIMENT,
-    KEEPING_WORKERS,
     WHOLE,
+    CheckpointingWorkerOptions,
     ExperimentOptions,
     Json,
-    KeepingWorkerOptions,
     default_of,
     note_other_ensemble,
     note_other_machine,
@@ -87,7 +87,7 @@ def stress(
         Path | None,
         Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them."),
     ] = None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.

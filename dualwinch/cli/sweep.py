@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import CONTROLLER, KEEPING_WORKERS, ControllerOptions, Figure, Json, KeepingWorkerOptions
+from dualwinch.cli.options import (
+    CHECKPOINTING_WORKERS,
+    CONTROLLER,
+    CheckpointingWorkerOptions,
+    ControllerOptions,
+    Figure,
+    Json,
+)
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
     FigureColumn,
@@ -64,7 +71,7 @@ def sweep(
         Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
     ] = None,
     plot: Figure = None,
-    where: KeepingWorkerOptions = KEEPING_WORKERS,
+    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.

@@ -3,8 +3,8 @@
 Every ``workers=`` argument accepts a number of threads (compiled code runs without Python's lock) or a
 `concurrent.futures.Executor`, such as a ``ProcessPoolExecutor`` or Dask's ``client.get_executor()``. The runs are then
 split into portions that do not depend on the number of workers, and results are assembled by portion number, so that
-they are the same bits for any number of workers and any order. A `KeepingExecutor` stores finished portions, so that
-interrupted work can be resumed by calling it again.
+they are the same bits for any number of workers and any order. A `CheckpointingExecutor` stores finished portions, so
+that interrupted work can be resumed by calling it again.
 
 `cluster_client` connects to a Dask cluster, by the address of its scheduler or by a function of your own. Scheduling,
 retries and data transport are Dask's (https://distributed.dask.org), with its defaults unless its configuration files
@@ -127,7 +127,7 @@ class WorkerWarning(UserWarning):
     """A worker cannot compile; others take over its tasks."""
 
 
-class KeepingExecutor(Executor):
+class CheckpointingExecutor(Executor):
     """An executor with a folder that stores the results of its tasks, so that work can be resumed after an interrupt.
 
     A result is identified by a digest of function, arguments, users' parts and versions, on any machine; a task that
@@ -228,7 +228,7 @@ class _Spreading:
     def __init__(self, executor: Executor, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> None:
         self.waiting = dict[Future[Any], tuple[int, tuple[Any, ...], str]]()
         self.kept = deque[tuple[int, tuple[Any, ...], str]]()
-        self._keeping = executor if isinstance(executor, KeepingExecutor) else None
+        self._keeping = executor if isinstance(executor, CheckpointingExecutor) else None
         self._executor = self._keeping.executor if self._keeping else executor
         self._work, self._numbered = work, enumerate(tasks)
         self._done = SimpleQueue[Future[Any]]()

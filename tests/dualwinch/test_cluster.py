@@ -57,7 +57,7 @@ def command(*words: str) -> "subprocess.Popen[str]":
 def ensemble_under_way(dask: DaskProcesses) -> "subprocess.Popen[str]":
     """An ensemble that takes minutes, of which a portion is finished."""
     kept = dask.folder / "kept"
-    words = ("--scenarios", "200000", "--cluster", dask.address, "--keep", str(kept))
+    words = ("--scenarios", "200000", "--cluster", dask.address, "--checkpoint", str(kept))
     ran = command("simulate", "--ensemble", "sea", *words)
     until(lambda: any(kept.glob("*.result")))
     return ran
@@ -137,8 +137,8 @@ def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str], monkey
         main(["simulate", "--cluster", "tcp://127.0.0.1:1"])
     assert "--cluster: needs --ensemble" in capsys.readouterr().err
     with pytest.raises(SystemExit):
-        main(["simulate", "--ensemble", "sea", "--keep", "kept"])
-    assert "--keep: needs --cluster" in capsys.readouterr().err
+        main(["simulate", "--ensemble", "sea", "--checkpoint", "checkpoints"])
+    assert "--checkpoint: needs --cluster" in capsys.readouterr().err
     monkeypatch.setenv("DUALWINCH_CLUSTER", "tcp://127.0.0.1:1")
     main(["simulate", "--set", "simulation.duration=0.1"])
 
@@ -201,7 +201,15 @@ def test_what_a_worker_cannot_compile_another_one_does(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_ensemble_whose_client_was_killed_goes_on_with_what_is_kept(dask: DaskProcesses, tmp_path: Path) -> None:
     words = ["simulate", "--ensemble", "sea", "--scenarios", "2000", "--set", f"simulation.duration={LASTING}"]
-    there = [*words, "--cluster", dask.address, "--keep", str(tmp_path / "kept"), "--out", str(tmp_path / "there.csv")]
+    there = [
+        *words,
+        "--cluster",
+        dask.address,
+        "--checkpoint",
+        str(tmp_path / "kept"),
+        "--out",
+        str(tmp_path / "there.csv"),
+    ]
     ran = command(*there)
     until(lambda: len(list(tmp_path.glob("kept/*.result"))) >= 5)
     ran.kill()

@@ -23,7 +23,7 @@ from dualwinch.simulation.batch import task as tasks
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
-from dualwinch.simulation.batch.workers import KeepingExecutor, WorkerWarning, in_order, portion_of, spread
+from dualwinch.simulation.batch.workers import CheckpointingExecutor, WorkerWarning, in_order, portion_of, spread
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
@@ -139,7 +139,7 @@ def test_what_was_finished_is_kept_and_the_rest_is_computed(tmp_path: Path) -> N
     """The same bits, on any worker and at any time; what differs in a seed, and what is damaged, is computed."""
     here = run_ensemble(lasting(0.1), 200, 4, workers=2)
     first, second, third = Remote(), Remote(), Remote()
-    executor = KeepingExecutor(first, tmp_path / "kept")
+    executor = CheckpointingExecutor(first, tmp_path / "kept")
 
     def end(done: float) -> None:
         if done > 0.5:
@@ -151,18 +151,18 @@ def test_what_was_finished_is_kept_and_the_rest_is_computed(tmp_path: Path) -> N
     files = sorted((tmp_path / "kept").iterdir())
     assert len(files) == 2
     files[0].write_bytes(b"damaged")
-    there = run_ensemble(lasting(0.1), 200, 4, workers=KeepingExecutor(second, tmp_path / "kept"))
+    there = run_ensemble(lasting(0.1), 200, 4, workers=CheckpointingExecutor(second, tmp_path / "kept"))
     assert len(second.sent) == 3
     assert equal(here.metrics, there.metrics)
     assert equal(here.draws, there.draws)
-    again = run_ensemble(lasting(0.1), 200, 4, workers=KeepingExecutor(third, str(tmp_path / "kept")))
+    again = run_ensemble(lasting(0.1), 200, 4, workers=CheckpointingExecutor(third, str(tmp_path / "kept")))
     assert third.sent == []
     assert equal(here.metrics, again.metrics)
-    run_ensemble(lasting(0.1), 64, 5, workers=KeepingExecutor(third, tmp_path / "kept"))
+    run_ensemble(lasting(0.1), 64, 5, workers=CheckpointingExecutor(third, tmp_path / "kept"))
     assert len(third.sent) == 1
     (tmp_path / "file").touch()
     with pytest.raises(ConfigurationError, match="file: cannot be made"):
-        KeepingExecutor(third, tmp_path / "file")
+        CheckpointingExecutor(third, tmp_path / "file")
 
 
 def test_the_key_of_a_task_is_that_of_equal_arguments_in_every_process() -> None:
