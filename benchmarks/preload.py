@@ -20,7 +20,7 @@ from dualwinch.controllers.coordinations.differential_tension import Differentia
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.analysis.authority import within_authority
-from dualwinch.simulation.analysis.preload import least_preload
+from dualwinch.simulation.analysis.preload import optimal_preload
 from dualwinch.simulation.ensembles.comparison import Comparison, compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraints import NO_HEAVIER, NO_LOUDER, NO_PEAK, NO_SLACK, QUIET
@@ -78,7 +78,7 @@ def table(name: str) -> str:
     ensemble = replace(ensemble, experiment=replace(ensemble.experiment, controller=paper_controller()))
     result = compare({"paper": paper_controller(), **dict(controllers(name))}, ensemble, SCENARIOS, TEST_SEED)
     rows = [_row(result, contender) for contender in result.contenders]
-    rows.append(["least there could be", "–", f"{least_load(ensemble, result):.3f}", "–", "–", "–", "–"])
+    rows.append(["optimum", "–", f"{least_load(ensemble, result):.3f}", "–", "–", "–", "–"])
     return markdown(HEADINGS, rows)
 
 
@@ -89,7 +89,7 @@ def least_load(ensemble: Ensemble, result: Comparison) -> float:
     least, theirs = [], []
     for scenario, load, within in zip(scenarios, paper, within_authority(scenarios), strict=True):
         if within:
-            least.append(least_preload(scenario.experiment, every=STEP).continuous_load)
+            least.append(optimal_preload(scenario.experiment, every=STEP).continuous_load)
             theirs.append(load)
     return float(np.mean(least) / np.mean(theirs))
 

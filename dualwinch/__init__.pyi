@@ -85,8 +85,8 @@ from .simulation.analysis.linear_loop import linearise as linearise
 from .simulation.analysis.margins import Margins as Margins
 from .simulation.analysis.margins import margins as margins
 from .simulation.analysis.operating_points import operating_point as operating_point
-from .simulation.analysis.preload import LeastPreload as LeastPreload
-from .simulation.analysis.preload import least_preload as least_preload
+from .simulation.analysis.preload import OptimalPreload as OptimalPreload
+from .simulation.analysis.preload import optimal_preload as optimal_preload
 from .simulation.analysis.resonance import ResonanceGain as ResonanceGain
 from .simulation.analysis.resonance import resonance_gains as resonance_gains
 from .simulation.analysis.stability import Certificate as Certificate

@@ -260,7 +260,7 @@ def preload() -> str:
                     f"{metrics.energy / 1e3:.0f}",
                 ]
             )
-    least = found.least
+    least = found.optimum
     smallest = min(least.F1.min(), least.F2.min())
     sums = f"{least.preload.min():.0f}–{least.preload.max():.0f}"
     cells = [
@@ -269,7 +269,7 @@ def preload() -> str:
         f"{smallest:.0f}",
         f"{least.energy / 1e3:.0f}",
     ]
-    rows.append(["the least there could be", sums, *cells])
+    rows.append(["optimum", sums, *cells])
     headings = ["Case 4, the paper's gains", "preload, N", "load, N m", "largest tension, N", "smallest, N", "work, kJ"]
     errors = {f"{1e6 * run.metrics.mse:.2f}" for run in named.values() if run is not None}
     return f"{markdown(headings, rows)}\n\nMSE of the runs: {', '.join(sorted(errors))} mm²."
@@ -278,11 +278,11 @@ def preload() -> str:
 def relaxed() -> str:
     """What it saves to let the vehicle leave its reference."""
     errors = (0.0, 1e-3, 20e-3)
-    exact, near, far = (dw.least_preload(dw.case(4), "peak", error=error).peak_tension for error in errors)
-    loads = [dw.least_preload(dw.case(4), error=error).continuous_load for error in errors[:2]]
+    exact, near, far = (dw.optimal_preload(dw.case(4), "peak", error=error).peak_tension for error in errors)
+    loads = [dw.optimal_preload(dw.case(4), error=error).continuous_load for error in errors[:2]]
     return f"""\
 - **Allowing an error** saves little load ({100 * (1 - loads[1] / loads[0]):.1g} % for 1 mm), but lowers peaks:
-  {near:.0f} N instead of {exact:.0f} N for 1 mm, {far:.0f} N for 20 mm (`--least peak --error 0.02`)."""
+  {near:.0f} N instead of {exact:.0f} N for 1 mm, {far:.0f} N for 20 mm (`--minimise peak --error 0.02`)."""
 
 
 def predictive() -> str:

@@ -1,4 +1,4 @@
-"""The command ``preload``: motor load of constant, scheduled and least preload."""
+"""The command ``preload``: motor load of constant, scheduled and optimal preload."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dualwinch.cli.output import (
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.analysis.preload import LeastPreload, Preloads
+    from dualwinch.simulation.analysis.preload import OptimalPreload, Preloads
     from dualwinch.simulation.results.result import Result
 
 app = App(
@@ -32,7 +32,7 @@ app = App(
 
     dualwinch preload --case 4 --plot preload.png
     dualwinch preload --case 4 --set controller.scheduled_preload.margin=150 --out preload.json
-    dualwinch preload --config tuned/best.toml --least energy
+    dualwinch preload --config tuned/best.toml --minimise energy
     dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
 """,
 )
@@ -42,7 +42,7 @@ app = App(
 def preload(
     *,
     given: ControllerOptions = CONTROLLER,
-    least: Annotated[
+    minimise: Annotated[
         Literal["load", "peak", "energy"],
         Parameter(help="What to minimise: continuous load, largest tension, or work of the motors."),
     ] = "load",
@@ -53,11 +53,11 @@ def preload(
     out: Annotated[Path | None, Parameter(help="File for all numbers: .json.")] = None,
     plot: Figure = None,
 ) -> None:
-    """Compare a scheduled preload with constant ones and with the least possible.
+    """Compare a scheduled preload with constant ones and with the optimum.
 
     Runs the experiment with its own constant preload, with the best constant preload that has no larger error and no
     smaller tensions than the schedule, and with the preload scheduled, and solves for the tensions over time that load
-    the motors least. Prints load, tensions, work and error of each.
+    the motors optimum. Prints load, tensions, work and error of each.
     """
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads
@@ -66,7 +66,7 @@ def preload(
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
-        found = preloads(experiment, least, error=error, torque_rate=torque_rate, progress=progress)
+        found = preloads(experiment, minimise, error=error, torque_rate=torque_rate, progress=progress)
     print_preloads(found, given.typed)
     write_json(out, lambda: to_record(found, given.typed))
     write_figure(plot, "preloads", found)
@@ -88,9 +88,9 @@ def preloads_table(found: Preloads) -> FigureTable:
     for name, run in found.runs.items():
         ended = "" if run.outcome == "completed" else f" ({run.outcome})"
         rows.append([name + ended, _sums(_extremes(run)), *(run.metrics[column.name] for column in columns[2:])])
-    reached = _least_metrics(found.least)
-    least = [reached.get(column.name, math.nan) for column in columns[2:]]
-    return FigureTable("preloads", columns, [*rows, ["least", _sums(_ends(found.least.preload)), *least]])
+    reached = _optimum_metrics(found.optimum)
+    best = [reached.get(column.name, math.nan) for column in columns[2:]]
+    return FigureTable("preloads", columns, [*rows, ["optimum", _sums(_ends(found.optimum.preload)), *best]])
 
 
 def print_preloads(found: Preloads, typed: str) -> None:
@@ -116,36 +116,36 @@ def _print_saved(found: Preloads) -> None:
     """Print the saving of the schedule over the best constant preload, also as a share of the largest possible."""
     over_best = _over_best(found)
     words = found.measure.replace("_", " ")
-    saved = f"{100 * found.saved:.3g} % of what can be saved is saved" if found.saved > 0 else "nothing is saved"
+    saved = f"{100 * found.saved:.3g} % of the possible saving" if found.saved > 0 else "no saving"
     terminal().print(
         styled(
             "bold",
             f"The schedule takes {over_best['scheduled']:.3g} of the {words}",
-            " of the best constant preload that is as precise and keeps the ropes as taut; the least there could be is "
-            f"{over_best['least']:.3g}: {saved}.",
+            " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
+            f"{over_best['optimum']:.3g}: {saved}.",
         ),
         soft_wrap=True,
     )
 
 
-def _least_metrics(least: LeastPreload) -> dict[str, float]:
-    """Figures of merit of the least preload, in their SI units."""
+def _optimum_metrics(optimum: OptimalPreload) -> dict[str, float]:
+    """Figures of merit of the optimal preload, in their SI units."""
     return {
-        "continuous_load": least.continuous_load,
-        "peak_tension": least.peak_tension,
-        "min_tension": float(min(least.F1.min(), least.F2.min())),
-        "energy": least.energy,
-        "mse": float((least.e**2).mean()),
+        "continuous_load": optimum.continuous_load,
+        "peak_tension": optimum.peak_tension,
+        "min_tension": float(min(optimum.F1.min(), optimum.F2.min())),
+        "energy": optimum.energy,
+        "mse": float((optimum.e**2).mean()),
     }
 
 
 def _over_best(found: Preloads) -> dict[str, float]:
-    """The measure of schedule and least preload over that of the best constant preload."""
+    """The measure of schedule and optimal preload over that of the best constant preload."""
     if found.best is None:
         return {}
     theirs = found.best.metrics[found.measure]
-    ours, bound = found.scheduled.metrics[found.measure], getattr(found.least, found.measure)
-    return {"scheduled": ours / theirs, "least": bound / theirs}
+    ours, bound = found.scheduled.metrics[found.measure], getattr(found.optimum, found.measure)
+    return {"scheduled": ours / theirs, "optimum": bound / theirs}
 
 
 def _ends(preload: Any) -> list[float]:
@@ -181,11 +181,11 @@ def to_record(found: Preloads, typed: str) -> dict[str, Any]:
             "metrics": dict(run.metrics),
             "curves": {key: run[key][::stride] for key in ("t", "F1", "F2", "e")},
         }
-    least = found.least
-    report["least"] = {
-        "metrics": _least_metrics(least),
-        "preload_extremes": _ends(least.preload),
-        "curves": {key: getattr(least, key) for key in ("t", "F1", "F2", "e")},
+    optimum = found.optimum
+    report["optimum"] = {
+        "metrics": _optimum_metrics(optimum),
+        "preload_extremes": _ends(optimum.preload),
+        "curves": {key: getattr(optimum, key) for key in ("t", "F1", "F2", "e")},
     }
     units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
     units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-Least: TypeAlias = Literal["load", "peak", "energy"]
+PreloadObjective: TypeAlias = Literal["load", "peak", "energy"]
 """Objective: `Metrics.continuous_load`, `Metrics.peak_tension` or `Metrics.energy`."""
 
 KILONEWTONS, MILLIMETRES = 1e-3, 1e3
@@ -67,7 +67,7 @@ peak any preload is allowed."""
 
 
 @dataclass(frozen=True, repr=False)
-class LeastPreload:
+class OptimalPreload:
     """Optimal tensions and torques over time, each (instants,), and their figures of merit.
 
     Attributes:
@@ -98,20 +98,20 @@ class LeastPreload:
     def __repr__(self) -> str:
         """Figures of merit in one line."""
         return (
-            f"LeastPreload of {self.t[-1]:g} s: continuous load {self.continuous_load:.4g} N m, "
+            f"OptimalPreload of {self.t[-1]:g} s: continuous load {self.continuous_load:.4g} N m, "
             f"largest tension {self.peak_tension:.0f} N, energy {self.energy:.4g} J"
         )
 
 
-def least_preload(
+def optimal_preload(
     experiment: Experiment,
-    least: Least = "load",
+    minimise: PreloadObjective = "load",
     *,
     error: float = 0.0,
     torque_rate: float | None = None,
     elastic: bool = True,
     every: int = 40,
-) -> LeastPreload:
+) -> OptimalPreload:
     """Minimise the motor load of a run's motion over all tensions, under any controller.
 
     F_1 − F_2 satisfies the vehicle's equation (paper Section 2.3), and the torques follow from the drums' equations
@@ -120,7 +120,7 @@ def least_preload(
 
     Args:
         experiment: motion, disturbance, plant and limits. Its controller is not used.
-        least: objective, ``load``, ``peak`` or ``energy``; ties are broken by the load.
+        minimise: objective, ``load``, ``peak`` or ``energy``; ties are broken by the load.
         error: largest allowed distance from the reference in m.
         torque_rate: largest rate of each motor torque in N m/s; default: any.
         elastic: whether drums compensate for the ropes' stretch, which changes with tension.
@@ -130,13 +130,13 @@ def least_preload(
         ConfigurationError: a value is out of its range.
         DualwinchError: no tensions within the limits produce the motion, or the solver found none.
     """
-    _check(experiment, least, error, torque_rate, every)
+    _check(experiment, minimise, error, torque_rate, every)
     step = every * experiment.simulation.sample_time
     outside, limits = outside_at(experiment, every), experiment.controller.limits
     instants, free = outside.shape[1], error > 0
     plant = _with_tangent_ropes(experiment)
     given = [*numbers(plant).values(), *numbers(experiment.disturbance).values()]
-    solver, found_from = _problem(instants, step, least, elastic, free)
+    solver, found_from = _problem(instants, step, minimise, elastic, free)
     p = ca.vertcat(ca.vec(ca.DM(outside)), ca.DM(given))
     tension = np.array([limits.tension_min, limits.tension_max]) * KILONEWTONS
     deviation = np.full(instants if free else 0, error * MILLIMETRES)
@@ -157,19 +157,19 @@ def least_preload(
     )
     if not solver.stats()["success"]:
         raise DualwinchError(
-            f"least_preload: no tensions within {limits.tension_min:g} to {limits.tension_max:g} N"
+            f"optimal_preload: no tensions within {limits.tension_min:g} to {limits.tension_max:g} N"
             f"{'' if torque_rate is None else f', with torque rates of at most {torque_rate:g} N m/s,'} give the "
             f"motion to within {error:g} m (IPOPT: {solver.stats()['return_status']}); allow a larger error"
         )
     F1, F2, tau_1, tau_2, e, load, energy = (np.asarray(part, float).ravel() for part in found_from(found["x"], p))
     peak = float(max(F1.max(), F2.max()))
-    return LeastPreload(outside[0], F1, F2, tau_1, tau_2, e, float(load[0]), peak, float(energy[0]))
+    return OptimalPreload(outside[0], F1, F2, tau_1, tau_2, e, float(load[0]), peak, float(energy[0]))
 
 
-def _check(experiment: Experiment, least: str, error: float, torque_rate: float | None, every: int) -> None:
+def _check(experiment: Experiment, minimise: str, error: float, torque_rate: float | None, every: int) -> None:
     instance("experiment", experiment, Experiment)
-    if least not in get_args(Least):
-        raise ConfigurationError(f"least = {least!r}: must be one of {', '.join(get_args(Least))}")
+    if minimise not in get_args(PreloadObjective):
+        raise ConfigurationError(f"minimise = {minimise!r}: must be one of {', '.join(get_args(PreloadObjective))}")
     if not 0 <= error < np.inf:
         raise ConfigurationError(f"error = {error:g}: must be a finite number >= 0 m")
     if torque_rate is not None and not 0 < torque_rate < np.inf:
@@ -187,7 +187,9 @@ def _with_tangent_ropes(experiment: Experiment) -> Plant:
 
 
 @GRAPHS.cached
-def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool) -> tuple[ca.Function, ca.Function]:
+def _problem(
+    instants: int, step: float, minimise: PreloadObjective, elastic: bool, free: bool
+) -> tuple[ca.Function, ca.Function]:
     """Solver of the optimal control problem, and the function that evaluates its solution.
 
     Unknowns are both tensions in kN, the distance from the reference in mm if an error is allowed, and the peak in kN.
@@ -215,7 +217,7 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     pace, pulled = moved[2, :], pulls[0] + pulls[1]
     energy = step * ca.dot(pulled, absolute(pace))
     smooth = step * ca.dot(pulled, ca.sqrt(pace**2 + STANDING**2)) if free else energy
-    goal = {"load": square / 100, "peak": top, "energy": smooth / 1e5}[least]
+    goal = {"load": square / 100, "peak": top, "energy": smooth / 1e5}[minimise]
     ends = [tension[end] - tension[inner] for tension in (F1, F2) for end, inner in ((0, 1), (-1, -2))]
     changes = [torque[:, 1:] - torque[:, :-1] for torque in torques]
     above = (F1 - top, F2 - top)
@@ -225,19 +227,19 @@ def _problem(instants: int, step: float, least: Least, elastic: bool, free: bool
     problem = {
         "x": unknown,
         "p": p,
-        "f": goal + (0 if least == "load" else AMONG_EQUALS * square / 100),
+        "f": goal + (0 if minimise == "load" else AMONG_EQUALS * square / 100),
         "g": ca.vertcat(*(ca.vec(part) for part in (*held, *ends, *torques, *changes, *above))),
     }
     options = {
         "print_time": False,
         "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300, "tol": 1e-8 if free else 1e-10},
     }
-    solver = ca.nlpsol("least_preload", "ipopt", problem, options)
+    solver = ca.nlpsol("optimal_preload", "ipopt", problem, options)
     given = [F1 / KILONEWTONS, F2 / KILONEWTONS, *torques, deviation, ca.sqrt(square), energy]
     return solver, ca.Function("found", [unknown, p], given)
 
 
-MEASURE: dict[Least, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
+MEASURE: dict[PreloadObjective, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
 """Objective → figure of merit."""
 
 CONSTANTS = 96
@@ -257,14 +259,14 @@ class Preloads:
         best: the run with the constant preload of smallest measure whose error equals that of the schedule and whose
             smallest tension is not smaller; ``None`` if there is none.
         scheduled: the run of the experiment.
-        least: lower bound for any controller that keeps the vehicle within the given distance of its reference.
+        optimum: lower bound for any controller that keeps the vehicle within the given distance of its reference.
     """
 
     measure: str
     constant: Result
     best: Result | None
     scheduled: Result
-    least: LeastPreload
+    optimum: OptimalPreload
 
     @property
     def runs(self) -> dict[str, Result]:
@@ -278,7 +280,7 @@ class Preloads:
         if self.best is None:
             return np.nan
         best, scheduled = (result.metrics[self.measure] for result in (self.best, self.scheduled))
-        return float((best - scheduled) / (best - getattr(self.least, self.measure)))
+        return float((best - scheduled) / (best - getattr(self.optimum, self.measure)))
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
         """Plot the sum of both tensions, the smaller of them, and the error over time (`simulation.plots.preloads`).
@@ -291,7 +293,7 @@ class Preloads:
 
 def preloads(
     experiment: Experiment,
-    least: Least = "load",
+    minimise: PreloadObjective = "load",
     *,
     error: float = 0.0,
     torque_rate: float | None = None,
@@ -302,7 +304,7 @@ def preloads(
     Args:
         experiment: with a schedule as coordination. Runs with constant preload differ in nothing else, winch gains
             included.
-        least: objective, ``load``, ``peak`` or ``energy``.
+        minimise: objective, ``load``, ``peak`` or ``energy``.
         error: largest distance of the optimum from the reference in m.
         torque_rate: largest rate of each motor torque of the optimum in N m/s; default: any.
         progress: called from time to time with the completed fraction.
@@ -316,19 +318,19 @@ def preloads(
         raise ConfigurationError(
             f'controller.coordination.kind = "{schedule.kind}": must be "{ScheduledPreload.kind}" here'
         )
-    bound = least_preload(experiment, least, error=error, torque_rate=torque_rate)
+    bound = optimal_preload(experiment, minimise, error=error, torque_rate=torque_rate)
     progress(0.3)
     scheduled = simulate(experiment)
     constant = _with_coordination(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
     as_it_is = simulate(constant)
     progress(0.5)
-    preload = _best_constant(constant, scheduled, MEASURE[least], lambda share: progress(0.5 + 0.4 * share))
+    preload = _best_constant(constant, scheduled, MEASURE[minimise], lambda share: progress(0.5 + 0.4 * share))
     best = None
     if preload is not None:
         limits = replace(constant.controller.limits, preload=preload)
         best = simulate(replace(constant, controller=replace(constant.controller, limits=limits)))
     progress(1.0)
-    return Preloads(MEASURE[least], as_it_is, best, scheduled, bound)
+    return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound)
 
 
 def _with_coordination(experiment: Experiment, coordination: Coordination) -> Experiment:

@@ -100,9 +100,9 @@ def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
         found: the preloads.
         ax: axes for the three panels; default: a figure of its own.
     """
-    experiment, least = found.scheduled.experiment, found.least
+    experiment, best = found.scheduled.experiment, found.optimum
     loads = ", ".join(f"{name} {run.metrics.continuous_load:.1f}" for name, run in found.runs.items())
-    words = f"Continuous load in N m: {loads}, least {least.continuous_load:.1f}"
+    words = f"Continuous load in N m: {loads}, optimum {best.continuous_load:.1f}"
     with new_page(ax, 5.8, f"What preload costs: {scenario(experiment)}", words) as page:
         total, smaller, _ = panels = page.panels(3, sharex=True, height_ratios=(1.3, 1, 1))
         unit, name_of_unit = length_unit(max(largest(run["e"]) for run in found.runs.values()))
@@ -111,9 +111,9 @@ def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
             signals = (run["F1"] + run["F2"]) / KILO, np.minimum(run["F1"], run["F2"]) / KILO, run["e"] / unit
             for axes, values in zip(panels, signals, strict=True):
                 axes.plot(*thin(run["t"], values), color=PRELOAD_COLOURS[name], linewidth=1.0, label=name + constant)
-        optimum = {"color": GREEN, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "least there could be"}
-        total.plot(least.t, least.preload / KILO, **optimum)
-        smaller.plot(least.t, np.minimum(least.F1, least.F2) / KILO, **optimum)
+        optimum = {"color": GREEN, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "optimum"}
+        total.plot(best.t, best.preload / KILO, **optimum)
+        smaller.plot(best.t, np.minimum(best.F1, best.F2) / KILO, **optimum)
         smaller.axhline(experiment.controller.limits.tension_min / KILO, color=INK, linewidth=0.7, linestyle=":")
         labels = ("sum of tensions (kN)", "smaller tension (kN)", f"error $e$ ({name_of_unit})")
         for axes, label in zip(panels, labels, strict=True):

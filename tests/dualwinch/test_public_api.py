@@ -79,7 +79,7 @@ def test_what_is_of_another_kind_is_said_in_a_line(called: Callable[[], Any], me
 @pytest.mark.parametrize(
     "of",
     [
-        "amplitude_sweep", "block", "certify", "export_c", "idealisations", "least_preload", "linear_closed_loop",
+        "amplitude_sweep", "block", "certify", "export_c", "idealisations", "optimal_preload", "linear_closed_loop",
         "linearise", "operating_point", "override", "resonance_gains", "simulate", "stress", "sweep", "to_toml",
         "tuning_problem",
     ],

@@ -13,18 +13,18 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
     main(["preload", "--case", "4", "--out", str(out), "--plot", str(plot)])
     said = capsys.readouterr().out
     held = json.loads(out.read_text(), parse_constant=pytest.fail)
-    assert [name for name in ("constant", "best_constant", "scheduled", "least") if name in held] == [
+    assert [name for name in ("constant", "best_constant", "scheduled", "optimum") if name in held] == [
         "constant",
         "best_constant",
         "scheduled",
-        "least",
+        "optimum",
     ]
     loads = {name: held[name]["metrics"]["continuous_load"] for name in ("constant", "best_constant", "scheduled")}
     for load in loads.values():
         assert f"{load:.3g}" in said
     assert f"The schedule takes {loads['scheduled'] / loads['best_constant']:.3g} of the continuous load" in said
-    assert f"{100 * held['saved_share']:.3g} % of what can be saved" in said
-    assert held["least"]["metrics"]["continuous_load"] == pytest.approx(38.72, abs=0.01)
+    assert f"{100 * held['saved_share']:.3g} % of the possible saving" in said
+    assert held["optimum"]["metrics"]["continuous_load"] == pytest.approx(38.72, abs=0.01)
     assert len(held["scheduled"]["curves"]["F1"]) == len(held["scheduled"]["curves"]["t"]) == 1000
     assert 'kind = "scheduled-preload"' in held["configuration"]
     assert plot.stat().st_size > 1000
@@ -32,7 +32,7 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
 
 @pytest.mark.slow
 def test_the_energy_decides_where_it_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["preload", "--case", "2", "--least", "energy"])
+    main(["preload", "--case", "2", "--minimise", "energy"])
     assert "of the energy of the best constant preload" in capsys.readouterr().out
 
 
@@ -42,7 +42,7 @@ def test_wrong_input_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
         (["--plot", "p.gif"], "unknown suffix '.gif'"),
         (["--error", "-1"], "error = -1: must be a finite number >= 0 m"),
         (["--torque-rate", "0"], "torque_rate = 0: must be a finite number > 0 N m/s"),
-        (["--least", "torque"], "torque"),
+        (["--minimise", "torque"], "torque"),
         (["--set", "controller.coordination.kind=master-slave"], 'must be "scheduled-preload" here'),
         (["--set", "controller.scheduled_preload.margin=-1"], "controller.scheduled_preload.margin = -1"),
     ):
@@ -66,6 +66,6 @@ def test_a_loop_that_is_unstable_saves_nothing_and_is_said(tmp_path: Path, capsy
     out = tmp_path / "preload.json"
     main(["preload", "--case", "4", "--set", "controller.observer.l0=3000", "--out", str(out)])
     printed = capsys.readouterr().out
-    assert ": nothing is saved." in printed
+    assert ": no saving." in printed
     assert "note: unstable at small amplitudes" in printed
     assert any(words.startswith("unstable at small amplitudes") for words in json.loads(out.read_text())["remarks"])

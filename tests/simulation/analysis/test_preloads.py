@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.preload import Preloads, least_preload, preloads
+from dualwinch.simulation.analysis.preload import Preloads, optimal_preload, preloads
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -25,12 +25,12 @@ def test_the_runs_are_those_of_the_experiment_with_other_preloads(found: Preload
 def test_their_figure_names_all_of_them(found: Preloads) -> None:
     (legend,) = found.plot().legends
     words = " ".join(text.get_text() for text in legend.get_texts())
-    assert all(name in words for name in (*found.runs, "least"))
+    assert all(name in words for name in (*found.runs, "optimum"))
 
 
 @pytest.mark.slow
 def test_the_least_is_that_of_the_experiment(found: Preloads) -> None:
-    assert found.least.continuous_load == pytest.approx(least_preload(SCHEDULED).continuous_load)
+    assert found.optimum.continuous_load == pytest.approx(optimal_preload(SCHEDULED).continuous_load)
 
 
 def test_the_best_constant_is_as_good_as_the_schedule_and_a_smaller_one_is_not(found: Preloads) -> None:
@@ -46,7 +46,7 @@ def test_the_best_constant_is_as_good_as_the_schedule_and_a_smaller_one_is_not(f
 def test_the_schedule_lies_between_the_best_constant_and_the_least(found: Preloads) -> None:
     assert found.best is not None
     constant, scheduled = (run.metrics.continuous_load for run in (found.best, found.scheduled))
-    bound = found.least.continuous_load
+    bound = found.optimum.continuous_load
     assert bound < scheduled < 0.75 * constant
     assert found.saved == pytest.approx((constant - scheduled) / (constant - bound))
     assert found.saved > 0.7

@@ -1,4 +1,4 @@
-"""The least preload: against formulas and a second solver, and below what controllers need."""
+"""The optimal preload: against formulas and a second solver, and below what controllers need."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.preload import LeastPreload, least_preload
+from dualwinch.simulation.analysis.preload import OptimalPreload, optimal_preload
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -33,7 +33,7 @@ def motion(t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.floa
 @pytest.mark.parametrize("least", ["load", "peak", "energy"])
 def test_without_further_limits_the_rope_behind_is_at_its_least(least: Any) -> None:
     """So the least load is the least peak and the least energy, too. The drum that pays out asks for a little more."""
-    found = least_preload(case(2), least, elastic=False, every=COARSE)
+    found = optimal_preload(case(2), least, elastic=False, every=COARSE)
     v, a = motion(found.t)
     force = 1e4 * a + 490 * np.tanh(v / 0.01) + 900 * v * abs(v)
     turning = INERTIA * a / RADIUS**2
@@ -54,8 +54,8 @@ def test_without_further_limits_the_rope_behind_is_at_its_least(least: Any) -> N
 def test_a_second_solver_agrees_where_torques_may_not_jump() -> None:
     """A quadratic program of its own in the tension of rope 2, by PIQP."""
     every, rate = 100, 20.0
-    found = least_preload(SMOOTH, torque_rate=rate, elastic=False, every=every)
-    assert found.continuous_load > 1.001 * least_preload(SMOOTH, elastic=False, every=every).continuous_load
+    found = optimal_preload(SMOOTH, torque_rate=rate, elastic=False, every=every)
+    assert found.continuous_load > 1.001 * optimal_preload(SMOOTH, elastic=False, every=every).continuous_load
     run = simulate(SMOOTH)
     v, a = run["v_ref"][::every][1:-1], run["a_ref"][::every][1:-1]
     force, turning = 1e4 * a + 900 * v * abs(v), INERTIA * a / RADIUS**2
@@ -82,7 +82,7 @@ def test_a_second_solver_agrees_where_torques_may_not_jump() -> None:
 
 def test_drums_take_up_what_ropes_stretch_by() -> None:
     soft = override(SMOOTH, {"plant.rope_1.modulus": 5e8, "plant.rope_2.modulus": 1e9})
-    found = least_preload(soft)
+    found = optimal_preload(soft)
     x, _, a = (simulate(soft)[name][::40] for name in ("x_ref", "v_ref", "a_ref"))
     for tension, torque, length, way, modulus in (
         (found.F1, found.tau_1, 50.5 - x, 1, 5e8),
@@ -95,7 +95,9 @@ def test_drums_take_up_what_ropes_stretch_by() -> None:
 
 
 def test_ropes_of_steel_make_no_difference() -> None:
-    stiff, rigid = (least_preload(case(4), elastic=elastic, every=COARSE).continuous_load for elastic in (True, False))
+    stiff, rigid = (
+        optimal_preload(case(4), elastic=elastic, every=COARSE).continuous_load for elastic in (True, False)
+    )
     assert stiff == pytest.approx(rigid, rel=1e-5)
 
 
@@ -113,12 +115,12 @@ def test_no_controller_needs_less(least: Any, name: str) -> None:
     ):
         experiment = override(case(4), settings)
         run = simulate(experiment).metrics
-        bound = least_preload(experiment, least, error=run.max_abs_error, every=100)
+        bound = optimal_preload(experiment, least, error=run.max_abs_error, every=100)
         assert getattr(bound, name) < run[name]
 
 
 def test_an_error_that_is_allowed_is_used() -> None:
-    exact, loose = (least_preload(case(4), "peak", error=error, every=COARSE) for error in (0.0, 0.02))
+    exact, loose = (optimal_preload(case(4), "peak", error=error, every=COARSE) for error in (0.0, 0.02))
     assert abs(loose.e).max() == pytest.approx(0.02, rel=1e-6)
     assert loose.peak_tension < exact.peak_tension - 10
 
@@ -126,7 +128,7 @@ def test_an_error_that_is_allowed_is_used() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"least": "torque"}, "least = 'torque': must be one of load, peak, energy"),
+        ({"minimise": "torque"}, "minimise = 'torque': must be one of load, peak, energy"),
         ({"error": -1.0}, "error = -1: must be a finite number >= 0 m"),
         ({"torque_rate": 0.0}, "torque_rate = 0: must be a finite number > 0 N m/s"),
         ({"every": 0}, r"every = 0: must be 1 to 12500 \(a quarter of the samples\)"),
@@ -134,11 +136,11 @@ def test_an_error_that_is_allowed_is_used() -> None:
 )
 def test_wrong_input_is_named(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        least_preload(Experiment(), **settings)
+        optimal_preload(Experiment(), **settings)
 
 
 def test_a_motion_beyond_the_limits_is_said() -> None:
     weak = override(case(4), {"controller.coordination.tension_max": 4000.0})
     with pytest.raises(DualwinchError, match="no tensions within 200 to 4000 N give the motion to within 0 m"):
-        least_preload(weak, every=COARSE)
-    assert isinstance(least_preload(weak, error=2.0, every=COARSE), LeastPreload)
+        optimal_preload(weak, every=COARSE)
+    assert isinstance(optimal_preload(weak, error=2.0, every=COARSE), OptimalPreload)
