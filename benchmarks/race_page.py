@@ -84,7 +84,7 @@ def race_table(race: Record) -> str:
             _below(entry["over_paper"]),
             *_figures(entry),
             _constraints(entry, race),
-            ", ".join(numbers[key] for key in entry["alike"]) or "–",
+            ", ".join(numbers[key] for key in entry.get("not_different", entry.get("alike", ()))) or "–",
         ]
         for entry in race["entries"]
     ]
@@ -113,13 +113,13 @@ def facts(race: Record) -> str:
         f"seed {race['seed']}."
     )
     if searches > len(entries):
-        words += f" Searches of the same entry are up to a factor of {spaced(race['luck'])} apart."
+        words += f" Searches of the same entry are up to a factor of {spaced(race['search_spread'])} apart."
     return f"*{words}*"
 
 
 def least(race: Record) -> str:
     """What nobody gets below."""
-    found = race["least"]
+    found = race["lower_bounds"]
     if not found["beyond_authority"]:
         return "The reference is feasible in all scenarios."
     without, given = (_rms(found[name]) for name in ("without_foresight", "with_foresight"))
@@ -196,7 +196,8 @@ def _constraints(runs: Record, race: Record) -> str:
 
 def _read(folder: Path) -> Record:
     race = json.loads((folder / "race.json").read_text(encoding="utf-8"))
-    return {"test_scenarios": race.get("held_out"), **race}  # its name until 0.1.0
+    former = {"lower_bounds": "least", "search_spread": "luck", "test_scenarios": "held_out"}  # until 0.1.0
+    return {name: race.get(old) for name, old in former.items()} | race
 
 
 def main() -> None:

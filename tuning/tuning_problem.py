@@ -54,7 +54,7 @@ def tuning_problem(
     constraints: Sequence[str] | None = None,
     scenarios: int | None = None,
     seed: int = 0,
-    held: Collection[str] = (),
+    excluded: Collection[str] = (),
     violation: float | None = None,
     confidence: float | None = None,
     selection: SelectionConfig | None = None,
@@ -79,7 +79,7 @@ def tuning_problem(
             or an empty list, drops the default ones.
         scenarios: number of training scenarios drawn from the ensemble.
         seed: of scenarios and search.
-        held: keys excluded from the space; they keep the values of `settings`.
+        excluded: keys excluded from the space; they keep the values of `settings`.
         violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: from
             `selection`.
         confidence: of the statement that candidates stay below `violation`; default: from `selection`.
@@ -127,7 +127,7 @@ def tuning_problem(
     problem = TuningProblem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(held),
+        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(excluded),
         objectives=minimised,
         constraints=bounded,
         scenarios=count if drawn else 1,

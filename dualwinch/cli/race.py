@@ -103,7 +103,7 @@ def race(
         int | None,
         WHOLE,
         default_of(RACE, "searches"),
-        Parameter(help="Searches per entry, each with its own seed; several show how much is luck."),
+        Parameter(help="Searches per entry, each with its own seed; several show their spread."),
     ] = None,
     scenarios: Annotated[
         int | None,
@@ -178,7 +178,7 @@ def race(
         written = write_race(out, found)
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     progress.say(f"wrote {', '.join(written)} in {out}")
-    if found.left:
+    if found.remaining:
         raise KeyboardInterrupt
 
 
@@ -221,10 +221,10 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
         for ratio in (entry["over_paper"], *entry["searches"]):
             ends = zip(("estimate", "low", "high"), ("estimate", "high", "low"), strict=True)
             ratio["times_below"] = {name: 1 / ratio[end] if ratio[end] else None for name, end in ends}
-    least = record["least"]
-    least |= {f"rms_{name}": math.sqrt(least[name]) for name in ("without_foresight", "with_foresight")}
+    bounds = record["lower_bounds"]
+    bounds |= {f"rms_{name}": math.sqrt(bounds[name]) for name in ("without_foresight", "with_foresight")}
     metrics = {name: quantity.unit for name, quantity in metric_quantities().items()}
-    units = {"statistics": metrics, "least": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
+    units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
     rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
     left_out = idealisations(loads_ensemble(found.terms.configuration).experiment)
     facts = {"idealisations": [asdict(one) for one in left_out], "units": units | rms}

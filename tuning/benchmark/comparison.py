@@ -57,19 +57,19 @@ class PairComparison:
         first, second: their keys.
         ratio: errors of the first over those of the second.
         corrected: `ErrorRatio.p` with Holm's correction over all pairs.
-        apart: whether every search of the one is ahead of every search of the other.
+        separated: whether every search of the one is ahead of every search of the other.
     """
 
     first: str
     second: str
     ratio: ErrorRatio
     corrected: float
-    apart: bool = True
+    separated: bool = True
 
     @property
     def differ(self) -> bool:
         """Whether the entries differ by `RULE`."""
-        sure = self.apart and self.corrected < 1 - CONFIDENCE
+        sure = self.separated and self.corrected < 1 - CONFIDENCE
         return sure and abs(math.log(self.ratio.interval.estimate)) > -math.log(1 - LEAST_DIFFERENCE)
 
 

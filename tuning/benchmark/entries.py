@@ -30,7 +30,7 @@ class BenchmarkEntry:
         law, estimator, coordination: kinds of its parts.
         variant: the ablation in a few words; empty: none.
         settings: key → value that the ablation sets.
-        held: keys excluded from the search.
+        excluded: keys excluded from the search.
         search: number of the search, from 0; each has its own seed.
     """
 
@@ -39,7 +39,7 @@ class BenchmarkEntry:
     coordination: str
     variant: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    held: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
     search: int = 0
 
     @property
@@ -142,8 +142,8 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     """The complete law of the paper, and the law without each of its parts."""
     whole = [BenchmarkEntry(PAPER_LAW, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
     return whole + [
-        BenchmarkEntry(PAPER_LAW, estimator, coordination, variant, settings, held)
-        for variant, (settings, held) in VARIANTS.items()
+        BenchmarkEntry(PAPER_LAW, estimator, coordination, variant, settings, excluded)
+        for variant, (settings, excluded) in VARIANTS.items()
     ]
 
 

@@ -124,7 +124,7 @@ def race(
         coordinations: kinds of coordinations, or ``all``; default: the paper's.
         ablations: whether to add the paper's law without each of its parts.
         rollouts: of each search (see `dualwinch.tune`).
-        searches: number of searches of each entry, with different seeds; several show how much is luck.
+        searches: number of searches of each entry, with different seeds; several show their spread.
         test_scenarios: number of test scenarios, for the scores.
         scenarios: number of training scenarios; default: from `dualwinch.tuning_problem`.
         seed: of all scenarios and searches.
@@ -205,7 +205,7 @@ def _problem(
             constraints=constraints,
             scenarios=scenarios,
             seed=named_seed(seed, f"search {entry.search}") if entry.search else seed,
-            held=entry.held,
+            excluded=entry.excluded,
         )
     except ConfigurationError as error:
         raise ConfigurationError(f"{entry.key}: {error}") from error
@@ -534,7 +534,7 @@ def run_race(
         progress: called repeatedly with the share of the work that is done, and the current phase.
 
     Returns:
-        The result of the race; `BenchmarkResult.left` is the number of entries that an interrupt left out.
+        The result of the race; `BenchmarkResult.remaining` is the number of entries that an interrupt has left out.
 
     Raises:
         ConfigurationError: the folder has a race on other terms.
@@ -555,12 +555,12 @@ def run_race(
         if not set(kept.stems) - {PAPER_STEM}:
             raise
     records = {stem: kept.find(stem) for stem in kept.stems}
-    left = sum(job.lacks(records.get(job.stem)) for job in jobs)
+    remaining = sum(job.lacks(records.get(job.stem)) for job in jobs)
     return BenchmarkResult(
         terms=terms,
         paper=BaselineScore.from_record(records.pop(PAPER_STEM) or {}),
         entries=tuple(EntryResult.from_record(record) for record in records.values() if record),
-        left=left,
+        remaining=remaining,
     )
 
 

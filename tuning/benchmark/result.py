@@ -82,13 +82,13 @@ class BenchmarkResult:
         terms: of the race.
         paper: score of the paper's gains, and lower bounds on the error.
         entries: the finished ones, one per search.
-        left: number of entries that an interrupt left out.
+        remaining: number of entries that an interrupt left out.
     """
 
     terms: BenchmarkTerms
     paper: BaselineScore
     entries: tuple[EntryResult, ...]
-    left: int = 0
+    remaining: int = 0
 
     @cached_property
     def names(self) -> dict[str, str]:
@@ -135,24 +135,24 @@ class BenchmarkResult:
         ratios = [_ratio(first.runs, second.runs) for first, second in couples]
         corrected = holm([ratio.p for ratio in ratios])
         return tuple(
-            PairComparison(first.entry.key, second.entry.key, ratio, level, self._apart(first, second))
+            PairComparison(first.entry.key, second.entry.key, ratio, level, self._separated(first, second))
             for (first, second), ratio, level in zip(couples, ratios, corrected, strict=True)
         )
 
-    def _apart(self, first: EntryResult, second: EntryResult) -> bool:
+    def _separated(self, first: EntryResult, second: EntryResult) -> bool:
         ours, theirs = (
             [self._order(search) for search in self.searches[scored.entry.group]] for scored in (first, second)
         )
         return max(ours) < min(theirs) or max(theirs) < min(ours)
 
     @property
-    def luck(self) -> float:
+    def search_spread(self) -> float:
         """Largest ratio of the errors of two searches of the same entry; 1 if each was tuned once."""
         groups = [[self._estimate(search) for search in group] for group in self.searches.values()]
         spans = [[ratio for ratio in group if math.isfinite(ratio)] for group in groups]
         return max((max(span) / min(span) for span in spans if span), default=1.0)
 
-    def alike(self, key: str) -> tuple[str, ...]:
+    def not_different(self, key: str) -> tuple[str, ...]:
         """Keys in the ranking that do not differ from `key`, by `tuning.benchmark.comparison.RULE`."""
         return tuple(
             pair.second if pair.first == key else pair.first
@@ -186,9 +186,9 @@ class BenchmarkResult:
         rows = []
         for scored in self.ranking:
             key = scored.entry.key
-            alike = ", ".join(numbers[other] for other in self.alike(key))
+            equal = ", ".join(numbers[other] for other in self.not_different(key))
             name = f"{numbers[key]}. {self.names[key]}"
-            rows.append([name, below_words(self.ratios[key].interval), *_cells(scored.runs), alike or "–"])
+            rows.append([name, below_words(self.ratios[key].interval), *_cells(scored.runs), equal or "–"])
         return list(HEADINGS), [*rows, ["the paper's gains", "1 ×", *_cells(self.paper.runs), ""]]
 
     def notes(self) -> list[str]:
@@ -198,31 +198,31 @@ class BenchmarkResult:
             "the scenarios. " + RULE + " Load: root mean square of the motor torques."
         ]
         words += [f"Constraints of all searches: {'; '.join(self.terms.constraints) or 'none'}."]
-        words += [self._least_words(), self._luck_words()]
+        words += [self._lower_bound_words(), self._spread_words()]
         words += [
             f"{self.names[scored.entry.key]}: no trial was better than the gains that the search started from."
             for scored in self.ranking
             if not scored.search.improved
         ]
-        if self.left:
-            words.append(f"Interrupted: {self.left} entries are left; the same call continues with them.")
+        if self.remaining:
+            words.append(f"Interrupted: {self.remaining} entries remain; the same call continues with them.")
         return words
 
-    def _luck_words(self) -> str:
+    def _spread_words(self) -> str:
         """Note on the influence of the search's seed."""
         if len(self.entries) == len(self.searches):
             return (
                 "Each was tuned once: another seed of the search finds other gains. A law without one of its parts can "
-                "hardly be better than the whole. `--searches 3` shows how much is luck."
+                "hardly be better than the whole. `--searches 3` shows the spread."
             )
         return (
             "The median search of each is shown. Searches of the same entry, which differ only in their seed, are up "
-            f"to a factor of {spaced(self.luck)} apart."
+            f"to a factor of {spaced(self.search_spread)} apart."
         )
 
-    def _least_words(self) -> str:
+    def _lower_bound_words(self) -> str:
         """Lower bounds on the error of any controller, without and with foresight."""
-        least = self.paper.least
+        least = self.paper.lower_bounds
         if not least.infeasible:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
         without, given = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in least.means)
@@ -298,14 +298,14 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, Any]:
         """The complete result as a dictionary for JSON; `docs/race.md` explains the names."""
-        terms, (without, given) = self.terms, self.paper.least.means
+        terms, (without, given) = self.terms, self.paper.lower_bounds.means
         return {
             **terms.to_record(),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
             "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
-            "least": {
-                "beyond_authority": self.paper.least.infeasible,
-                "without_bound": self.paper.least.unknown,
+            "lower_bounds": {
+                "beyond_authority": self.paper.lower_bounds.infeasible,
+                "without_bound": self.paper.lower_bounds.unknown,
                 "without_foresight": without,
                 "with_foresight": given,
             },
@@ -317,13 +317,13 @@ class BenchmarkResult:
                     "second": pair.second,
                     **pair.ratio.to_dict(),
                     "p_corrected": pair.corrected,
-                    "apart": pair.apart,
+                    "separated": pair.separated,
                     "differ": pair.differ,
                 }
                 for pair in self.pairs
             ],
-            "luck": self.luck,
-            "left": self.left,
+            "search_spread": self.search_spread,
+            "remaining": self.remaining,
         }
 
     def _entry(self, scored: EntryResult) -> dict[str, Any]:
@@ -333,7 +333,7 @@ class BenchmarkResult:
             "name": self.names[entry.key],
             **{name: value for name, value in record["entry"].items() if name != "search"},
             "over_paper": self.ratios[entry.key].to_dict(),
-            "alike": list(self.alike(entry.key)),
+            "not_different": list(self.not_different(entry.key)),
             "searches": [
                 {"search": search.entry.search, **self.ratios[search.entry.key].to_dict()}
                 for search in self.searches[entry.group]
@@ -392,7 +392,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
     ) as page:
         (axes,) = page.panels()
         first = found.ranking[0].entry.key if found.entries else ""
-        tied = {first, *found.alike(first)} if first else set()
+        tied = {first, *found.not_different(first)} if first else set()
         for row, scored in enumerate(found.ranking):
             _dot(axes, found, scored, row, BLUE if scored.entry.key in tied else INK)
         axes.axvline(1, color=VERMILION, linewidth=1.0, zorder=1)
@@ -501,7 +501,7 @@ def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tup
         ((0, (4, 2)), "least error without foresight"),
         ((0, (1, 1.5)), "with foresight"),
     )
-    for mean, (dashes, name) in zip(found.paper.least.means, lines, strict=True):
+    for mean, (dashes, name) in zip(found.paper.lower_bounds.means, lines, strict=True):
         value = _rms(mean)
         if value > DRAWN_FROM * nearest:
             yield value, dashes, name

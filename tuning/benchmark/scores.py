@@ -105,25 +105,27 @@ class BaselineScore:
 
     Attributes:
         runs: of the paper's controller with the paper's gains.
-        least: lower bounds on the error in each scenario.
+        lower_bounds: lower bounds on the error in each scenario.
     """
 
     runs: ScoredRuns
-    least: LeastErrors
+    lower_bounds: LeastErrors
 
     def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         return {
             "runs": self.runs.to_record(),
-            "least": plain(self.least.blind),
-            "least_foreseeing": plain(self.least.foreseeing),
+            "without_foresight": plain(self.lower_bounds.blind),
+            "with_foresight": plain(self.lower_bounds.foreseeing),
         }
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """The object of a record from `to_record`."""
         runs = ScoredRuns.from_record(record["runs"])
-        return cls(runs, LeastErrors(*(np.array(record[name], float) for name in ("least", "least_foreseeing"))))
+        return cls(
+            runs, LeastErrors(*(np.array(record[name], float) for name in ("without_foresight", "with_foresight")))
+        )
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ class EntryResult:
     def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         return {
-            "entry": asdict(self.entry) | {"held": list(self.entry.held)},
+            "entry": asdict(self.entry) | {"excluded": list(self.entry.excluded)},
             "runs": self.runs.to_record(),
             "gains": self.gains,
             "fronts": {name: [asdict(point) for point in points] for name, points in self.fronts.items()},
@@ -200,7 +202,7 @@ class EntryResult:
         entry = record["entry"]
         stress = record["stress"]
         return cls(
-            entry=BenchmarkEntry(**(entry | {"held": tuple(entry["held"])})),
+            entry=BenchmarkEntry(**(entry | {"excluded": tuple(entry["excluded"])})),
             runs=ScoredRuns.from_record(record["runs"]),
             gains=record["gains"],
             fronts={name: tuple(FrontPoint(**point) for point in points) for name, points in record["fronts"].items()},

@@ -157,13 +157,13 @@ def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
 def test_an_interrupt_writes_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("dualwinch.tuning.benchmark.race.race", lambda **_: replace(made_up(), left=2))
+    monkeypatch.setattr("dualwinch.tuning.benchmark.race.race", lambda **_: replace(made_up(), remaining=2))
     with pytest.raises(SystemExit) as ended:
         main(["race", "--out", str(tmp_path)])
     assert ended.value.code == 1
     assert (tmp_path / "race.json").exists()
     said = capsys.readouterr()
-    assert "2 entries are left" in said.out
+    assert "2 entries remain" in said.out
     assert "interrupted" in said.err.splitlines()[-1]
 
 

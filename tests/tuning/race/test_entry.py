@@ -53,7 +53,7 @@ def test_names_say_what_most_do_not_have() -> None:
 
 def of(entry: BenchmarkEntry) -> TuningProblem:
     settings = [f"{key}={value}" for key, value in entry.values.items()]
-    return tuning_problem(ensemble="sea", settings=settings, held=entry.held)
+    return tuning_problem(ensemble="sea", settings=settings, excluded=entry.excluded)
 
 
 def test_ablations_are_settings_that_are_held() -> None:
@@ -62,8 +62,8 @@ def test_ablations_are_settings_that_are_held() -> None:
     whole = of(BenchmarkEntry(PAPER_LAW, "kalman", "differential-tension"))
     for entry in entries.values():
         problem = of(entry)
-        assert not set(entry.held) & set(problem.space.keys)
-        assert set(problem.space.keys) == set(whole.space.keys) - set(entry.held)
+        assert not set(entry.excluded) & set(problem.space.keys)
+        assert set(problem.space.keys) == set(whole.space.keys) - set(entry.excluded)
         values = leaves(problem.tuned(problem.start))
         assert {key: values[key] for key in entry.settings} == entry.settings
         prepare(problem.experiment)

@@ -17,8 +17,8 @@ KEYS = {FOUND.names[scored.entry.key]: scored.entry.key for scored in FOUND.entr
 def test_the_least_error_is_first_and_who_does_not_differ_is_named() -> None:
     names = [FOUND.names[scored.entry.key] for scored in FOUND.ranking]
     assert names == ["adrc", "nftsm", "fando-nftsm", "fando-nftsm, constant observer gain"]
-    assert FOUND.alike(KEYS["adrc"]) == (KEYS["nftsm"],)
-    assert FOUND.alike(KEYS["fando-nftsm"]) == ()
+    assert FOUND.not_different(KEYS["adrc"]) == (KEYS["nftsm"],)
+    assert FOUND.not_different(KEYS["fando-nftsm"]) == ()
     assert len(FOUND.pairs) == 6
     assert FOUND.ratios[KEYS["adrc"]].interval.estimate == pytest.approx(0.1, rel=0.1)
 
@@ -77,7 +77,7 @@ def test_of_several_searches_the_median_counts() -> None:
         [0.2, 0.5], rel=0.1
     ), "of two the worse"
     assert [found.names[each.entry.key] for each in found.entries] == ["adrc"] * 3 + ["nftsm"] * 2
-    assert found.luck == pytest.approx(4)
+    assert found.search_spread == pytest.approx(4)
     assert "2 entries in 5 searches" in repr(found)
     assert "up to a factor of 4 apart" in repr(found)
     record = found.to_dict()
@@ -90,7 +90,7 @@ def test_searches_that_overlap_do_not_differ_however_sure_their_medians_are() ->
     overlapping = replace(FOUND, entries=(*searched(0.2, 0.1, 0.4), *searched(0.3, 0.5, law="nftsm")))
     assert [found.pairs[0].corrected < 1e-9 for found in (apart, overlapping)] == [True, True]
     assert [found.pairs[0].differ for found in (apart, overlapping)] == [True, False]
-    assert overlapping.alike(overlapping.ranking[0].entry.key) == (overlapping.ranking[1].entry.key,)
+    assert overlapping.not_different(overlapping.ranking[0].entry.key) == (overlapping.ranking[1].entry.key,)
 
 
 def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:
@@ -115,7 +115,7 @@ def test_records_come_back() -> None:
 def test_json_says_all_of_it() -> None:
     record = json.loads(json.dumps(FOUND.to_dict(), allow_nan=False))
     assert [entry["name"] for entry in record["entries"]][:2] == ["adrc", "nftsm"]
-    assert record["entries"][0]["alike"] == [KEYS["nftsm"]]
+    assert record["entries"][0]["not_different"] == [KEYS["nftsm"]]
     assert record["seeds"] == {"searches": 5, "test": named_seed(5, "benchmark test")}
     assert sum(pair["differ"] for pair in record["pairs"]) == 5
     lost = replace(FOUND, entries=(scored("adrc", 1.0, lost=40),)).to_dict()

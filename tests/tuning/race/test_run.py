@@ -67,16 +67,16 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
     finished: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     entrants, terms, whole = finished.entrants, finished.terms, finished.found
-    assert whole.left == 0
+    assert whole.remaining == 0
 
     def interrupting(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
         if phase.startswith("2 of 2, adrc: searching"):
             raise KeyboardInterrupt
 
     part = run_race(entrants, terms, folder=tmp_path / "part", progress=interrupting)
-    assert part.left == 1
+    assert part.remaining == 1
     assert [scored.entry.law for scored in part.entries] == ["nftsm"]
-    assert "Interrupted: 1 entries are left" in repr(part)
+    assert "Interrupted: 1 entries remain" in repr(part)
     run: list[str] = []
     original = race_module.scored
 
@@ -168,7 +168,7 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
         ["simulation.duration=12.0", "controller.coordination.tension_max=1500"], test_scenarios=3
     )
     found = run_race(entrants, terms)
-    least, foreseeing = found.paper.least.blind, found.paper.least.foreseeing
+    least, foreseeing = found.paper.lower_bounds.blind, found.paper.lower_bounds.foreseeing
     assert (least > 0).all()
     assert (foreseeing <= least).all()
     for runs in (found.paper.runs, *(scored.runs for scored in found.entries)):
