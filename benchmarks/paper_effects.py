@@ -154,7 +154,7 @@ def facts() -> dict[str, str]:
         f"{swing:.0f} N.",
         "E7": f"In Case 4's steady state the sliding variable approaches zero at {low:.2f} to {high:.2f} times the "
         "printed rate (5 % to 95 % of the samples).",
-        "E8": "Nothing in Cases 2 and 4, where the force is never cut off and Z_a stays 0; for Cases 1 and 3 see A10.",
+        "E8": "Nothing in Cases 2 and 4, where the force never saturates and Z_a stays 0; for Cases 1 and 3 see A10.",
         "E9": "The torque feeds the acceleration back to itself with gain 1: the equation has no solution.",
         "E10": f"With the printed sign Case 4 ends as `{wrong.outcome}` after {wrong.end_time:.1f} s.",
         "E11": "Nothing here: both winches have the same limits.",

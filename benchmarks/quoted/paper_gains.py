@@ -180,13 +180,13 @@ def nearby() -> str:
     """Gains near the paper's that satisfy the theorem, and whether V decreases then."""
     given, certified = dw.certify(dw.case(4)), dw.certify(dw.override(dw.case(4), CERTIFIED))
     gamma = dw.nearby_gains(given).changes["controller.auxiliary.gamma"][1]
-    cut_off = float(re.findall(r"by ([\d.e+]+) N", dw.nearby_gains(dw.certify(dw.case(3))).reason)[0])
+    clipped = float(re.findall(r"by ([\d.e+]+) N", dw.nearby_gains(dw.certify(dw.case(3))).reason)[0])
     verdict = "*certified*, real ropes included" if certified.certified_with_ropes else "not certified"
     return f"""\
 **Gains nearby.** The command raises every gain that falls short, runs again, and repeats, for a change of gains
-also changes the bounds. In Case 4 it finds γ = {gamma:g}: there the force is never cut off, Z_a stays zero and γ
+also changes the bounds. In Case 4 it finds γ = {gamma:g}: there the force never saturates, Z_a stays zero and γ
 may be anything; the run is the same one. In Cases 1 and 3 (`--case 3`) it finds none, and says why: the first
-sample cuts off {cut_off:.0f} N, and with any γ the condition allows, that one sample throws the sliding surface so
+sample clips {clipped:.0f} N, and with any γ the condition allows, that one sample throws the sliding surface so
 far that the loop runs away.
 
 **Does V decrease?** In Case 4 over {100 * given.decreasing:.0f} % of the samples, and as fast as the last line of

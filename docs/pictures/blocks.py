@@ -19,7 +19,7 @@ def blocks() -> Canvas:
     """Reference, law, coordination, winches, plant, sensors, estimator."""
     canvas = Canvas(
         1060, 400, "The controller",
-        "The reference and the estimate enter the position law, whose force command is cut to its limits. The "
+        "The reference and the estimate enter the position law, whose force command is clipped to its limits. The "
         "coordination makes two tension commands of it; two winch controllers make torques of these. Sensors and an "
         "estimator close the loop.",
     )  # fmt: skip

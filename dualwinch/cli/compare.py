@@ -195,10 +195,10 @@ def to_record(result: Comparison) -> dict[str, Any]:
         "beyond_authority": {
             "scenarios": bounds.infeasible,
             "without_bound": bounds.unknown,
-            "least_mean_mse": least,
-            "least_mean_mse_foreseeing": foreseeing,
+            "lower_bound_mean_mse": least,
+            "lower_bound_mean_mse_with_foresight": foreseeing,
         },
-        "units": statistics_table(result).record()["units"] | {"least_mean_mse": "m^2", "over_first": "1"},
+        "units": statistics_table(result).record()["units"] | {"lower_bound_mean_mse": "m^2", "over_first": "1"},
         "files": files,
         "configuration": ensemble_to_toml(result.ensemble),
         **version_notes(),

@@ -289,18 +289,18 @@ class LeastErrors:
     """Lower bounds of the mean square errors of many runs under any controller.
 
     Attributes:
-        blind: (runs,) in m², for controllers without preview; 0 within the actuators' authority, NaN where that is
-            exceeded and no bound was found.
-        foreseeing: likewise, for controllers with full preview.
+        without_foresight: (runs,) in m², for controllers without preview; 0 within the actuators' authority, NaN where
+            that is exceeded and no bound was found.
+        with_foresight: likewise, for controllers with full preview.
     """
 
-    blind: Floats
-    foreseeing: Floats
+    without_foresight: Floats
+    with_foresight: Floats
 
     @property
     def infeasible(self) -> int:
         """Number of runs that require more force than the motors can deliver."""
-        return int((self.blind != 0).sum())
+        return int((self.without_foresight != 0).sum())
 
     @property
     def unknown(self) -> int:
@@ -312,7 +312,7 @@ class LeastErrors:
         """Mean of both bounds in m² over the runs with known bounds; NaN without any."""
         if not self._known.any():
             return np.nan, np.nan
-        return float(self.blind[self._known].mean()), float(self.foreseeing[self._known].mean())
+        return float(self.without_foresight[self._known].mean()), float(self.with_foresight[self._known].mean())
 
     @property
     def unknown_words(self) -> str:
@@ -324,7 +324,7 @@ class LeastErrors:
 
     @property
     def _known(self) -> NDArray[np.bool_]:
-        return np.isfinite(self.blind) & np.isfinite(self.foreseeing)
+        return np.isfinite(self.without_foresight) & np.isfinite(self.with_foresight)
 
 
 def infeasible_words(count: int) -> str:
@@ -345,8 +345,8 @@ def least_errors(experiments: Sequence[Experiment], progress: Progress = no_prog
         blind = least_mse(experiment)
         found.append((blind, least_mse(experiment, anticipating=True) if blind != 0 else 0.0))
         progress(done / len(experiments))
-    blind, foreseeing = np.array(found, float).reshape(-1, 2).T
-    return LeastErrors(blind, foreseeing)
+    without, given = np.array(found, float).reshape(-1, 2).T
+    return LeastErrors(without, given)
 
 
 @GRAPHS.cached

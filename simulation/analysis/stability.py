@@ -63,7 +63,7 @@ GAPS = (
     "The derivative of V has p/(q beta) |e2 + gamma Z_a|^(p/q-1) before the reaching law too; the paper drops it (E7).",
     "Inside the boundary layer, |s| < phi, the switching term shrinks with s and dominates no disturbance.",
     "Delta L = K_f FLS >= 0, so its term Delta L FLS in dV/dt is never negative: it cannot be <= -mu Delta L^2.",
-    "While the force is cut off, dZ_a/dt holds Z_a (u - u_sat), which no condition bounds by k_a Z_a^2.",
+    "While the force saturates, dZ_a/dt holds Z_a (u - u_sat), which no condition bounds by k_a Z_a^2.",
     "Ropes, winches and sampling are left out: the force on the vehicle is taken to be the command.",
 )
 """Gaps of the proof for any gains: satisfied conditions do not imply that V decreases."""
@@ -406,18 +406,18 @@ def _reason(given: Certificate, tried: Certificate) -> str:
     if given.certified:
         return "the given gains satisfy every condition in this run"
     if tried.certified and not np.any(tried.result["Z_a"]):
-        return "the force is never cut off in this run, so Z_a stays 0 and the weights of Z_a may be anything"
+        return "the force never saturates in this run, so Z_a stays 0 and the weights of Z_a may be anything"
     if tried.certified:
         return "the raised gains satisfy every condition in their own run"
-    cut_off = np.abs(columns["u"] - columns["u_sat"])
-    excess = float(cut_off[np.argmax(cut_off > 0)])
+    clipped = np.abs(columns["u"] - columns["u_sat"])
+    excess = float(clipped[np.argmax(clipped > 0)])
     if not excess > 0:
         return f"after {GAIN_ROUNDS} rounds the bounds still grow as fast as the gains"
     sample_time = experiment.simulation.sample_time
     least = auxiliary_weight_needed(experiment.controller.limits.tension_max, 1 / sample_time)
     return (
-        f"the force is cut off, at first by {excess:.4g} N. Z_a decays within one sample at best (k_a <= 1/Ts), so "
+        f"the force saturates, at first by {excess:.4g} N. Z_a decays within one sample at best (k_a <= 1/Ts), so "
         f"gamma must be >= 2 F_max Ts = {least:.4g}, and that one sample puts gamma Ts {excess:.4g} N = "
         f"{least * sample_time * excess:.4g} m/s into "
-        "e2 + gamma Z_a: the force is then cut off even more, and the loop runs away"
+        "e2 + gamma Z_a: the force then saturates even more, and the loop runs away"
     )

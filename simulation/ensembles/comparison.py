@@ -145,7 +145,7 @@ class Comparison:
         NaN without any.
         """
         contender = self.contenders[name]
-        values = contender.metrics["mse"][contender.completed & (self.least_errors.blind == 0)]
+        values = contender.metrics["mse"][contender.completed & (self.least_errors.without_foresight == 0)]
         return Statistic("mean", "mse").over(values)
 
     def paired(self, name: str) -> dict[str, Paired]:

@@ -92,8 +92,8 @@ class LogUniform(Bounded):
 class Normal(Bounded):
     """Normal with `mean` and standard deviation `sigma`, truncated to `low` to `high`."""
 
-    mean: Annotated[float, Quantity("", "mean before the tails are cut off")]
-    sigma: Annotated[Positive, Quantity("", "standard deviation before the tails are cut off")]
+    mean: Annotated[float, Quantity("", "mean before truncation")]
+    sigma: Annotated[Positive, Quantity("", "standard deviation before truncation")]
     low: Annotated[float, Quantity("", "least value")]
     high: Annotated[float, Quantity("", "largest value")]
 

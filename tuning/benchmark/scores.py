@@ -115,8 +115,8 @@ class BaselineScore:
         """As a dictionary for JSON."""
         return {
             "runs": self.runs.to_record(),
-            "without_foresight": plain(self.lower_bounds.blind),
-            "with_foresight": plain(self.lower_bounds.foreseeing),
+            "without_foresight": plain(self.lower_bounds.without_foresight),
+            "with_foresight": plain(self.lower_bounds.with_foresight),
         }
 
     @classmethod

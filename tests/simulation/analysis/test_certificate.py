@@ -79,7 +79,7 @@ def test_where_the_force_is_cut_off_no_gains_are_found_and_it_says_why(case_3: C
     """At the first sample u = 1e4 (0.03·1.5^(1/3) + 0.05·20·1.5^(5/3) + 0.5) = 25 000 N, 19 200 N beyond the limit."""
     near = nearby_gains(case_3)
     assert not near.found
-    assert "the force is cut off, at first by 1.92e+04 N" in near.reason
+    assert "the force saturates, at first by 1.92e+04 N" in near.reason
     assert all("diverged" in line for line in near.history[1:])
 
 

@@ -142,9 +142,9 @@ def test_foresight_could_reach_less_error_where_motors_lack_force_and_only_there
     experiment = replace(override(sea.experiment, {"simulation.duration": 20.0}), controller=weak)
     result = compare({"weak": weak}, replace(sea, experiment=experiment), 4, 1)
     least = result.least_errors
-    lacking = least.blind > 0
+    lacking = least.without_foresight > 0
     assert lacking.any()
-    assert np.all(least.foreseeing[lacking] < least.blind[lacking])
-    assert np.all(least.foreseeing[lacking] > 0)
-    assert np.all(least.foreseeing[~lacking] == 0)
-    assert np.all(result.contenders["weak"].metrics["mse"] > least.blind)
+    assert np.all(least.with_foresight[lacking] < least.without_foresight[lacking])
+    assert np.all(least.with_foresight[lacking] > 0)
+    assert np.all(least.with_foresight[~lacking] == 0)
+    assert np.all(result.contenders["weak"].metrics["mse"] > least.without_foresight)

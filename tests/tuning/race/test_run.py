@@ -168,7 +168,7 @@ def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
         ["simulation.duration=12.0", "controller.coordination.tension_max=1500"], test_scenarios=3
     )
     found = run_race(entrants, terms)
-    least, foreseeing = found.paper.lower_bounds.blind, found.paper.lower_bounds.foreseeing
+    least, foreseeing = found.paper.lower_bounds.without_foresight, found.paper.lower_bounds.with_foresight
     assert (least > 0).all()
     assert (foreseeing <= least).all()
     for runs in (found.paper.runs, *(scored.runs for scored in found.entries)):
