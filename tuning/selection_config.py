@@ -91,7 +91,7 @@ class SelectionConfig:
         prune_above: candidates are pruned in the first rung if the batch is larger.
         most_leaders: largest number of candidates of a batch that are run in the active scenarios, the last rung.
         hopeless: violation above which a candidate is run in no further scenarios.
-        most_slack: share of a run with a slack rope above which the run is stopped, if no rope may be slack.
+        max_slack: share of a run with a slack rope above which the run is stopped, if no rope may be slack.
         penalty: of the exact penalty: added to the logarithm of the objective for a violation of 1. A violation of 2 %
             costs a factor of e; an optimum on its bounds gains only a few times the violation, far less.
         first_screened: number of validation scenarios in the first round of a candidate's evaluation.
@@ -131,7 +131,7 @@ class SelectionConfig:
     prune_above: int = 8
     most_leaders: int = 6
     hopeless: float = 0.05
-    most_slack: float = 0.01
+    max_slack: float = 0.01
     penalty: float = 50.0
     first_screened: int = 12
     repair_most: float = 0.02

@@ -43,7 +43,7 @@ def tune(
     test_scenarios: int | None = None,
     workers: Workers = None,
     store: StudyStorage | None = None,
-    afterwards: float = 0.0,
+    reserved_seconds: float = 0.0,
     keep: bool = True,
     watch: TuningProgress = NO_PROGRESS,
 ) -> TuningResult:
@@ -63,7 +63,7 @@ def tune(
         test_scenarios: largest number of test scenarios; default: from the problem's `SelectionConfig`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.
-        afterwards: part of the study's time, in s, that is left for the caller's work after the call.
+        reserved_seconds: part of the study's time, in s, that is left for the caller's work after the call.
         keep: whether an interrupt keeps the best candidate so far; else it is raised.
         watch: shows every phase (`tuning.scoring.progress.PHASES`) and each batch of the search.
 
@@ -95,7 +95,7 @@ def tune(
     searched, config = clock.now(), problem.selection
     until = None
     if seconds is not None:
-        evaluator.until = allowed + config.time_of_all(seconds) - afterwards
+        evaluator.until = allowed + config.time_of_all(seconds) - reserved_seconds
         until = searched + evaluator.time_of_search(seconds)
     store.set_budget(SearchBudget(trials, until, rollouts))
     progress, interrupted = SearchStatus(), False

@@ -124,7 +124,7 @@ def stress(
             base=around,
             settings=given.values,
             constraints=constraint,
-            noted=noted_constraints(file, experiment) if file else (),
+            study_constraints=study_constraints(file, experiment) if file else (),
             name=file.name if file else f"case {given.case}",
             workers=workers,
             progress=progress,
@@ -143,7 +143,7 @@ STUDY = "study.json"
 """File of a study, beside its best gains, with their constraints."""
 
 
-def noted_constraints(file: Path, experiment: Experiment) -> list[str]:
+def study_constraints(file: Path, experiment: Experiment) -> list[str]:
     """Constraints of the study beside a file, if the file has the study's best gains."""
     from dualwinch.model.quantities.tree import leaves
 

@@ -325,7 +325,7 @@ def run_study(
                 rollouts=options.rollouts,
                 workers=workers or max(1, cores() // options.workers),
                 store=store,
-                afterwards=REPORT_SECONDS,
+                reserved_seconds=REPORT_SECONDS,
                 watch=TuningProgress(line, problem.objectives),
             )
         line(1.0, "writing best.toml, study.json and report.html")

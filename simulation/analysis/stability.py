@@ -337,7 +337,7 @@ class NearbyGains:
     reason: str
 
 
-def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> NearbyGains:
+def nearby_gains(certificate: Certificate, *, progress: Progress = no_progress) -> NearbyGains:
     """Raise gains that violate a condition, run again, and repeat, as a change of gains also changes the bounds.
 
     ``k``, ``l0``, ``gamma`` and ``gamma_force`` are raised, each as the bounds of the last run require. If that fails
@@ -345,17 +345,17 @@ def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> Nea
     one sample to the next, 1/Ts, which allows the smallest gamma. Nothing else is changed.
 
     Args:
-        given: the certificate to start from.
+        certificate: from which to start.
         progress: called after every run with the completed fraction of the longest possible search.
     """
-    instance("given", given, Certificate, hint=" (certify makes one)")
-    experiment = given.result.experiment
+    instance("certificate", certificate, Certificate, hint=" (certify makes one)")
+    experiment = certificate.result.experiment
     k_a, fastest = sliding_mode(experiment).auxiliary.k_a, 1 / experiment.simulation.sample_time
-    tried, history, runs = given, [_shortfall(given)], 0
+    tried, history, runs = certificate, [_shortfall(certificate)], 0
     for decay in (k_a or AuxiliaryGains().k_a, fastest):
         if tried.certified:
             break
-        tried = given
+        tried = certificate
         for _ in range(GAIN_ROUNDS):
             tried = certify(_raised(tried, decay))
             runs += 1
@@ -369,7 +369,7 @@ def nearby_gains(given: Certificate, *, progress: Progress = no_progress) -> Nea
         changes={f"controller.{key}": (before[key], value) for key, value in after.items() if value != before[key]},
         found=tried.certified,
         history=history,
-        reason=_reason(given, tried),
+        reason=_reason(certificate, tried),
     )
 
 

@@ -159,7 +159,7 @@ class BatchResult(RunOutcomes):
     """Results of a batch, for every set of parameters (n) in every scenario (m).
 
     Attributes:
-        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track``, with `most_slack` also ``went_slack``, and
+        outcomes: (n, m) words: ``completed``, ``diverged``, ``left_track``, with `max_slack` also ``went_slack``, and
             after an interrupt ``not_run``.
         end_times: (n, m) in s.
         metrics: name → (n, m), as in `Metrics` and of the users' own; NaN where a pair was not completed.
@@ -181,7 +181,7 @@ def rollout(
     scenarios: Sequence[Experiment | Scenario],
     *,
     stride: int = 0,
-    most_slack: float | None = None,
+    max_slack: float | None = None,
     workers: Workers = None,
     progress: Progress = no_progress,
 ) -> BatchResult:
@@ -198,7 +198,7 @@ def rollout(
         scenarios: m experiments, or draws of an ensemble (whose controller has the undrawn plant as nominal plant), of
             one structure and length; source of all other values.
         stride: keep every `stride`-th sample as a row; 0 keeps none.
-        most_slack: end a run once a rope has been slack for more than this share of all its samples; default: never.
+        max_slack: end a run once a rope has been slack for more than this share of all its samples; default: never.
             Sub-steps through slack take several times as long, and delay the runs in the neighbouring lanes.
         workers: number of workers on this machine, or an executor; default: one thread per core.
         progress: called from time to time with the completed fraction.
@@ -210,10 +210,10 @@ def rollout(
         ConfigurationError: an unknown name, a wrong shape, a value out of range, or incompatible scenarios.
         DualwinchError: no compiler or no usable cache folder.
     """
-    if most_slack is not None and not 0 <= most_slack <= 1:
-        raise ConfigurationError(f"most_slack = {most_slack:g}: must be a share, 0 to 1")
+    if max_slack is not None and not 0 <= max_slack <= 1:
+        raise ConfigurationError(f"max_slack = {max_slack:g}: must be a share, 0 to 1")
 
-    return _batch(names, parameters, scenarios, stride, most_slack, workers, progress, alike=True)
+    return _batch(names, parameters, scenarios, stride, max_slack, workers, progress, alike=True)
 
 
 def run_grid(
@@ -246,7 +246,7 @@ def _batch(
     parameters: ArrayLike,
     scenarios: Scenarios,
     stride: int,
-    most_slack: float | None,
+    max_slack: float | None,
     workers: Workers,
     progress: Progress,
     *,
@@ -260,9 +260,9 @@ def _batch(
     found = _empty_result(parts[0][0], len(scenarios), stride)
     if isinstance(workers, Executor):
         grids = [(pairs, places) for pairs, places, _ in parts]
-        return replace(found, interrupted=not _spread(workers, grids, found, stride, most_slack, progress))
+        return replace(found, interrupted=not _spread(workers, grids, found, stride, max_slack, progress))
     threads = threads_of(workers)
-    whole = all(_rollout(pairs, found, places, stride, most_slack, threads, report) for pairs, places, report in parts)
+    whole = all(_rollout(pairs, found, places, stride, max_slack, threads, report) for pairs, places, report in parts)
     return replace(found, interrupted=not whole)
 
 
@@ -279,7 +279,7 @@ def _spread(
     grids: Sequence[tuple[ParameterScenarioGrid, NDArray[np.int64]]],
     found: BatchResult,
     stride: int,
-    most_slack: float | None,
+    max_slack: float | None,
     progress: Progress,
 ) -> bool:
     """Run the pairs of grids on an executor's workers and fill in their results; False if interrupted."""
@@ -289,7 +289,7 @@ def _spread(
         for pairs, places in grids:
             for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1])):
                 at.append(np.ix_(sets, places[scenes]))
-                yield *pairs.part(sets, scenes), stride, most_slack
+                yield *pairs.part(sets, scenes), stride, max_slack
 
     done, runs = 0, found.outcomes.size
     try:
@@ -308,12 +308,12 @@ def rollout_portion(
     scenarios: Scenarios,
     zeros: frozenset[str],
     stride: int,
-    most_slack: float | None,
+    max_slack: float | None,
 ) -> BatchResult:
     """Run a part of a grid on one thread of a worker; arguments as in `rollout` and `ParameterScenarioGrid`."""
     pairs = ParameterScenarioGrid(names, parameters, scenarios, zeros)
     found = _empty_result(pairs, len(scenarios), stride)
-    _rollout(pairs, found, np.arange(len(scenarios)), stride, most_slack, 1, no_progress)
+    _rollout(pairs, found, np.arange(len(scenarios)), stride, max_slack, 1, no_progress)
     return found
 
 
@@ -322,14 +322,14 @@ def _rollout(
     found: BatchResult,
     places: NDArray[np.int64],
     stride: int,
-    most_slack: float | None,
+    max_slack: float | None,
     threads: int | None,
     progress: Progress,
 ) -> bool:
     """Run the pairs of a structure and fill in their results; False if interrupted."""
     loop, samples, simulation = pairs.loop, pairs.shared.samples, pairs.shared.simulation
     slack = loop.states.index("metrics.slack")
-    most = np.inf if most_slack is None else most_slack * samples
+    most = np.inf if max_slack is None else max_slack * samples
     compiled = simulation.engine == "compiled"
     run = compile_batch(loop) if compiled else partial(_single_run, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)

@@ -55,7 +55,7 @@ SEA = dualwinch.load_ensemble("sea")
         (lambda: dualwinch.plant(3), "values: must be a Plant, not int"),
         (lambda: dualwinch.modes(3), "system: must be a LinearSystem (linearise makes one), not int"),
         (lambda: dualwinch.linear_open_loop(CASE, nominal=3), "nominal: must be a Plant, not int"),
-        (lambda: dualwinch.nearby_gains(3), "given: must be a Certificate (certify makes one), not int"),
+        (lambda: dualwinch.nearby_gains(3), "certificate: must be a Certificate (certify makes one), not int"),
         (lambda: dualwinch.tune("foo"), "problem: must be a TuningProblem (tuning_problem makes one), not str"),
         (lambda: dualwinch.tuning_problem(CASE, settings=[3]), "settings: must be a text or a list of texts, not 3"),
         (

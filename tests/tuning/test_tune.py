@@ -195,7 +195,7 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     assert tuned.cost.judging == pytest.approx(pace * (tuned.cost.rollouts - tuned.progress.rollouts))
     assert 16 < tuned.verdict.scored.scenarios == tuned.verdict.sizes.test < SampleSizes().test
     assert where(tuned) == f"in {tuned.verdict.sizes.test} test scenarios (200 with more time)"
-    hurried = tune(problem, seconds=seconds, afterwards=9.0)
+    hurried = tune(problem, seconds=seconds, reserved_seconds=9.0)
     assert hurried.cost.seconds <= 27.0
     assert hurried.verdict.sizes.test < tuned.verdict.sizes.test
 

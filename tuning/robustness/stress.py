@@ -64,7 +64,7 @@ def stress(
     base: str | PathLike[str] | Ensemble | None = "sea",
     settings: Mapping[str, Any] | None = None,
     constraints: Sequence[str] | None = None,
-    noted: Sequence[str] = (),
+    study_constraints: Sequence[str] = (),
     scenarios: int = SCENARIOS,
     seed: int = 0,
     name: str = "given",
@@ -84,9 +84,9 @@ def stress(
             itself.
         settings: dotted key → nominal value in base and ensemble.
         constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, a factor on the value with
-            the paper's gains in the base; default: those of `noted`, and on other metrics: no slack rope, no peak
+            the paper's gains in the base; default: `study_constraints`, and on other metrics: no slack rope, no peak
             beyond the limit, and at most four times the paper's mean square error.
-        noted: constraints of the study in which the gains were tuned.
+        study_constraints: constraints of the study in which the gains were tuned.
         scenarios: number per size.
         seed: of the draws.
         name: of the gains in the result.
@@ -113,7 +113,7 @@ def stress(
         controllers,
         benign,
         harsh,
-        constraints_of(constraints, noted, harsh.experiment),
+        constraints_of(constraints, study_constraints, harsh.experiment),
         scenarios=scenarios,
         seed=seed,
         workers=workers,
@@ -148,7 +148,7 @@ def stress_tuned(
         best,
         ensemble=STRESS_ENSEMBLE,
         base=_base_of(problem),
-        noted=[constraint.text for constraint in problem.constraints],
+        study_constraints=[constraint.text for constraint in problem.constraints],
         scenarios=scenarios or SCENARIOS,
         seed=problem.seed,
         name=name,

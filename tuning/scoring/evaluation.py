@@ -120,7 +120,7 @@ class Scorer:
         self._step = (0, 1)
         self._workers, self._units = workers, training.problem.units
         self._kinds = [statistic.margin for statistic in training.problem.margins]
-        self._most_slack = training.problem.selection.most_slack if keeps_tight(training.constraints) else None
+        self._max_slack = training.problem.selection.max_slack if keeps_tight(training.constraints) else None
 
     @property
     def pace(self) -> float:
@@ -250,7 +250,7 @@ class Scorer:
             KeyboardInterrupt: interrupted.
         """
         space = self.training.problem.space
-        most_slack = None if to_the_end else self._most_slack
+        max_slack = None if to_the_end else self._max_slack
         began, (first, runs) = clock.now(), self._step
         size = len(scenarios) * (1 if candidates is None else len(candidates))
 
@@ -261,7 +261,7 @@ class Scorer:
             result = run_pairs([], [[]], scenarios, self._workers, progress=progress)
         else:
             points = [space.parameters(candidate.point) for candidate in candidates]
-            result = run_pairs(space.keys, points, scenarios, self._workers, most_slack, progress)
+            result = run_pairs(space.keys, points, scenarios, self._workers, max_slack, progress)
         self.seconds += clock.now() - began
         self.rollouts += result.outcomes.size
         return result

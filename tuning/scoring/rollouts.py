@@ -24,7 +24,7 @@ def run_pairs(
     parameters: Sequence[Sequence[float]],
     scenarios: Sequence[Experiment | Scenario],
     workers: Workers = None,
-    most_slack: float | None = None,
+    max_slack: float | None = None,
     progress: Progress = no_progress,
 ) -> BatchResult:
     """`rollout` that raises an interrupt, because an incomplete batch is useless here; arguments as there.
@@ -32,7 +32,7 @@ def run_pairs(
     Raises:
         KeyboardInterrupt: interrupted, even if every rollout had already started and is finished.
     """
-    result = rollout(keys, parameters, scenarios, workers=workers, most_slack=most_slack, progress=progress)
+    result = rollout(keys, parameters, scenarios, workers=workers, max_slack=max_slack, progress=progress)
     if result.interrupted:
         raise KeyboardInterrupt
     return result

@@ -7,7 +7,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.cli.stress import noted_constraints
+from dualwinch.cli.stress import study_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.errors import ConfigurationError
@@ -105,13 +105,13 @@ def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: 
 
 
 def test_constraints_come_from_the_study_beside_its_best_gains(gains: Path, tmp_path: Path) -> None:
-    assert noted_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == []
     study(tmp_path, {"controller.observer.l0": 9.0})
-    assert noted_constraints(gains, load(gains)) == ["worst.peak_tension<=5000", "mean.chatter<=1*paper"]
+    assert study_constraints(gains, load(gains)) == ["worst.peak_tension<=5000", "mean.chatter<=1*paper"]
     study(tmp_path, {"controller.observer.l0": 9.5})
-    assert noted_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == []
     (tmp_path / "study.json").write_text("[]")
-    assert noted_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == []
 
 
 def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_a_batch_runs_in_the_engine_that_its_scenarios_ask_for(engine: str) -> N
     assert np.array_equal(result.columns["x"][1, 2], single["x"])
     assert result.metrics["mse"][1, 2] == single.metrics.mse
     slack = override(scenario(1, 0, 0.3), {"simulation.engine": engine})
-    ours, theirs = (rollout([], np.empty((1, 0)), [each], most_slack=0.0) for each in (slack, scenario(1, 0, 0.3)))
+    ours, theirs = (rollout([], np.empty((1, 0)), [each], max_slack=0.0) for each in (slack, scenario(1, 0, 0.3)))
     assert ours.outcomes.tolist() == theirs.outcomes.tolist() == [["went_slack"]]
     assert ours.end_times == theirs.end_times
 
@@ -90,7 +90,7 @@ def test_runs_with_slack_ropes_are_given_up_where_that_is_asked_for() -> None:
     usual = rollout([name], stiff, [scenario(4)], stride=10)
     assert (usual.outcomes == "completed").all()
     assert usual.metrics["slack_share"][:, 0] == pytest.approx([0, 0.1, 0, 0.1], abs=0.03)
-    result = rollout([name], stiff, [scenario(4)], stride=10, most_slack=0.02)
+    result = rollout([name], stiff, [scenario(4)], stride=10, max_slack=0.02)
     assert result.outcomes[:, 0].tolist() == ["completed", "went_slack", "completed", "went_slack"]
     assert (result.end_times[[1, 3]] < 1).all()
     assert all(np.isnan(table[[1, 3]]).all() for table in result.metrics.values())
@@ -98,13 +98,13 @@ def test_runs_with_slack_ropes_are_given_up_where_that_is_asked_for() -> None:
         assert all(np.array_equal(ours[key][::2], theirs[key][::2], equal_nan=True) for key in ours), (
             "the others, bit for bit"
         )
-    assert same(usual, rollout([name], stiff, [scenario(4)], stride=10, most_slack=0.5), lambda table: table)
+    assert same(usual, rollout([name], stiff, [scenario(4)], stride=10, max_slack=0.5), lambda table: table)
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.5, np.nan])
 def test_how_much_slack_there_may_be_is_a_share(share: float) -> None:
-    with pytest.raises(ConfigurationError, match=r"most_slack = .*: must be a share, 0 to 1"):
-        rollout(NAMES, GAINS, [scenario(4)], most_slack=share)
+    with pytest.raises(ConfigurationError, match=r"max_slack = .*: must be a share, 0 to 1"):
+        rollout(NAMES, GAINS, [scenario(4)], max_slack=share)
 
 
 def test_a_draw_of_an_ensemble_keeps_the_plant_its_controller_assumes() -> None:
