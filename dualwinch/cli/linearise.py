@@ -69,8 +69,11 @@ def linearise(
     ] = None,
     sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
     loop: Annotated[
-        Literal["plant", "open", "closed"],
-        Parameter(help="What to linearise: the plant alone, or the loop over a sample, opened at a signal or closed."),
+        Literal["plant", "open", "broken", "closed"],
+        Parameter(
+            help="What to linearise: the plant alone, or the loop over a sample, opened at a signal (also `broken`) or "
+            "closed."
+        ),
     ] = "plant",
     opening: Annotated[
         Literal["u", "tau_1", "tau_2", "torques"] | None,
@@ -107,6 +110,7 @@ def linearise(
     from dualwinch.model.linear.system import save_sweep, writer
     from dualwinch.simulation.analysis.linear_loop import learnt_states
 
+    loop = "open" if loop == "broken" else loop
     experiment = given.nominal(ensemble)
     if preload is not None:
         experiment = _with_preload(experiment, preload)

@@ -57,6 +57,14 @@ def test_the_nominal_machine_of_an_ensemble_has_modes_of_ropes_gears_and_sag(
     assert "drums' resonance on their ropes" in said
 
 
+def test_a_broken_loop_is_an_open_one(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["linearise", "--loop", "broken", "--opening", "tau_1"])
+    broken = capsys.readouterr().out
+    main(["linearise", "--loop", "open", "--opening", "tau_1"])
+    assert capsys.readouterr().out == broken
+    assert "margins of the loop opened at tau_1" in broken
+
+
 def test_a_sweep_is_printed_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in ("track.json", "track.npz", "track.mat"):
         main(["linearise", "--v", "2.5", "--sweep", "x=1:47:2", "--out", str(tmp_path / name)])
