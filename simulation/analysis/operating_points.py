@@ -667,7 +667,7 @@ def _newton(
         if held is not None:
             counted[:, :n] &= ~held
             unknown[:, :n] &= ~held
-        with np.errstate(over="ignore"):  # diverging points
+        with np.errstate(over="ignore", invalid="ignore"):  # diverging points
             unknown &= _coupled(matrix * (sizes[:, None] / sizes[..., None]), unknown)
         rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
         at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
