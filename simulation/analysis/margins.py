@@ -677,7 +677,7 @@ def _root(function: Callable[[Floats, Indices], Floats], places: _Places, tolera
     at_low[wide], at_high[wide] = function(low[wide], wide), function(high[wide], wide)
     root = np.where(at_low > 0, high, low)
     active = np.flatnonzero(at_low * at_high < 0)
-    a, b, at_a, at_b = (ends[active] for ends in (high, low, at_high, at_low))  # b is the newest, a the opposite end
+    a, b, at_a, at_b = _taken(active, high, low, at_high, at_low)  # b is the newest, a the opposite end
     share = at_b / (at_b - at_a)
     for _ in range(ITERATIONS):
         if not len(active):
@@ -692,11 +692,21 @@ def _root(function: Callable[[Floats, Indices], Floats], places: _Places, tolera
         least = tolerance * nearest / np.maximum(np.abs(a - b), np.finfo(float).tiny)
         going = (least < 0.5) & (at_now != 0)
         active = active[going]
-        a, b, c, at_a, at_b, at_c, least = (each[going] for each in (a, b, c, at_a, at_b, at_c, least))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            where, height = (b - a) / (c - a), (at_b - at_a) / (at_c - at_a)
-            quadratic = (height**2 < where) & ((1 - height) ** 2 < 1 - where)
-            inverse = at_b / (at_a - at_b) * at_c / (at_a - at_c)
-            inverse += (c - b) / (a - b) * at_b / (at_c - at_b) * at_a / (at_c - at_a)
-        share = np.clip(np.where(quadratic, inverse, 0.5), least, 1 - least)
+        a, b, c, at_a, at_b, at_c, least = _taken(going, a, b, c, at_a, at_b, at_c, least)
+        share = np.clip(_interpolated(a, b, c, at_a, at_b, at_c), least, 1 - least)
     return root
+
+
+def _interpolated(a: Floats, b: Floats, c: Floats, at_a: Floats, at_b: Floats, at_c: Floats) -> Floats:
+    """Share of the way from b to a at which the zero is: by inverse quadratic interpolation where safe, else 1/2."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where, height = (b - a) / (c - a), (at_b - at_a) / (at_c - at_a)
+        quadratic = (height**2 < where) & ((1 - height) ** 2 < 1 - where)
+        inverse = at_b / (at_a - at_b) * at_c / (at_a - at_c)
+        inverse += (c - b) / (a - b) * at_b / (at_c - at_b) * at_a / (at_c - at_a)
+    return np.where(quadratic, inverse, 0.5)
+
+
+def _taken(chosen: Flags | Indices, *columns: Floats) -> tuple[Floats, ...]:
+    """Some rows of each of several columns."""
+    return tuple(column[chosen] for column in columns)
