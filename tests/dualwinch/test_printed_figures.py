@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
+from dualwinch.tuning.robustness import stress as stress_module
+from dualwinch.tuning.selection_config import SampleSizes
+from tests.tuning.conftest import FEWEST, choosing_by
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
 """From the SI unit of a file to what is printed: m to mm, m² to mm², J to kJ, shares to %."""
@@ -55,6 +59,20 @@ BULK = ("curves", "configuration", "versions", "trials", "fronts", "experiment",
 """Entries of files with so many numbers that any printed one would be found among them."""
 
 SHORT = ("--set", "simulation.duration=2")
+
+FEW_IMPERFECTIONS = """
+[distributions]
+sensors.position_bias = { uniform = [-2e-3, 2e-3] }
+plant.winch_1.torque_ripple = { uniform = [0, 0.01] }
+actuator.motor.time_constant = { kind = "log-uniform", low = 2e-4, high = 8e-3 }
+
+[actuator]
+kind = "motor"
+
+[simulation]
+jitter = 50e-6
+"""
+"""One on both sides of zero, one on one side, a kind of part and a single value, each as in the rig."""
 
 FOLDERS = {"tune", "race", "reproduce"}
 """Commands that write a folder, which has machine-readable files."""
@@ -140,6 +158,21 @@ def without_bulk(table: dict[str, Any]) -> dict[str, Any]:
 def named(words: list[str]) -> str:
     """What a case is called."""
     return " ".join(words[:4])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_choices() -> Iterator[None]:
+    """Few scenarios to choose gains in, but as many fresh draws as usual: of fewer, words say how many are needed."""
+    with choosing_by(replace(FEWEST, sizes=replace(FEWEST.sizes, chance=SampleSizes().chance))):
+        yield
+
+
+@pytest.fixture(autouse=True)
+def few_imperfections(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gains are stressed by imperfections of each kind of size: each by itself has compiled code of its own."""
+    file = tmp_path / "few.toml"
+    file.write_text(FEW_IMPERFECTIONS)
+    monkeypatch.setattr(stress_module, "STRESS_ENSEMBLE", file)
 
 
 @pytest.fixture

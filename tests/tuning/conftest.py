@@ -1,6 +1,7 @@
 """Small problems that a second is enough for, and few scenarios to choose and test gains in."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -17,16 +18,36 @@ FEW = SelectionConfig(demand_among=80, sizes=SampleSizes(6, 100, 12, 4, 20, 24))
 """The usual choice of gains, in few scenarios."""
 
 
+FEWEST = SelectionConfig(
+    demand_among=20, margin_machines_screened=2, margin_machines_validated=2, sizes=SampleSizes(2, 10, 4, 2, 8, 8)
+)
+"""Each of its steps in next to no scenarios, for tests of what comes before or after it."""
+
+
+@contextmanager
+def choosing_by(config: SelectionConfig) -> Iterator[None]:
+    """Other defaults of `SelectionConfig`."""
+
+    class Others(SelectionConfig):
+        def __new__(cls, *given: Any, **words: Any) -> SelectionConfig:
+            return SelectionConfig(*given, **words) if given or words else config
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning_problem_module, "SelectionConfig", Others)
+        yield
+
+
 @pytest.fixture(scope="module")
 def few_scenarios() -> Iterator[None]:
     """Few scenarios by default, for all tests of a file that has ``usefixtures("few_scenarios")``."""
+    with choosing_by(FEW):
+        yield
 
-    class Few(SelectionConfig):
-        def __new__(cls, *given: Any, **words: Any) -> SelectionConfig:
-            return SelectionConfig(*given, **words) if given or words else FEW
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning_problem_module, "SelectionConfig", Few)
+@pytest.fixture(scope="module")
+def fewest_scenarios() -> Iterator[None]:
+    """As `few_scenarios`, with `FEWEST`."""
+    with choosing_by(FEWEST):
         yield
 
 
