@@ -62,16 +62,12 @@ class DaskProcesses:
             return subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **(environment or {})})
 
     def stop(self) -> None:
-        """Stop all that still run."""
+        """End all that still run at once: a worker would finish its task first."""
         every = [*self.workers, *([self.scheduler] if self.scheduler else [])]
         for process in every:
-            process.terminate()
+            process.kill()  # what a nanny has started ends with it
         for process in every:
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.wait()
 
 
 @contextmanager

@@ -207,9 +207,8 @@ def elements_read(function: ca.Function, name: str) -> set[int]:
         return set()
     if not function.is_a("SXFunction"):
         return set(range(function.numel_in(name)))
-    argument, steps = function.name_in().index(name), range(function.n_instructions())
-    reads = (function.instruction_input(step) for step in steps if function.instruction_id(step) == ca.OP_INPUT)
-    return {element for vector, element in reads if vector == argument}
+    argument, steps = function.name_in().index(name), instructions(function)
+    return {step.read[1] for step in steps if step.operation == ca.OP_INPUT and step.read[0] == argument}
 
 
 def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:

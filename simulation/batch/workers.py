@@ -330,7 +330,10 @@ def in_order(numbered: Iterator[tuple[int, Returned]]) -> Iterator[Returned]:
             following += 1
 
 
-QUIET = ("distributed.client", "distributed.core", "distributed.batched", "distributed.utils", "distributed.comm")
+QUIET = (
+    *(f"distributed.{name}" for name in ("client", "core", "batched", "utils", "comm")),
+    "tornado.application",  # a future whose scheduler goes away while its result is passed on
+)
 """Loggers of Dask that would write tracebacks of errors reported here in one line."""
 
 WANTED = "must be the address of a Dask scheduler, tcp://HOST:8786, or FILE.py:FUNCTION that returns a Dask client"
