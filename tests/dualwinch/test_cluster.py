@@ -21,7 +21,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from tests.dask_cluster import DaskProcesses, dask_processes
 
-SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
+SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "24", "--scenarios", "2", "--test-scenarios", "4")
 RACE = ("race", "--ensemble", "sea", "--estimator", "kalman", "--method", "cmaes", "--seed", "3", *SHORT)
 LASTING = 20.0
 """Time in s of runs that take long enough for a worker to be killed meanwhile."""

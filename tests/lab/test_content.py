@@ -1,5 +1,6 @@
 """What the lab is made of is kept, and made anew where the kept one is damaged."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -41,20 +42,30 @@ def test_it_is_built_once(folder: Path) -> None:
     assert not again
 
 
-@pytest.mark.parametrize("damage", [b"", b"\x1f\x8b", b"nothing of the kind"])
-def test_a_damaged_file_is_made_anew(folder: Path, damage: bytes) -> None:
+def test_a_damaged_file_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = made()
     (file,) = folder.glob("lab-*.json.gz")
     whole = file.read_bytes()
-    for content_now in (damage, whole[: len(whole) // 2]):
-        file.write_bytes(content_now)
+    builds: list[int] = []
+
+    def built_before(sources: Iterable[object]) -> list[bytes]:
+        builds.append(len(list(sources)))
+        return list(first.modules.values())
+
+    monkeypatch.setattr(kept, "modules", built_before)
+    damages = (b"", b"\x1f\x8b", b"nothing of the kind", whole[: len(whole) // 2])
+    for count, damage in enumerate(damages, 1):
+        file.write_bytes(damage)
         assert made() == first
+        assert len(builds) == count
+        assert made() == first, "which is kept"
+        assert len(builds) == count
 
 
 def test_other_sources_make_another_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made()
+    first = made()
     monkeypatch.setattr(kept, "_sources", lambda: "others")
-    made()
+    assert made().modules == first.modules, "zig writes the same bytes again"
     assert len(list(folder.glob("lab-*.json.gz"))) == 2
 
 
