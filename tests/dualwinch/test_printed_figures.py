@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
 from dualwinch.tuning.robustness import stress as stress_module
-from dualwinch.tuning.selection_config import SampleSizes
 from tests.tuning.conftest import FEWEST, choosing_by
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
@@ -162,8 +160,8 @@ def named(words: list[str]) -> str:
 
 @pytest.fixture(scope="module", autouse=True)
 def short_choices() -> Iterator[None]:
-    """Few scenarios to choose gains in, but as many fresh draws as usual: of fewer, words say how many are needed."""
-    with choosing_by(replace(FEWEST, sizes=replace(FEWEST.sizes, chance=SampleSizes().chance))):
+    """Few scenarios to choose gains in."""
+    with choosing_by(FEWEST):
         yield
 
 

@@ -60,6 +60,11 @@ class ChanceConstraint:
         return float(beta.ppf(1 - rest, self.violations + 1, self.draws - self.violations))
 
     @property
+    def draws_needed(self) -> int:
+        """Number of draws without a violation that supports ε."""
+        return draws_needed(self.violation, self.confidence, self.candidates)
+
+    @property
     def satisfied(self) -> bool:
         """Whether that limit is at most ε."""
         return self.supported <= self.violation
@@ -72,8 +77,7 @@ class ChanceConstraint:
         if self.satisfied:
             return f"bounds on runs are satisfied with probability ≥ {_share(1 - self.violation)} ({sure}: {seen})"
         words = f"bounds on runs are satisfied with probability ≥ {_share(1 - self.supported)} ({sure}: {seen}"
-        needed = draws_needed(self.violation, self.confidence, self.candidates)
-        more = f", {needed} are needed" if self.draws < needed and not self.violations else ""
+        more = f", {self.draws_needed} are needed" if self.draws < self.draws_needed and not self.violations else ""
         return f"{words}{more}; asked for: {_share(1 - self.violation)})"
 
     def to_dict(self) -> dict[str, Any]:
@@ -84,8 +88,10 @@ class ChanceConstraint:
             "confidence": self.confidence,
             "candidates": self.candidates,
             "draws": self.draws,
+            "draws_needed": self.draws_needed,
             "violations": self.violations,
             "supported": self.supported,
+            "supported_probability": 1 - self.supported,
             "satisfied": self.satisfied,
         }
 
