@@ -1,6 +1,7 @@
 """Settings of the property tests, and the runs that several tests look at, each done once."""
 
 import gc
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Protocol
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from dualwinch.model.quantities.part import registries
 from dualwinch.simulation.paper import case
@@ -16,6 +18,11 @@ from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 from tests.oracle.sampled import Scenario, run
 from tests.tiers import COLLECTED, FULL, QUICK
+
+# Threads of linear algebra take turns with other workers on the cores, and wait by spinning: tests of linear loops took
+# twice the processor time. The variable is for libraries that are loaded later, as SciPy's, and for other processes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+threadpool_limits(1, user_api="blas")
 
 settings.register_profile("quick", derandomize=True, deadline=None, database=None, max_examples=QUICK)
 settings.register_profile("full", settings.get_profile("quick"), max_examples=FULL)
