@@ -288,8 +288,8 @@ def _stands_and_falls(tuned: TuningResult, borne: int, too_much: int, point: tup
 
 
 def test_an_unstable_start_is_a_violated_constraint_and_its_place_is_told(make_problem: MakeProblem) -> None:
-    late = ["simulation.duration=0.1", "simulation.sample_time=0.005", "simulation.delay_samples=8"]
-    problem = make_problem(ensemble=None, settings=late, constraints=["none", DELAY], space=[BETA])
+    stiff = ["simulation.duration=0.1", "controller.winch_1.kp=0.02", "controller.winch_2.kp=0.02"]
+    problem = make_problem(ensemble=None, settings=stiff, constraints=["none", DELAY], space=[BETA])
     assert not margins(linear_open_loop(problem.experiment, 2.5, 0.0, "u")).stable
     found = tune(replace(problem), trials=2, method="random")
     assert found.verdict.scored.statistics["worst.delay_margin"] == 0

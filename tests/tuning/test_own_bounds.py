@@ -77,7 +77,7 @@ def test_scaled_bounds_stay_within_the_range_of_the_gain() -> None:
     assert own_bounds(["controller.kalman.ramp"], known, experiment) == (0.0, 0.7)
 
 
-@pytest.mark.parametrize("kind", all_but(["pid-cascade"], ["fando-nftsm", "pid-cascade", "adrc"]))
+@pytest.mark.parametrize("kind", all_but(["fando-nftsm"], ["fando-nftsm", "pid-cascade", "adrc"]))
 def test_another_machine_is_tuned_at_once(kind: str) -> None:
     ferry = dw.override(dw.case(4), FERRY | {"controller.kind": kind, "simulation.duration": 2.0})
     for ensemble in (None, "sea"):

@@ -51,16 +51,19 @@ class Spring(dw.PositionLaw):
 """
 
 
-def test_a_race_is_printed_written_and_added_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("words", [QUICK, pytest.param(SEA, marks=pytest.mark.slow)], ids=["few-bounds", "usual-bounds"])
+def test_a_race_is_printed_written_and_added_to(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "race"
-    main([*SEA, "--law", "nftsm", "--seed", "3", "--out", str(out)])
+    main([*words, "--law", "nftsm", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
     assert "Race: 1 entry, 60 rollouts of 'sea' each, scored in 4 test scenarios, seed 3" in said.out
     assert "race: nftsm: drawing scenarios" in said.err
     assert f"wrote race.json, race.svg, fronts.svg, report.html, gains/ in {out}" in said.err
     plugin = tmp_path / "spring.py"
     plugin.write_text(OWN)
-    main([*SEA, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
+    main([*words, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
     assert "Race: 2 entries" in said.out
     assert "race: nftsm" not in said.err, "it is finished"

@@ -1,6 +1,7 @@
 """Derivatives of any column by any continuous number, against central differences of complete runs, same draws."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -39,6 +40,7 @@ EVERYTHING = {
 """An experiment in which next to everything acts, and nothing has a kink: no torque is limited, one integrator."""
 
 
+@cache
 def everything() -> Experiment:
     changes = {f"{table}.{name}": value for table, given in EVERYTHING.items() for name, value in given.items()}
     experiment = override(case(4), changes)
@@ -139,8 +141,11 @@ def test_figures_of_merit_move_as_those_of_complete_runs(key: str, whole: Sensit
 
 
 MASSES = ("plant.vehicle.mass", "nominal.vehicle.mass")
+FORCE_AND_WAY = ("F1", "x")
+"""Columns of several tests, which are compiled once."""
 
 
+@cache
 def smooth() -> Experiment:
     """Case 4, by one integrator."""
     return override(case(4), {"simulation.duration": 2.0, "simulation.integrator": "exponential"})
@@ -148,7 +153,7 @@ def smooth() -> Experiment:
 
 def test_changing_the_machine_and_its_nominal_plant_adds_up() -> None:
     experiment = smooth()
-    found = sensitivities(MASSES, [[1e4, 1e4]], [experiment], columns=["F1"])
+    found = sensitivities(MASSES, [[1e4, 1e4]], [experiment], columns=FORCE_AND_WAY)
     upper, lower = (simulate(override(experiment, {"plant.vehicle.mass": 1e4 * (1 + h)})) for h in (1e-5, -1e-5))
     slope = found.column_slopes["F1"][0, 0].sum(axis=1)
     assert np.abs((upper["F1"] - lower["F1"]) / 0.2 - slope).max() < 1e-3 * np.abs(slope).max()
@@ -241,7 +246,8 @@ def test_readings_in_steps_are_differentiated_without_their_steps() -> None:
 
 
 def test_what_ends_early_leaves_the_rest_open() -> None:
-    found = sensitivities(["controller.nftsm.eta"], [[1e300]], [smooth()], columns=["F1"], stride=3)
+    wild = override(smooth(), {"controller.nftsm.eta": 1e300})
+    found = sensitivities(MASSES, [[1e4, 1e4]], [wild], columns=FORCE_AND_WAY, stride=3)
     kept = len(found.columns["F1"][0, 0])
     assert kept == -(-smooth().samples // 3)
     assert found.outcomes[0, 0] == "diverged"
