@@ -51,7 +51,7 @@ class Spring(dw.PositionLaw):
 """
 
 
-@pytest.mark.parametrize("words", [QUICK, pytest.param(SEA, marks=pytest.mark.slow)], ids=["few-bounds", "usual-bounds"])
+@pytest.mark.parametrize("words", [QUICK, pytest.param(SEA, marks=pytest.mark.slow)], ids=["few", "usual"])
 def test_a_race_is_printed_written_and_added_to(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
