@@ -145,7 +145,11 @@ def whole_open_loop(
     """`linear_open_loop` with all states, even those that affect nothing: the same states for all gains."""
     if opening not in OPENED_SIGNALS:
         raise ConfigurationError(unknown("opening", opening, OPENED_SIGNALS))
-    point = loop_operating_point(experiment, x, v, nominal)
+    return loop_opened_at(loop_operating_point(experiment, x, v, nominal), opening)
+
+
+def loop_opened_at(point: LoopOperatingPoint, opening: str) -> LinearSystem:
+    """`whole_open_loop` at an operating point that is already solved, for several openings of one loop."""
     (A,), (B,), (C,), (D,) = point.opened
     signals, all_openings = OPENED_SIGNALS[opening], list(LOOP_OPENINGS)
     here = [all_openings.index(signal) for signal in signals]

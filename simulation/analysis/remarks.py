@@ -11,8 +11,9 @@ from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, loop_opened_at, without_idle_states
 from dualwinch.simulation.analysis.margins import margins
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
@@ -253,7 +254,8 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
     """
     middle = experiment.plant.track.length / 2
     try:
-        found = {opening: margins(linear_open_loop(experiment, middle, opening=opening)) for opening in LOOP_OPENINGS}
+        point = loop_operating_point(experiment, middle, 0.0)
+        found = {each: margins(without_idle_states(loop_opened_at(point, each))) for each in LOOP_OPENINGS}
     except (DualwinchError, ArithmeticError):
         return
     opening, worst = min(found.items(), key=lambda each: each[1].delay)
