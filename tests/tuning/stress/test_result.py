@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.estimators.kalman import Kalman
+from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.plots.page import encode
 from dualwinch.tuning.constraints import constraints_from
@@ -30,7 +29,7 @@ added_mass = 4e3
 @pytest.fixture(scope="module")
 def found() -> RobustnessResult:
     base = sea()
-    own = {"paper": paper_controller(), "a|b.toml": Controller(estimator=Kalman())}
+    own = {"paper": paper_controller(), "a|b.toml": replace(paper_controller(), limits=Limits(preload=3e3))}
     constraints = constraints_from(["worst.peak_tension<=1", "worst.mse<=1.05*paper"], base.experiment)
     return breakdowns(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,7 @@ def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:
-    wild = Controller(estimator=Kalman())
+    wild = replace(paper_controller(), limits=Limits(preload=3e3))
     whole = bench.run_grid
 
     def lost(scenarios: np.ndarray, **options: Any):
