@@ -12,7 +12,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, Tunable
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.tuning.space import ContinuousDimension, own_bounds, space_of
-from tests.tiers import all_but
+from tests.tiers import mostly_slow
 
 PRELOAD = "controller.coordination.preload"
 FERRY = {
@@ -77,11 +77,21 @@ def test_scaled_bounds_stay_within_the_range_of_the_gain() -> None:
     assert own_bounds(["controller.kalman.ramp"], known, experiment) == (0.0, 0.7)
 
 
-@pytest.mark.parametrize("kind", all_but(["fando-nftsm"], ["fando-nftsm", "pid-cascade", "adrc"]))
-def test_another_machine_is_tuned_at_once(kind: str) -> None:
+@pytest.mark.usefixtures("few_scenarios")
+@pytest.mark.parametrize(
+    ("kind", "estimator"),
+    mostly_slow(
+        [("fando-nftsm", "calibrating-kalman"), ("pid-cascade", "lowpass"), ("adrc", "lowpass")],
+        lambda row: row[0] == "fando-nftsm",  # with the estimator of other studies of the sea
+    ),
+)
+def test_another_machine_is_tuned_at_once(kind: str, estimator: str) -> None:
     ferry = dw.override(dw.case(4), FERRY | {"controller.kind": kind, "simulation.duration": 2.0})
-    for ensemble in (None, "sea"):
-        problem = dw.tuning_problem(experiment=ferry, ensemble=ensemble, scenarios=2 if ensemble else None)
+    in_sea = dw.override(ferry, {"controller.estimator": estimator})
+    for problem in (
+        dw.tuning_problem(experiment=ferry),
+        dw.tuning_problem(experiment=in_sea, ensemble="sea", scenarios=2),
+    ):
         problem.check()
         tuned = dw.tune(problem, trials=4, test_scenarios=2, method="tpe")
         assert tuned.trials[0].outcomes == {"completed": problem.scenarios}
