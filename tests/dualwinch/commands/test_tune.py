@@ -31,6 +31,8 @@ from tests.spring_law import SPRING
 from tests.tuning.test_tune import Stubborn
 
 SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
+FEW = (*SHORT, "--constraint", "none", "--constraint", "mean.chatter<=1*paper")
+"""Without the usual bounds on margins, whose machines take most of the time."""
 TRIALS = 80  # enough of them are complete for every figure
 
 
@@ -232,7 +234,7 @@ def test_an_interrupt_keeps_the_best_so_far(
         add(self, evaluations)
 
     monkeypatch.setattr(SearchStatus, "add", interrupted)
-    assert dualwinch("tune", *SHORT, "--trials", 1000, "--out", tmp_path) == 1
+    assert dualwinch("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 1
     assert "interrupted; this is the best so far" in capsys.readouterr().err
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
     assert load(tmp_path / "best.toml").controller.estimator.kind == "calibrating-kalman"
