@@ -143,6 +143,8 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: words of the command line; default: those of the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    # commands have threads of their own; those of linear algebra with matrices this small only wait, by spinning
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_text(words)
     try:
         wanted = [word for word in words if word != TRACEBACK]
