@@ -76,6 +76,7 @@ def test_the_papers_own_gains_stand_alone(drums: Path, capsys: pytest.CaptureFix
 
 def test_gains_tuned_in_neither_ensemble_are_said(drums: Path, gains: Path, capsys: pytest.CaptureFixture[str]) -> None:
     gains.write_text(f"# ensemble: site\n{gains.read_text()}")
+    drums.write_text(DRUMS)  # in the sea; what more there is would be compiled for this alone
     main(["stress", str(gains), "--ensemble", str(drums), "--base", "sea", *SHORT])
     assert "tuned in 'site', judged in 'sea' with 'drums'; " in capsys.readouterr().err
 
