@@ -340,7 +340,7 @@ def loop_operating_points(
     """Solve for steady motion at many points.
 
     1. Newton's method from the state of a perfect controller: no errors, tensions as commanded.
-    2. Where that does not converge: damped steps from the solution with all measurements accepted.
+    2. Where that does not converge: the same from the solution with all measurements accepted.
     3. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
        (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
     4. Where that fails too, and at mid-track: damped least-squares steps, alternating with learnt states of the
@@ -580,7 +580,7 @@ def _first_guesses(
 
 
 def _accepting_all(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
-    """Damped Newton steps from the solution with all measurements accepted.
+    """Newton's method from the solution with all measurements accepted.
 
     With other gains than those of the initial guess the estimate begins off, so that a gate would refuse measurements
     and the estimate would never move.
@@ -588,7 +588,7 @@ def _accepting_all(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOpera
     loose = _alternating(sample, start.having(sample.loop, UNGATED), ITERATIONS)
     known = loose.repeats[:, None] & sample.adapting & np.isfinite(loose.state)
     begun = replace(start, state=np.where(known, loose.state, start.state))
-    return _newton(sample, begun, ITERATIONS, damped=True)
+    return _newton(sample, begun, ITERATIONS)
 
 
 def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
