@@ -340,7 +340,7 @@ def loop_operating_points(
     """Solve for steady motion at many points.
 
     1. Newton's method from the state of a perfect controller: no errors, tensions as commanded.
-    2. Where that does not converge: the same from the solution with all measurements accepted.
+    2. Where that does not converge and measurements are gated: the same from the solution with all of them accepted.
     3. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
        (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
     4. Where that fails too, and at mid-track: damped least-squares steps, alternating with learnt states of the
@@ -369,7 +369,7 @@ def loop_operating_points(
             start[cold] = _first_guesses(structure, sample, parameters[cold], x[cold], v[cold], known)
     found = _newton(sample, start, ITERATIONS)
     again = np.flatnonzero(~found.steady)
-    if len(again):
+    if len(again) and _is_gated(sample):
         accepting = _accepting_all(sample, start[again])
         found[again[accepting.steady]] = accepting[np.flatnonzero(accepting.steady)]
     away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
@@ -579,6 +579,11 @@ def _first_guesses(
     )
 
 
+def _is_gated(sample: _OpenSample) -> bool:
+    """Whether the estimator refuses measurements that differ too much from what it expects."""
+    return not UNGATED.keys().isdisjoint(sample.loop.parameters)
+
+
 def _accepting_all(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
     """Newton's method from the solution with all measurements accepted.
 
@@ -599,7 +604,7 @@ def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOper
     """
     loose = _alternating(sample, start.having(sample.loop, UNLIMITED | UNGATED), UNLIMITED_ITERATIONS).state
     begun = replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
-    if UNGATED.keys().isdisjoint(sample.loop.parameters):
+    if not _is_gated(sample):
         return begun
     found = _alternating(sample, begun.having(sample.loop, UNGATED), LEAST_SQUARES_ITERATIONS, least_squares=True)
     return replace(found, parameters=start.parameters)
