@@ -110,8 +110,8 @@ def test_a_sea_that_is_not_described_is_found_although_innovations_are_white() -
     right = machine(plant__vehicle__mass=3300.0, disturbance__strouhal=0.21, simulation__duration=40.0)
     calm = dict.fromkeys(("disturbance.current_sigma", "disturbance.normal_force_sigma"), 0.0)
     nominal = override(right, {**calm, "disturbance.vortex": False, "disturbance.strouhal": 0.2})
-    found = identify([logged(right)], ["plant.vehicle.mass", "plant.vehicle.drag_coefficient"], nominal)
-    assert (np.abs(found.values - [3300.0, 0.3]) < 3 * found.deviations).all()
+    found = identify([logged(right)], KEYS, nominal)
+    assert (np.abs(found.values - [3300.0, 0.3, 8e10, 8e10]) < 3 * found.deviations).all()
     assert found.along["disturbance.strouhal"][0] == pytest.approx(0.21, abs=0.002)
 
 

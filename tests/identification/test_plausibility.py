@@ -9,6 +9,7 @@ import pytest
 from dualwinch.identification.diagnostics import check_log, other_reasons
 from dualwinch.identification.identify import identify
 from dualwinch.identification.log import Log
+from dualwinch.identification.options import DEFAULTS
 from dualwinch.identification.resample import sections_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.settings import override
@@ -109,10 +110,14 @@ WORDS = (
     ],
 )
 def test_a_log_of_another_machine_is_refused_with_what_is_left(truth: dict[str, float], duration: float) -> None:
-    """Which of its three signs shows first, a model that is far off decides, and not what is off."""
+    """Which of its three signs shows first, a model that is far off decides, and not what is off.
+
+    Few steps and delays: searches for a machine that does not exist go on to their largest number.
+    """
     nominal = machine(simulation__duration=duration)
+    few = replace(DEFAULTS, search=replace(DEFAULTS.search, steps=3, most_delay_samples=2))
     with pytest.raises(ConfigurationError, match=WORDS):
-        identify([logged(override(nominal, truth))], ["plant.vehicle.mass"], nominal)
+        identify([logged(override(nominal, truth))], ["plant.vehicle.mass"], nominal, options=few)
 
 
 @pytest.mark.slow
