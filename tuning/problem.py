@@ -169,9 +169,14 @@ class TuningProblem:
         return not swings(self.experiment.plant)
 
     @property
+    def bounds_loop_margins(self) -> bool:
+        """Whether any margin but that of the drums' resonance, which needs no linearised loop, is bounded."""
+        return any(statistic.margin != RESONANCE for statistic in self.margins)
+
+    @property
     def margin_conditions(self) -> str:
         """At which speeds and amplitudes margins are computed, in words; empty if none depends on them."""
-        if all(statistic.margin == RESONANCE for statistic in self.margins):
+        if not self.bounds_loop_margins:
             return ""
         sizes = [f"{100 * amplitude:.3g}" for amplitude in self.margin_amplitudes]
         listed = " and ".join(filter(None, (", ".join(sizes[:-1]), sizes[-1])))

@@ -14,7 +14,6 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.analysis.authority import infeasible_words
 from dualwinch.simulation.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
-from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import assumptions, swings
@@ -127,18 +126,13 @@ class TuningResult:
 
     @cached_property
     def _late(self) -> tuple[str, ...]:
-        return () if self._margins_bounded else tuple(delay_remarks(self.best, LATE))
+        return () if self.problem.bounds_loop_margins else tuple(delay_remarks(self.best, LATE))
 
     @property
     def _amplitudes(self) -> tuple[float, ...]:
         """Amplitudes in m/s at which no margin is bounded, and the loop is checked."""
-        bounded = self.problem.margin_amplitudes if self._margins_bounded else ()
+        bounded = self.problem.margin_amplitudes if self.problem.bounds_loop_margins else ()
         return tuple(sorted({*self.problem.selection.margin_amplitudes} - {*bounded}))
-
-    @property
-    def _margins_bounded(self) -> bool:
-        """Whether any margin but that of the drums' resonance is bounded."""
-        return any(statistic.margin != RESONANCE for statistic in self.problem.margins)
 
     @cached_property
     def idle(self) -> frozenset[str]:

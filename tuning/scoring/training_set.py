@@ -203,11 +203,20 @@ def survey(
     drawn = [scenario for scenario in scenarios if isinstance(scenario, Scenario)]
     drawn.sort(key=lambda scenario: not scenario.vertex)
     taken = drawn[: problem.selection.margin_machines_validated]
-    keys, threads = () if experiment else problem.space.keys, threads_of(workers)
-    machines = [experiment or problem.experiment, *taken]
-    return MarginSurvey(
-        machines, keys, threads, amplitudes=problem.margin_amplitudes, at_speed=problem.margins_at_speed
-    )
+    keys, machines = () if experiment else problem.space.keys, [experiment or problem.experiment, *taken]
+    return _survey_of(machines, keys, problem, workers)
+
+
+def _survey_of(
+    machines: Sequence[Experiment | Scenario],
+    keys: Sequence[str],
+    problem: TuningProblem,
+    workers: Workers,
+    amplitudes: Sequence[float] | None = None,
+) -> MarginSurvey:
+    """Survey of machines at a problem's points; at its amplitudes, unless others are given."""
+    sizes = problem.margin_amplitudes if amplitudes is None else amplitudes
+    return MarginSurvey(machines, keys, threads_of(workers), amplitudes=sizes, at_speed=problem.margins_at_speed)
 
 
 def hardest_machines(
@@ -222,9 +231,8 @@ def hardest_machines(
     drawn = [index for index, scenario in enumerate(scenarios) if isinstance(scenario, Scenario)]
     if not (problem.margins and drawn):
         return []
-    machines, amplitudes = [problem.experiment, *(scenarios[index] for index in drawn)], problem.margin_amplitudes[-1:]
-    at_speed = problem.margins_at_speed
-    surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=amplitudes, at_speed=at_speed)
+    machines = [problem.experiment, *(scenarios[index] for index in drawn)]
+    surveyed = _survey_of(machines, problem.space.keys, problem, workers, problem.margin_amplitudes[-1:])
     kinds, start = [statistic.margin for statistic in problem.margins], [problem.space.parameters(problem.start)]
     (nominal,) = surveyed.of_loops(start, kinds, np.flatnonzero(surveyed.loops[:, 0] == 0))
     hardest = {min(range(len(nominal)), key=lambda point: nominal[point][kind].value) for kind in nominal[0]} or {0}
@@ -319,9 +327,7 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
             with_paper = _drawn(problem, [*choices, *more], problem.paper_experiment)
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
             chosen = machines if problem.ensemble else machines[:1]
-            amplitudes, at_speed = problem.margin_amplitudes, problem.margins_at_speed
-            of_paper = MarginSurvey(chosen, threads=threads_of(workers), amplitudes=amplitudes, at_speed=at_speed)
-            worst = of_paper.worst([[]])[0]
+            worst = _survey_of(chosen, (), problem, workers).worst([[]])[0]
             reached = constraint.statistic.of(worst)
         bounds.append(constraint.given(reached))
     return TrainingSet(
