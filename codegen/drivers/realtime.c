@@ -257,7 +257,6 @@ EXPORT void serve(Served *s) {
 #if defined(__linux__)
   prctl(PR_SET_TIMERSLACK, 1000ul); /* ns, of this thread; by default it wakes up to 50 us late */
 #endif
-  let_go(&link); /* the client of an earlier run */
   await_start(&link);
   int64_t before = 0;
   const int64_t began = now_ns();
@@ -268,4 +267,5 @@ EXPORT void serve(Served *s) {
   }
   s->running = 0;
   send_measurement(s, HAS_ENDED);
+  let_go(&link); /* so that any client can begin the next run */
 }

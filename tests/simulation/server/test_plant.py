@@ -209,11 +209,11 @@ def test_a_run_that_is_stopped_is_kept_and_another_begins_from_rest() -> None:
         result = finished(first)
         assert (result.outcome, len(result["t"])) == ("running", 50)
         again = Client(plant.port)
-        again.begin()
-        assert plant.written["force"] == 0
-        again.run(300)
-        assert finished(second).outcome == "completed"
-        again.socket.close()
+        with again.socket:
+            again.begin()
+            assert plant.written["force"] == 0
+            again.run(300)
+            assert finished(second).outcome == "completed"
 
 
 @pytest.mark.parametrize(
