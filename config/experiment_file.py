@@ -22,6 +22,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.settings import (
+    check_reference_keys,
     describe_choices,
     from_folder,
     known_keys,
@@ -93,7 +94,9 @@ def from_table(
             with source.located(key):
                 raise ConfigurationError(unknown("table", key, sorted(known)))
     values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
-    with_settings(base, values, source.located)  # first alone, so that errors name the file's line
+    alone, _ = with_settings(base, values, source.located)  # first alone, so that errors name the file's line
+    if "reference.kind" not in settings:
+        check_reference_keys(alone, values, source.located)
     experiment, _ = with_settings(base, without_digests(values) | settings)
     return override(experiment, settings)
 

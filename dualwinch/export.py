@@ -31,7 +31,7 @@ from dualwinch.codegen.fmu import (
 from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.folders import check_place, make_folder
-from dualwinch.model.arguments import path_of
+from dualwinch.model.arguments import instance, path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName
@@ -168,6 +168,7 @@ def generate_c(
         CodegenError: CasADi generates no C for the function.
         ConfigurationError: an unknown block, or a folder that cannot be written to.
     """
+    instance("source", source, Experiment, ca.Function)
     if isinstance(source, ca.Function):
         files = generated_c({source.name(): source}, source.name(), header=header, main=main, mex=mex)
     else:

@@ -222,6 +222,8 @@ def problem_of(
             raise ConfigurationError(f"--prior {key}: must be one key, without *")
     if known:
         given = ensemble_priors(known, experiment, without=(*wanted, *given)) | given
+    if not wanted and not given:
+        raise ConfigurationError("keys: must name at least one parameter, such as plant.vehicle.mass")
     return experiment, (*wanted, *(key for key in given if key not in wanted)), given
 
 

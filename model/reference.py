@@ -133,6 +133,13 @@ class Reference:
         return recorded_motion(self.recording, units, quantities)
 
 
+KEYS_OF_KIND: dict[str, tuple[str, ...]] = {
+    "profile": ("accelerate_until", "cruise_until", "brake_until"),
+    "way-points": ("points", "pauses"),
+    "file": ("file", "column", "unit", "speed_column", "acceleration_column", "time_column", "time_unit", "digest"),
+}
+"""Kind → keys without effect on a motion of another kind."""
+
 PAPER_SPEED = {"uniform": 1.5, "profile": 1.8, "way-points": 1.8, "file": 1.8}
 PAPER_DURATION = {"uniform": 25.0, "profile": 50.0}
 

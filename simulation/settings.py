@@ -15,6 +15,7 @@ from dualwinch.model.quantities.description import describe, describe_parts, own
 from dualwinch.model.quantities.part import Part, registries
 from dualwinch.model.quantities.quantity import Leaf, Mark, unknown
 from dualwinch.model.quantities.tree import leaves, validated, with_leaves
+from dualwinch.model.reference import KEYS_OF_KIND, Reference
 from dualwinch.simulation.experiment import Experiment
 
 RENAMED = {"controller.calibration.spread": "controller.calibration.deviation", "disturbance.seed": "simulation.seed"}
@@ -56,7 +57,27 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
             among = ", ".join(f'"{kind}"' for kind in here)
             raise ConfigurationError(f"{key}: belongs to {whose}, which is not among {choice} = [{among}]")
         raise ConfigurationError(f'{key}: belongs to {choice} = {whose}, here it is "{here}"')
+    check_reference_keys(experiment, values)
     return experiment
+
+
+def check_reference_keys(
+    experiment: Experiment,
+    values: Mapping[str, Any],
+    located: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
+) -> None:
+    """Check that values of the reference motion have an effect; defaults of another kind of motion are accepted.
+
+    Raises:
+        ConfigurationError: a key of another kind of motion.
+    """
+    here, default = experiment.reference, Reference()
+    for key in values:
+        table, _, name = current(key).rpartition(".")
+        kind = next((kind for kind, names in KEYS_OF_KIND.items() if name in names), here.kind)
+        if table == "reference" and kind != here.kind and getattr(here, name) != getattr(default, name):
+            with located(key):
+                raise ConfigurationError(f'{key}: belongs to reference.kind = "{kind}", here it is "{here.kind}"')
 
 
 def with_settings(
@@ -77,6 +98,8 @@ def with_settings(
     instance("experiment", experiment, Experiment)
     if not isinstance(values, Mapping):
         raise ConfigurationError(f"values: must be a dictionary of keys and values, not {type(values).__name__}")
+    for key in values:
+        instance("values", key, str, hint=" as key")
     given = {current(key): key for key in values}
     values = {current(key): value for key, value in values.items()}
     checked: dict[str, Any] = {}

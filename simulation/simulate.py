@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import EngineName, Experiment
@@ -45,6 +46,7 @@ def simulate(
         ConfigurationError: the experiment's values are inconsistent, or its rows do not fit into memory.
         DualwinchError: no compiler or no usable cache folder.
     """
+    whole_number("stride", stride)
     prepared = prepare(experiment, nominal)
     loop = prepared.loop
     check_memory(experiment.samples, stride, len(loop.columns))

@@ -109,8 +109,8 @@ class TuningResult:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Deficiencies of the best's loop on the nominal machine: instabilities, and too small a delay margin."""
-        return *self.instabilities, *self._late
+        """Deficiencies of the best's loop on the nominal machine, and constraints that bound nothing."""
+        return *self.instabilities, *self._late, *self._unbounded
 
     @cached_property
     def instabilities(self) -> tuple[str, ...]:
@@ -127,6 +127,12 @@ class TuningResult:
     @cached_property
     def _late(self) -> tuple[str, ...]:
         return () if self.problem.bounds_loop_margins else tuple(delay_remarks(self.best, LATE))
+
+    @property
+    def _unbounded(self) -> tuple[str, ...]:
+        pairs = zip(self.problem.constraints, self.training.constraints, strict=True)
+        texts = [asked.text for asked, given in pairs if asked.of_paper and given.unbounded]
+        return (f"no run with the paper's gains completes; without effect: {', '.join(texts)}",) if texts else ()
 
     @property
     def _amplitudes(self) -> tuple[float, ...]:

@@ -108,8 +108,10 @@ def tune(
     judged = clock.now()
     store.set_budget(SearchBudget(store.count(), judged))  # ends the other workers' searches too
     finished = store.finished()
-    if not finished:
+    if not finished and interrupted:
         raise KeyboardInterrupt
+    if not finished:
+        raise ConfigurationError(f"seconds = {seconds:g}: too short, the first trials were not finished in time")
     tried = evaluator.rollouts
     sizes = config.sizes if test_scenarios is None else replace(config.sizes, test=test_scenarios)
     verdict = select(evaluator, finished, sizes, watch)

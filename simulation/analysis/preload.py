@@ -29,7 +29,7 @@ from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, rigid_plant
 from dualwinch.model.quantities.tree import numbers
-from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths, tangent_rope
+from dualwinch.model.ropes import Rope, compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import absolute
 from dualwinch.simulation.analysis.authority import (
     central_differences,
@@ -179,10 +179,11 @@ def _check(experiment: Experiment, minimise: str, error: float, torque_rate: flo
 
 
 def _with_tangent_ropes(experiment: Experiment) -> Plant:
-    """The plant with ropes linearised at half the preload, mid-track."""
+    """The plant with massless straight ropes, linearised at half the preload, mid-track."""
     plant, tension = experiment.plant, experiment.controller.limits.preload / 2
     length = plant.track.length / 2 + plant.track.rope_offset
     rope_1, rope_2 = (tangent_rope(rope, tension, length) for rope in (plant.rope_1, plant.rope_2))
+    rope_1, rope_2 = (Rope(rope.area, rope.modulus, rope.damping) for rope in (rope_1, rope_2))
     return replace(rigid_plant(plant), rope_1=rope_1, rope_2=rope_2)
 
 

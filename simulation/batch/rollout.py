@@ -15,6 +15,7 @@ from dualwinch.codegen.drivers.batch import LANES, compile_batch
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import Signals
 from dualwinch.codegen.drivers.unit import kept_rows
+from dualwinch.model.arguments import texts, whole_number
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import with_leaves
@@ -212,7 +213,17 @@ def rollout(
     """
     if max_slack is not None and not 0 <= max_slack <= 1:
         raise ConfigurationError(f"max_slack = {max_slack:g}: must be a share, 0 to 1")
-
+    whole_number("stride", stride)
+    if isinstance(scenarios, Experiment | Scenario):
+        raise ConfigurationError(f"scenarios: must be a list, not one {type(scenarios).__name__}")
+    names = texts("names", names)
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"names: '{name}' is given {names.count(name)} times")
+    try:
+        parameters = np.asarray(parameters, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"parameters: must be an array of numbers ({error})") from error
     return _batch(names, parameters, scenarios, stride, max_slack, workers, progress, alike=True)
 
 

@@ -38,6 +38,7 @@ from weakref import WeakKeyDictionary
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
+from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
 from dualwinch.simulation.progress import Progress, no_progress
@@ -56,7 +57,9 @@ Workers: TypeAlias = int | Executor | None
 
 def threads_of(workers: Workers) -> int | None:
     """Number of threads for work that always runs on this machine; None, one per core, if `workers` is an executor."""
-    return workers if isinstance(workers, int) else None
+    if workers is None or isinstance(workers, Executor):
+        return None
+    return whole_number("workers", workers, 1)
 
 
 def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, progress: Progress = no_progress) -> bool:

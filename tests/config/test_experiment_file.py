@@ -183,3 +183,13 @@ def test_a_base_gives_what_a_file_does_not_have(tmp_path: Path) -> None:
     file.write_text("[controller.adrc]\ncontrol_bandwidth = 7\n")
     base = override(case(4, "adrc"), {"controller.adrc.observer_bandwidth": 33, "plant.vehicle.mass": 9e3})
     assert load(file, base) == override(base, {"controller.adrc.control_bandwidth": 7})
+
+
+def test_a_files_motion_counts_where_its_kind_is_given_there_or_by_settings(tmp_path: Path) -> None:
+    path = tmp_path / "motion.toml"
+    path.write_text("[reference]\npoints = [10.0, 20.0]\n")
+    with pytest.raises(ConfigurationError, match=r"motion\.toml:2: reference\.points: belongs to reference\.kind = "):
+        load(path)
+    assert load(path, settings={"reference.kind": "way-points"}).reference.points == (10.0, 20.0)
+    path.write_text('[reference]\nkind = "way-points"\npoints = [10.0, 20.0]\n')
+    assert load(path, settings={"reference.kind": "uniform"}).reference.kind == "uniform"

@@ -20,6 +20,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe, owners
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.reference import KEYS_OF_KIND
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
@@ -141,6 +142,34 @@ def test_a_gain_of_a_part_that_is_not_chosen_is_refused(values: dict[str, Any], 
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize(
+    ("number", "values", "key", "kind", "here"),
+    [
+        (4, {"reference.points": [10.0, 20.0]}, "points", "way-points", "profile"),
+        (4, {"reference.file": "motion.csv"}, "file", "file", "profile"),
+        (1, {"reference.accelerate_until": 3.0}, "accelerate_until", "profile", "uniform"),
+        (4, {"reference.kind": "way-points", "reference.column": "x"}, "column", "file", "way-points"),
+    ],
+)
+def test_a_value_of_another_kind_of_motion_is_refused(
+    number: int, values: dict[str, Any], key: str, kind: str, here: str
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        override(case(number), values)
+    assert str(caught.value) == f'reference.{key}: belongs to reference.kind = "{kind}", here it is "{here}"'
+
+
+def test_defaults_of_other_kinds_of_motion_are_accepted() -> None:
+    given = leaves(case(4)).items()
+    values = {key: value for key, value in given if key.startswith("reference.") and value is not None}
+    assert override(case(4), values).reference == case(4).reference
+
+
+def test_a_key_that_is_no_text_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="values: must be a text as key, not int"):
+        override(case(4), {1: 1})  # pyright: ignore[reportArgumentType]
+
+
 def test_what_is_wrong_with_such_a_gain_is_said_first() -> None:
     with pytest.raises(ConfigurationError, match=r"^controller\.adrc\.control_bandwidth = -7: must be a finite number"):
         override(case(4), {"controller.adrc.control_bandwidth": -7})
@@ -166,6 +195,8 @@ def test_all_keys_are_settable_where_they_count() -> None:
         if len(leaf.choices) == 1 and Mark.PARTS not in leaf.marks:
             continue
         choice, kinds = owners(Experiment, key)
+        own = [kind for kind, names in KEYS_OF_KIND.items() if key in {f"reference.{name}" for name in names}]
+        choice, kinds = ("reference.kind", own) if own else (choice, kinds)
         base = override(Experiment(), {choice: kinds[0]} if kinds else {})
         before = leaves(base)
         kinds_of_parts = [leaf.choices] if Mark.PARTS in leaf.marks else leaf.choices

@@ -156,6 +156,11 @@ def test_a_log_of_another_machine_is_refused() -> None:
         identify([Log(right.t, other)], ["plant.vehicle.mass"], machine())
 
 
+def test_something_must_be_fitted() -> None:
+    with pytest.raises(ConfigurationError, match="keys: must name at least one parameter"):
+        identify([logged(machine(simulation__duration=1.0))], [], machine())
+
+
 @pytest.mark.parametrize(
     ("keys", "words"),
     [

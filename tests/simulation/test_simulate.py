@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,3 +42,9 @@ def test_rows_that_do_not_fit_into_memory_are_refused() -> None:
     resting = replace(case(2), simulation=replace(case(2).simulation, duration=1e6))
     with pytest.raises(ConfigurationError, match=r"stride = 1: must be >= \d+"):
         simulate(resting)
+
+
+@pytest.mark.parametrize("stride", [-1, 1.5, "2"])
+def test_a_wrong_stride_is_named(stride: Any) -> None:
+    with pytest.raises(ConfigurationError, match=r"stride = .*: must be a whole number >= 0"):
+        simulate(SHORT, stride=stride)

@@ -1,8 +1,11 @@
 """Tuning in one call: its phases, its time, what it says, and the figures of a study."""
 
+import json
+import math
 import re
 from dataclasses import replace
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +22,7 @@ from dualwinch.tuning.plots import (
     importances,
     parallel_coordinates,
 )
+from dualwinch.tuning.record import write_study
 from dualwinch.tuning.result import (
     TuningCost,
     TuningResult,
@@ -122,6 +126,29 @@ def test_without_a_budget_there_are_as_many_trials_as_of_the_command(
     assert len(tune(few, test_scenarios=2).trials) == 20
     with pytest.raises(ConfigurationError, match="seconds = 0: must be > 0"):
         tune(make_problem(), seconds=0)
+
+
+def test_a_time_too_short_for_any_trial_is_said(make_problem: MakeProblem) -> None:
+    """It is no interrupt, which a script would not expect."""
+    with pytest.raises(ConfigurationError, match="seconds = 1e-06: too short, the first trials were not finished"):
+        tune(make_problem(), seconds=1e-6)
+
+
+@pytest.mark.usefixtures("few_scenarios")
+def test_bounds_by_gains_that_complete_no_run_are_said_to_have_no_effect(
+    make_problem: MakeProblem, tmp_path: Path
+) -> None:
+    tuned = tune(make_problem(), trials=2, test_scenarios=2)
+    (given,) = tuned.training.constraints
+    assert not any("without effect" in words for words in tuned.remarks)
+    asked = tuned.problem.constraints[0]
+    lost = replace(tuned, training=replace(tuned.training, constraints=(asked.given(math.nan),)))
+    words = "no run with the paper's gains completes; without effect: mean.chatter<=1*paper"
+    assert words in lost.remarks
+    write_study(tmp_path / "study.json", lost, {}, "")
+    study = json.loads((tmp_path / "study.json").read_text())
+    assert study["constraints"][0]["bound"] is None
+    assert given.bound > 0
 
 
 def test_a_search_without_a_budget_is_not_called_short(make_problem: MakeProblem) -> None:

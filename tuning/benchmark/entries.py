@@ -9,6 +9,7 @@ from typing import Any
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.laws.nftsm import Nftsm
 from dualwinch.model.arguments import whole_number
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Registry
 from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.tuning.problem import TuningProblem
@@ -70,12 +71,14 @@ class BenchmarkEntry:
 
 
 def kinds(asked: Sequence[str] | str | None, registry: Registry[Any], usual: Sequence[str]) -> list[str]:
-    """The requested kinds without repetition: one, several or `ALL`; the usual ones if none is requested.
+    """The requested kinds without repetition: one, several or `ALL`; by default the usual ones.
 
     Raises:
-        ConfigurationError: an unknown kind; the message names the nearest.
+        ConfigurationError: no kind, or an unknown one; the message names the nearest.
     """
-    texts = [asked] if isinstance(asked, str) else list(asked or usual)
+    texts = [asked] if isinstance(asked, str) else list(usual if asked is None else asked)
+    if not texts:
+        raise ConfigurationError(f"no kind is given; known: {', '.join(registry)}, or {ALL}")
     found: list[str] = []
     for text in texts:
         found += list(registry) if text == ALL else [registry.find(text).kind]

@@ -11,6 +11,7 @@ import dualwinch as dw
 from dualwinch.cli import main
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.errors import CodegenError
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.blocks import BLOCKS, block
 
 
@@ -20,6 +21,12 @@ def compiled(source: Path) -> str:
     command = [*find_compiler().command, "-O0", "-ffp-contract=off", "-shared", "-fPIC", source, "-o", library, "-lm"]
     subprocess.run(command, check=True)
     return str(library)
+
+
+def test_without_an_experiment_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="source: must be an Experiment or a Function, not NoneType"):
+        dw.generate_c(None, tmp_path / "c")  # pyright: ignore[reportArgumentType]
+    assert not (tmp_path / "c").exists()
 
 
 def test_every_function_of_an_experiment_is_found_by_external(tmp_path: Path) -> None:

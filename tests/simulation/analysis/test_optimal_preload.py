@@ -119,6 +119,12 @@ def test_no_controller_needs_less(least: Any, name: str) -> None:
         assert getattr(bound, name) < run[name]
 
 
+def test_ropes_with_mass_need_the_tensions_of_massless_ones() -> None:
+    mass = {f"plant.rope_{number}.mass_per_length": 0.8 for number in (1, 2)}
+    plain, heavy = (optimal_preload(override(case(4), values), every=500) for values in ({}, mass))
+    assert heavy.continuous_load == pytest.approx(plain.continuous_load, rel=1e-6)
+
+
 def test_an_error_that_is_allowed_is_used() -> None:
     exact, loose = (optimal_preload(case(4), "peak", error=error, every=COARSE) for error in (0.0, 0.02))
     assert abs(loose.e).max() == pytest.approx(0.02, rel=1e-6)

@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,6 +163,23 @@ def test_an_interrupt_keeps_what_is_finished() -> None:
 def test_wrong_input_is_named(names: list[str], shape: tuple[int, int], message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         rollout(names, np.ones(shape), [scenario(4)])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"names": [NAMES[0]] * 2}, "names: 'controller.nftsm.beta' is given 2 times"),
+        ({"names": "plant.vehicle.mas"}, "did you mean 'plant.vehicle.mass'"),
+        ({"parameters": [["a", "b"]]}, "parameters: must be an array of numbers"),
+        ({"scenarios": scenario(4)}, "scenarios: must be a list, not one Experiment"),
+        ({"stride": -3}, "stride = -3: must be a whole number >= 0"),
+        ({"workers": 0}, "workers = 0: must be a whole number >= 1"),
+    ],
+)
+def test_wrong_arguments_are_named(words: dict[str, Any], message: str) -> None:
+    given = {"names": NAMES, "parameters": GAINS, "scenarios": [scenario(4)]} | words
+    with pytest.raises(ConfigurationError, match=message):
+        rollout(**given)
 
 
 def test_scenarios_must_go_together() -> None:

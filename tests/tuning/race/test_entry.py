@@ -34,6 +34,8 @@ def test_kinds_are_all_or_some_or_the_usual_one_each_once() -> None:
     assert kinds(["adrc", "all"], POSITION_LAWS, []) == ["adrc", *(kind for kind in POSITION_LAWS if kind != "adrc")]
     with pytest.raises(ConfigurationError, match="unknown position law 'adcr'; did you mean 'adrc'"):
         kinds(["adcr"], POSITION_LAWS, [])
+    with pytest.raises(ConfigurationError, match=r"no kind is given; known: fando-nftsm, .*, or all"):
+        kinds([], POSITION_LAWS, ["adrc"])
 
 
 def test_names_say_what_most_do_not_have() -> None:
