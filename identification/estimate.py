@@ -51,6 +51,8 @@ class ParameterEstimate:
         noise: R and Q.
         experiment: with these values.
         deviance: minus twice the log-likelihood, up to a constant.
+        rough: the deviance after least squares, before Newton steps.
+        finished: whether Newton steps followed.
         passes: number of passes through the logs so far.
         converged: whether the last step found no likelier values.
     """
@@ -60,6 +62,8 @@ class ParameterEstimate:
     noise: NoiseCovariances
     experiment: Experiment
     deviance: float
+    rough: float
+    finished: bool
     passes: int
     converged: bool
 
@@ -137,7 +141,7 @@ class PredictionErrorMethod:
         """Minus twice the log-likelihood at given values, with process noise from a rough search."""
         experiment = self.with_values(values)
         noise = self._noise.with_process_noise(experiment, self.initial_noise(), anywhere=True, roughly=True)
-        return float(self.filters.deviances([experiment], noise)[0])
+        return float(self.filters.deviances([(experiment, noise)])[0])
 
     def run(
         self,
@@ -145,7 +149,7 @@ class PredictionErrorMethod:
         progress: Progress = no_progress,
         noise: NoiseCovariances | None = None,
         *,
-        unless: Callable[[Experiment, NoiseCovariances], bool] | None = None,
+        unless: Callable[[Experiment, NoiseCovariances, float], bool] | None = None,
     ) -> ParameterEstimate:
         """Search from a start.
 
@@ -153,7 +157,8 @@ class PredictionErrorMethod:
             start: (p,) initial values.
             progress: called repeatedly with the share of the work that is done.
             noise: known R and Q; default: estimated.
-            unless: decides from the experiment and the noise after least squares whether to skip Newton steps.
+            unless: decides from the experiment, the noise and the deviance after least squares whether to skip Newton
+                steps.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -167,8 +172,9 @@ class PredictionErrorMethod:
             raise self._diverged()
         values, noise = self._least_squares_rounds(start, noise, estimated, progress)
         coordinates = self.coordinates()
-        if unless and unless(self.with_values(values), noise):
-            return self._unfinished(values, noise, coordinates)
+        rough = float(self.likelihood.deviances([coordinates.of(values)], noise, coordinates)[0])
+        if unless and unless(self.with_values(values), noise, rough):
+            return self._unfinished(values, noise, rough)
         at, step, converged = coordinates.of(values), None, False
         for number in range(search.steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
@@ -195,16 +201,26 @@ class PredictionErrorMethod:
             noise=noise,
             experiment=self.with_values(values),
             deviance=step.deviance,
+            rough=rough,
+            finished=True,
             passes=self.passes,
             converged=converged,
         )
 
-    def _unfinished(self, values: Floats, noise: NoiseCovariances, coordinates: SearchCoordinates) -> ParameterEstimate:
+    def _unfinished(self, values: Floats, noise: NoiseCovariances, rough: float) -> ParameterEstimate:
         """The estimate by least squares, without Newton steps."""
         information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
-        (deviance,) = self.likelihood.deviances([coordinates.of(values)], noise, coordinates)
-        experiment = self.with_values(values)
-        return ParameterEstimate(values, information, noise, experiment, float(deviance), self.passes, converged=False)
+        return ParameterEstimate(
+            values=values,
+            information=information,
+            noise=noise,
+            experiment=self.with_values(values),
+            deviance=rough,
+            rough=rough,
+            finished=False,
+            passes=self.passes,
+            converged=False,
+        )
 
     def _diverged(self) -> DivergedFilterError:
         name = self.filters.sections[0].name
@@ -219,6 +235,7 @@ class PredictionErrorMethod:
         if estimated and self.options.resampling.torque_rows and not self._has_speed:
             noise = self._noise.with_torque_noise(self.with_values(values), noise)  # chatter is far from its least size
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
+        lowest = _Lowest(search.patience, (values, noise))
         for number in range(search.rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             coordinates = cautious if number < search.cautious_rounds else anywhere
@@ -242,6 +259,8 @@ class PredictionErrorMethod:
             if not all_completed(filtered):
                 break
             values, last = there, move
+            if number >= search.cautious_rounds and lowest.stays(filtered, (values, noise)):
+                return lowest.found  # moves that lead nowhere: there is no such machine
             if (
                 estimated and search.cautious_rounds <= number and moved < search.noise_distance
             ):  # not with Q at its least
@@ -273,6 +292,25 @@ class PredictionErrorMethod:
                     f"--fit {unknown.key}: nothing in these logs depends on it: other values switch it off, or its "
                     "sensor was not recorded"
                 )
+
+
+class _Lowest:
+    """The values and noise of the round with the lowest deviance.
+
+    Attributes:
+        found: these.
+    """
+
+    def __init__(self, patience: int, found: tuple[Floats, NoiseCovariances]) -> None:
+        """Set up; `patience`: number of later rounds after which it stays the lowest."""
+        self.found, self._patience, self._deviance, self._later = found, patience, np.inf, 0
+
+    def stays(self, filtered: Sequence[FilterPass], found: tuple[Floats, NoiseCovariances]) -> bool:
+        """Whether it stays the lowest after another round, with given passes."""
+        deviance, self._later = 2 * sum(each.negative_log_likelihood for each in filtered), self._later + 1
+        if deviance < self._deviance:
+            self.found, self._deviance, self._later = found, deviance, 0
+        return self._later == self._patience
 
 
 def damped(move: Floats, last: Floats) -> Floats:

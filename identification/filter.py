@@ -96,20 +96,22 @@ class LogFilters:
         outlier = self._options.search.outlier if robust else np.inf
         return self._predictor.filter(self.parameters(experiment, noise), data, covariances, outlier=outlier, **how)
 
-    def deviances(self, experiments: Sequence[Experiment], noise: NoiseCovariances) -> Floats:
-        """Minus twice the log-likelihood of all innovations, up to a constant, for each of several experiments.
+    def deviances(
+        self, candidates: Sequence[tuple[Experiment, NoiseCovariances]], samples: int | None = None
+    ) -> Floats:
+        """Minus twice the log-likelihood of all innovations, up to a constant, for each of several machines with noise.
 
-        Infinite if a filter diverges.
+        Infinite if a filter diverges; `samples` as in `run`.
         """
 
-        def deviance(experiment: Experiment, section: LogSection) -> float:
-            filtered = self._filtered(experiment, noise, section, gains=False)
+        def deviance(candidate: tuple[Experiment, NoiseCovariances], section: LogSection) -> float:
+            filtered = self._filtered(*candidate, section.upto(samples) if samples else section, gains=False)
             return 2 * filtered.negative_log_likelihood if all_completed([filtered]) else np.inf
 
-        pairs = list(product(experiments, self.sections))
-        self.passes += len(experiments)
+        pairs = list(product(candidates, self.sections))
+        self.passes += len(candidates)
         found = map_all(lambda pair: deviance(*pair), pairs, self._threads)
-        return np.array(found).reshape(len(experiments), -1).sum(axis=1)
+        return np.array(found).reshape(len(candidates), -1).sum(axis=1)
 
     def predict(
         self,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.filter import LogFilters, all_completed
@@ -106,11 +106,63 @@ def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
     return max(deviation, least / math.sqrt(12)) if counts else deviation
 
 
-def _minimum(cost: Callable[[float], float], low: float, high: float, tolerance: float, evaluations: int) -> float:
-    """Minimise a cost between two ends by Brent's method."""
-    options = {"xatol": tolerance, "maxiter": evaluations}
-    best: Any = minimize_scalar(cost, bounds=(low, high), method="bounded", options=options)
-    return float(best.x)
+def minimum_nearby(
+    cost: Callable[[float], float],
+    here: tuple[float, float],
+    step: float,
+    ends: tuple[float, float],
+    tolerance: float,
+    evaluations: int,
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
+
+    A search that begins near a minimum, as most do, ends after two or three evaluations.
+
+    Args:
+        cost: the cost.
+        here: where to start, and its cost.
+        step: the first step.
+        ends: the range.
+        tolerance: distance of a parabola's minimum from the best point so far below which it is not evaluated.
+        evaluations: largest number of them.
+
+    Returns:
+        The best point, and its cost.
+    """
+    known = dict([here])
+
+    def look(at: float) -> float:
+        at = min(max(at, ends[0]), ends[1])
+        if at not in known:
+            known[at] = cost(at)
+        return at
+
+    def best() -> float:
+        return min(known, key=lambda at: known[at])
+
+    for way in (1.0, -1.0):
+        ahead, reach = here[0], step
+        while len(known) <= evaluations and look(ahead + way * reach) == best() != ahead:
+            ahead, reach = best(), 2 * reach
+        if ahead != here[0]:
+            break
+    while len(known) <= evaluations:
+        middle = best()
+        lower, upper = ([at for at in known if (at - middle) * way > 0] for way in (-1.0, 1.0))
+        if not lower or not upper:  # at an end
+            break
+        at = _vertex(*((at, known[at]) for at in (max(lower), middle, min(upper))))
+        if abs(at - middle) < tolerance:
+            break
+        look(at)
+    return best(), known[best()]
+
+
+def _vertex(*points: tuple[float, float]) -> float:
+    """Minimum of a parabola through three points, of which the one in the middle is the lowest."""
+    (a, of_a), (b, of_b), (c, of_c) = points
+    left, right = (b - a) * (of_b - of_c), (b - c) * (of_b - of_a)
+    return b - ((b - a) * left - (b - c) * right) / (2 * (left - right)) if left != right else b
 
 
 class NoiseEstimator:
@@ -141,9 +193,11 @@ class NoiseEstimator:
         """
         samples = self._samples if roughly else None
         if anywhere:
-            noise = min(self._grid(noise), key=lambda each: self._cost(experiment, each, samples))
+            noise, here = self._likeliest(experiment, self._grid(noise), samples)
+        else:
+            here = self._cost(experiment, noise, samples)
         for names in ESTIMATED:
-            noise = self._line_search(experiment, noise, names, samples)
+            noise, here = self._line_search(experiment, noise, names, samples, here)
         return noise
 
     def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
@@ -153,8 +207,8 @@ class NoiseEstimator:
         """
         torques = ESTIMATED[1]
         grid = [self._scaled(noise, torques, factor) for factor in self._factors]
-        best = min(grid, key=lambda each: self._cost(experiment, each, self._samples))
-        return self._line_search(experiment, best, torques, self._samples)
+        best, cost = self._likeliest(experiment, grid, self._samples)
+        return self._line_search(experiment, best, torques, self._samples, cost)[0]
 
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
@@ -172,6 +226,11 @@ class NoiseEstimator:
             )
         ]
         searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
+
+        def whole(noise: NoiseCovariances) -> float:
+            return self._cost(experiment, noise, None) + self._negative_log_prior(experiment, noise)
+
+        here = None
         for name, way, factor, reach in searches:
             if factor == 1 or noise.process[name].deviation == 0:
                 continue
@@ -180,11 +239,17 @@ class NoiseEstimator:
                 process = noise.process[name].scaled(*np.exp(by * way).tolist())
                 return replace(noise, process={**noise.process, name: process})
 
-            def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
-                return self._cost(experiment, moved(by), None) + self._negative_log_prior(experiment, moved(by))
-
-            best = _minimum(cost, -reach, reach, options.described_tolerance, options.described_evaluations)
-            noise = moved(best)
+            here = whole(noise) if here is None else here
+            step, ends = math.log(options.described_step), (-reach, reach)
+            best, here = minimum_nearby(
+                lambda by, moved=moved: whole(moved(by)),
+                (0.0, here),
+                step,
+                ends,
+                options.described_tolerance,
+                options.described_evaluations,
+            )
+            noise = moved(best) if best else noise
         return noise
 
     def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
@@ -213,25 +278,39 @@ class NoiseEstimator:
         ]
 
     def _line_search(
-        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None
-    ) -> NoiseCovariances:
-        """The likeliest deviation of one group near the present one."""
-        options, here = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
+        self,
+        experiment: Experiment,
+        noise: NoiseCovariances,
+        names: Sequence[str],
+        samples: int | None,
+        here: float,
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
+        options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
         reach = np.log(options.grid)
-        best = _minimum(
+        best, cost = minimum_nearby(
             lambda factor: self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples),
-            max(here - reach, 0.0),
-            min(here + reach, np.log(options.range)),
+            (float(now), here),
+            reach / 4,
+            (max(now - reach, 0.0), min(now + reach, float(np.log(options.range)))),
             options.line_tolerance,
             options.line_evaluations,
         )
-        return self._scaled(noise, names, np.exp(best))
+        return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
         """The noise with a group's deviation as a multiple of its least one."""
         deviation = float(factor) * self._least[names[0]]
         scaled = {name: replace(noise.process[name], deviation=deviation) for name in names}
         return replace(noise, process={**noise.process, **scaled})
+
+    def _likeliest(
+        self, experiment: Experiment, noises: Sequence[NoiseCovariances], samples: int | None
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest of several, and its cost; all of them in parallel."""
+        deviances = self._filters.deviances([(experiment, noise) for noise in noises], samples)
+        best = int(np.argmin(deviances))
+        return noises[best], min(float(deviances[best]) / 2, self._options.diverged)
 
     def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
         filtered = self._filter(experiment, noise, samples)
@@ -385,7 +464,7 @@ class Likelihood:
     def deviances(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
         """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge."""
         machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
-        logs = self._filters.deviances(machines, noise) if machines else np.zeros(0)
+        logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
         return logs + np.array([_prior_deviance(point, coordinates) for point in points])
 
     def step(

@@ -126,7 +126,7 @@ class FittedModel:
     @property
     def samples(self) -> int:
         """Number of samples of the logs that are used."""
-        return sum(len(section.readings) for section in self.method.filters.sections)
+        return samples_of(self.method)
 
     @property
     def mean_deviance(self) -> float:
@@ -134,9 +134,24 @@ class FittedModel:
         return self.estimate.deviance / self.samples
 
     @property
+    def finished(self) -> bool:
+        """Whether all searches for it went on to Newton steps."""
+        return all(each.finished for each in (self.estimate, *self.others))
+
+    @property
     def white(self) -> bool:
         """Whether innovations are white (`are_white`)."""
         return are_white(self.method, self.estimate.experiment, self.estimate.noise)
+
+
+def samples_of(method: PredictionErrorMethod) -> int:
+    """Number of samples of the logs that a method uses."""
+    return sum(len(section.readings) for section in method.filters.sections)
+
+
+def is_coloured(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances, _rough: float) -> bool:
+    """Whether innovations are not white (`are_white`)."""
+    return not are_white(method, experiment, noise)
 
 
 def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances) -> bool:
@@ -212,7 +227,7 @@ class ModelChoice:
         search, plain, notes, refusal = self.options.search, None, (), None
         roughly = partial(self._fitted, coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
         try:
-            plain = roughly(unless_coloured=bool(search.nuisance_share))
+            plain = roughly(unless=is_coloured if search.nuisance_share else None)
             notes = check(plain.estimate)
         except ConfigurationError as error:
             refusal = error
@@ -241,7 +256,7 @@ class ModelChoice:
         if found is None or (found is plain and refusal):
             raise refusal or AssertionError
         if found is plain:
-            return roughly()
+            return found if found.finished else roughly()
         return found if coarse else self._with_likelier_delay(found)
 
     def _with_likelier_phase(self, model: FittedModel) -> FittedModel:
@@ -291,17 +306,29 @@ class ModelChoice:
                 vortices = np.array([each.key in (STROUHAL, AMPLITUDE) for each in unknowns])
                 starts = [np.where(vortices, values, [each.start for each in unknowns]), values]
                 words = f"fitting torques that act {late} samples late"
-                delayed = _delayed(model.experiment, late)
+                delayed, hopeless = _delayed(model.experiment, late), partial(self._hopeless, model)
                 try:
-                    likelier = replace(self._fitted(delayed, unknowns, words, (0.9, 1.0), starts=starts), others=())
+                    likelier = self._fitted(delayed, unknowns, words, (0.9, 1.0), starts=starts, unless=hopeless)
                 except DivergedFilterError:
                     break
                 if likelier.mean_deviance > model.mean_deviance - search.likelier_deviance / model.samples:
                     break
-                model, moved = likelier, True
+                model, moved = replace(likelier, others=()), True
             if moved:
                 break
         return model
+
+    def _hopeless(
+        self,
+        model: FittedModel,
+        method: PredictionErrorMethod,
+        _experiment: Experiment,
+        _noise: NoiseCovariances,
+        rough: float,
+    ) -> bool:
+        """Whether least squares leave a deviance far above that which they left with a model."""
+        above = rough / samples_of(method) - model.estimate.rough / model.samples
+        return above > self.options.search.hopeless_deviance
 
     def _lags(self, experiment: Experiment) -> Floats:
         """Significance of each delay of the torques (`torque_lags`)."""
@@ -427,7 +454,7 @@ class ModelChoice:
             torques = {name: other.estimate.noise.process[name] for name in ("torque_1", "torque_2")}
             process = {**own.estimate.noise.process, **torques}
             noise = replace(own.estimate.noise, measurement=other.estimate.noise.measurement, process=process)
-            total += float(filters.deviances([own.estimate.experiment], noise)[0])
+            total += float(filters.deviances([(own.estimate.experiment, noise)])[0])
         return total
 
     def _fitted(
@@ -437,10 +464,10 @@ class ModelChoice:
         phase: str,
         shares: tuple[float, float],
         *,
-        unless_coloured: bool = False,
+        unless: Callable[[PredictionErrorMethod, Experiment, NoiseCovariances, float], bool] | None = None,
         starts: Sequence[Floats] | None = None,
     ) -> FittedModel:
-        """The estimate with a model; with `unless_coloured` only a rough one if innovations are coloured.
+        """The estimate with a model; a search for which `unless` holds after least squares ends there.
 
         Searches begin at `starts`; default: `starts` of the method.
         """
@@ -449,15 +476,11 @@ class ModelChoice:
         self.progress(shares[0], phase)
         starts = starts or self.starts(method)
         ends, found, refusal = np.linspace(*shares, len(starts) + 1).tolist(), list[ParameterEstimate](), None
-
-        def coloured(there: Experiment, noise: NoiseCovariances) -> bool:
-            return not are_white(method, there, noise)
-
-        unless = coloured if unless_coloured else None
+        rough = partial(unless, method) if unless else None
         for number, start in enumerate(starts):
             try:
                 progress = part(self.progress, ends[number], ends[number + 1])
-                found.append(method.run(start, progress, unless=unless))
+                found.append(method.run(start, progress, unless=rough))
             except DivergedFilterError as error:
                 refusal = error
         if not found:

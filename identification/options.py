@@ -80,6 +80,7 @@ class NoiseOptions:
         float, Ge(1), Quantity("1", "prior deviation of their correlation times, as a factor; 1: known")
     ] = 2.0
     described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
+    described_step: Annotated[Factor, Quantity("1", "first step of that search, as a factor")] = 1.4
     described_tolerance: Annotated[Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
     described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
     section_time: Annotated[Positive, Quantity("s", "time at the start of each section used by a rough search")] = 10.0
@@ -157,6 +158,12 @@ class SearchOptions:
         Positive,
         Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
     ] = 20.0
+    hopeless_deviance: Annotated[
+        Positive,
+        Quantity(
+            "1", "deviance per sample above a model's, both by least squares, from which another delay is given up"
+        ),
+    ] = 1.0
     drum_friction: Annotated[
         Positive, Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope")
     ] = 0.02
@@ -167,6 +174,7 @@ class SearchOptions:
     least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
     rounds: Annotated[int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")] = 40
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and fixed noise")] = 3
+    patience: Annotated[Count, Quantity("1", "later rounds that do not lower the deviance, after which they end")] = 3
     cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
     evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")] = 5
     least_squares_tolerance: Annotated[Positive, Quantity("1", "relative change that ends least squares")] = 1e-6

@@ -1,11 +1,12 @@
 """Estimate time origin, Strouhal number and amplitude of vortices from smoothed readings, by least squares."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
@@ -74,17 +75,28 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
     else:
         pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
         net = inputs[:, 1:3] @ pulls
-    rows = slice(int(search.reach * width), -int(search.reach * width), max(1, int(search.spacing / step)))
+    half = math.ceil(search.reach * width)
+    rows = slice(None, None, max(1, int(search.spacing / step)))
+    if len(inputs) <= 2 * half:
+        return None
+    kernels = _gaussian(np.arange(-half, half + 1.0), width)
 
     def smooth(values: Floats, order: int = 0) -> Floats:
-        return gaussian_filter1d(values, width, order=order, truncate=search.reach)[rows] / step**order
+        return sliding_window_view(values, 2 * half + 1)[rows] @ kernels[order] / step**order
 
     v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
     if moving.sum() < search.least_rows:
         return None
-    a, net, t, x = smooth(x, 2), smooth(net), inputs[rows, 0], smooth(x)
+    a, net, t, x = smooth(x, 2), smooth(net), inputs[half : len(inputs) - half, 0][rows], smooth(x)
     return SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]))
+
+
+def _gaussian(distance: Floats, width: float) -> tuple[Floats, Floats, Floats]:
+    """Weights of values at distances ahead for their mean, and for its first and second derivative."""
+    weights = np.exp(-((distance / width) ** 2) / 2)
+    weights /= weights.sum()
+    return weights, weights * distance / width**2, weights * (distance**2 / width**4 - 1 / width**2)
 
 
 def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.identification.estimate import PredictionErrorMethod
 from dualwinch.identification.identify import identify
-from dualwinch.identification.likelihood import NoiseEstimator
+from dualwinch.identification.likelihood import NoiseEstimator, minimum_nearby
 from dualwinch.identification.log import log_of
 from dualwinch.identification.options import NoiseOptions
 from dualwinch.identification.predictor import GaussMarkov
@@ -70,6 +70,21 @@ def test_noise_is_found_from_far_off() -> None:
     found = estimator.with_measurement_noise(right, noise, filtered)
     assert np.sqrt(found.measurement[1]) == pytest.approx(2e-3, rel=0.05)
     np.testing.assert_allclose(np.sqrt(found.measurement[2:4]), 10, rtol=0.1)
+
+
+@pytest.mark.parametrize(("minimum", "most"), [(0.0, 3), (0.1, 3), (-0.3, 4), (1.2, 5), (-9.0, 4)])
+def test_a_search_for_a_minimum_ends_soon_where_it_is_near(minimum: float, most: int) -> None:
+    asked = []
+
+    def cost(at: float) -> float:
+        asked.append(at)
+        return np.cosh(at - minimum)
+
+    at, least = minimum_nearby(cost, (0.0, np.cosh(minimum)), 0.35, (-1.4, 1.4), 0.1, 7)
+    assert at == pytest.approx(np.clip(minimum, -1.4, 1.4), abs=0.1)
+    assert least == np.cosh(at - minimum)
+    assert len(asked) <= most
+    assert max(np.abs(asked)) <= 1.4
 
 
 def test_scatter_that_filters_bear_is_not_widened() -> None:

@@ -20,7 +20,8 @@ static void spread(double *covariance, const Slopes *slopes, const double *walk)
 /* Gains of a sample, by sequential updates with one sensor after the other.
    innovation: readings less their predictions; h (READINGS × COLUMNS): slopes of the readings by the state. Row i of
    whitening refers to the whole innovation, independent of the order of the sensors; row i of gains is the correction of
-   the state per innovation i; rows of absent readings are not written. corrected (STATES): the sum of all corrections.
+   the state per innovation i; rows of absent readings are not written. Both may be null, which saves time.
+   corrected (STATES): the sum of all corrections.
    sums (4 each): number of readings, squares of whitened innovations, logarithms of their variances, and expected squares
    of the sensor's own noise. */
 static void measurement_update(double *covariance, const double *innovation, const double *h, const double *variances,
@@ -40,20 +41,22 @@ static void measurement_update(double *covariance, const double *innovation, con
     for (int n = 0; n < count; ++n) {
       const int k = by[n];
       variance += slope[k] * along[k], left -= slope[k] * corrected[k];
-      for (int j = 0; j < i; ++j)
+      for (int j = 0; gains && j < i; ++j)
         if (!absent(innovation[j])) own[j] -= slope[k] * gains[j * STATES + k];
     }
-    const double square = left * left / variance, deviation = sqrt(variance);
+    const double square = left * left / variance;
     const double weight = square > outlier * outlier ? outlier / sqrt(square) : 1;
-    const double white = sqrt(weight) / deviation;
-    for (int j = 0; j < READINGS; ++j) whitening[i * READINGS + j] = white * own[j];
     memset(column, 0, sizeof column);
     add_row(column, weight / variance, along);
     for (int k = 0; k < STATES; ++k) add_row(covariance + k * COLUMNS, -column[k], along);
     add(corrected, left, column, STATES);
-    memcpy(gains + i * STATES, column, STATES * sizeof *gains);
-    for (int j = 0; j < i; ++j)
-      if (!absent(innovation[j])) add(gains + j * STATES, own[j], column, STATES);
+    if (gains) {
+      const double white = sqrt(weight) / sqrt(variance);
+      for (int j = 0; j < READINGS; ++j) whitening[i * READINGS + j] = white * own[j];
+      memcpy(gains + i * STATES, column, STATES * sizeof *gains);
+      for (int j = 0; j < i; ++j)
+        if (!absent(innovation[j])) add(gains + j * STATES, own[j], column, STATES);
+    }
     const double kept = variances[i] / variance; /* share of the innovation that remains after the correction */
     sums[4 * i] += 1, sums[4 * i + 1] += weight * square, sums[4 * i + 2] += log(variance);
     sums[4 * i + 3] += weight * square * kept * variances[i] + (1 - kept) * variances[i];
@@ -75,7 +78,7 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
   Derived derived;
   Slopes slopes;
   double state[STATES], next[STATES], corrected[STATES], expected[READINGS], innovation[READINGS], margin = 0;
-  double by_state[LINEAR_SENSE_SLOPES + 1], own_gains[GAINS], own_whitening[WHITENING];
+  double by_state[LINEAR_SENSE_SLOPES + 1];
   LANE_ARRAY covariance[STATES * COLUMNS], h[READINGS * COLUMNS], identity[STATES * COLUMNS];
   put_identity(identity);
   derive_to_filter(parameters, &derived);
@@ -88,8 +91,8 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
     linear_sense(state, inputs, parameters, derived.linear_sense, expected, by_state);
     sense_columns(by_state, identity, h);
     for (int i = 0; i < READINGS; ++i) innovation[i] = readings[i] - expected[i];
-    measurement_update(covariance, innovation, h, variances, outlier, gains ? gains + k * GAINS : own_gains,
-                 whitening ? whitening + k * WHITENING : own_whitening, corrected, sums);
+    measurement_update(covariance, innovation, h, variances, outlier, gains ? gains + k * GAINS : NULL,
+                       gains ? whitening + k * WHITENING : NULL, corrected, sums);
     for (int i = 0; i < STATES; ++i) state[i] += corrected[i];
     if (states) {
       memcpy(states, state, sizeof state), states += STATES;
