@@ -123,11 +123,11 @@ def minimum_nearby(
         here: where to start, and its cost.
         step: the first step.
         ends: the range.
-        tolerance: distance of a parabola's minimum from the best point so far below which it is not evaluated.
+        tolerance: distance of a parabola's minimum from the best point so far below which it is taken unseen.
         evaluations: largest number of them.
 
     Returns:
-        The best point, and its cost.
+        The minimum, and its cost.
     """
     known = dict([here])
 
@@ -151,18 +151,22 @@ def minimum_nearby(
         lower, upper = ([at for at in known if (at - middle) * way > 0] for way in (-1.0, 1.0))
         if not lower or not upper:  # at an end
             break
-        at = _vertex(*((at, known[at]) for at in (max(lower), middle, min(upper))))
+        at, least = _vertex(*((at, known[at]) for at in (max(lower), middle, min(upper))))
         if abs(at - middle) < tolerance:
-            break
+            return at, least
         look(at)
     return best(), known[best()]
 
 
-def _vertex(*points: tuple[float, float]) -> float:
-    """Minimum of a parabola through three points, of which the one in the middle is the lowest."""
+def _vertex(*points: tuple[float, float]) -> tuple[float, float]:
+    """Minimum of a parabola through three points, of which the one in the middle is the lowest; and its value."""
     (a, of_a), (b, of_b), (c, of_c) = points
-    left, right = (b - a) * (of_b - of_c), (b - c) * (of_b - of_a)
-    return b - ((b - a) * left - (b - c) * right) / (2 * (left - right)) if left != right else b
+    before, behind = (of_b - of_a) / (b - a), (of_c - of_b) / (c - b)
+    curvature = (behind - before) / (c - a)
+    if not curvature > 0:  # a plain
+        return b, of_b
+    slope = before + curvature * (b - a)
+    return b - slope / (2 * curvature), of_b - slope**2 / (4 * curvature)
 
 
 class NoiseEstimator:

@@ -81,8 +81,8 @@ def test_a_search_for_a_minimum_ends_soon_where_it_is_near(minimum: float, most:
         return np.cosh(at - minimum)
 
     at, least = minimum_nearby(cost, (0.0, np.cosh(minimum)), 0.35, (-1.4, 1.4), 0.1, 7)
-    assert at == pytest.approx(np.clip(minimum, -1.4, 1.4), abs=0.1)
-    assert least == np.cosh(at - minimum)
+    assert at == pytest.approx(np.clip(minimum, -1.4, 1.4), abs=0.02)
+    assert least == pytest.approx(np.cosh(at - minimum), rel=1e-3)
     assert len(asked) <= most
     assert max(np.abs(asked)) <= 1.4
 
