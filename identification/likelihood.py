@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize_scalar
 
 from dualwinch.codegen.drivers.prediction import FilterPass
 from dualwinch.identification.filter import LogFilters, all_completed
@@ -104,6 +104,15 @@ def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
     deviation = float(np.median(jumps)) / NORMAL_MEDIAN / math.sqrt(20)
     counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
     return max(deviation, least / math.sqrt(12)) if counts else deviation
+
+
+def _minimum_between(
+    cost: Callable[[float], float], ends: tuple[float, float], tolerance: float, evaluations: int
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by Brent's method; returns the minimum and its cost."""
+    options = {"xatol": tolerance, "maxiter": evaluations}
+    best: Any = minimize_scalar(cost, bounds=ends, method="bounded", options=options)
+    return float(best.x), float(best.fun)
 
 
 def minimum_nearby(
@@ -217,9 +226,10 @@ class NoiseEstimator:
     def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
         """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
 
-        Their priors are log-normal around the described values.
+        Their priors are log-normal around the described values. Where noise still has these, searches go over the whole
+        range, else around the values it has.
         """
-        options = self._options
+        options, anywhere = self._options, all(noise.process[name] == self._described[name] for name in DESCRIBED)
         reach = math.log(options.described_reach)
         searches = [
             search
@@ -243,16 +253,15 @@ class NoiseEstimator:
                 process = noise.process[name].scaled(*np.exp(by * way).tolist())
                 return replace(noise, process={**noise.process, name: process})
 
-            here = whole(noise) if here is None else here
-            step, ends = math.log(options.described_step), (-reach, reach)
-            best, here = minimum_nearby(
-                lambda by, moved=moved: whole(moved(by)),
-                (0.0, here),
-                step,
-                ends,
-                options.described_tolerance,
-                options.described_evaluations,
-            )
+            def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
+                return whole(moved(by))
+
+            accuracy = options.described_tolerance, options.described_evaluations
+            if anywhere:
+                best, here = _minimum_between(cost, (-reach, reach), *accuracy)
+            else:
+                step, start = math.log(options.described_step), (0.0, whole(noise) if here is None else here)
+                best, here = minimum_nearby(cost, start, step, (-reach, reach), *accuracy)
             noise = moved(best) if best else noise
         return noise
 
