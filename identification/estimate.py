@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.controllers.controller import Controller
 from dualwinch.identification.filter import LogFilters, all_completed
-from dualwinch.identification.likelihood import Likelihood, NoiseEstimator, initial_measurement_noise
+from dualwinch.identification.likelihood import Likelihood, NewtonStep, NoiseEstimator, initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
     READINGS,
@@ -80,7 +80,8 @@ class PredictionErrorMethod:
        with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
        parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
        are estimated too.
-    3. Newton steps by differences of the likelihood, with updates of Q and R, until the deviance stops falling.
+    3. Newton steps by differences of the likelihood, with updates of Q and R, until the deviance stops falling, and
+       does not lie lower beyond a jump of the likelihood either.
     """
 
     def __init__(
@@ -164,7 +165,7 @@ class PredictionErrorMethod:
             DivergedFilterError: the filter diverges: the log is of another machine.
             ConfigurationError: a parameter without a prior has no effect at all.
         """
-        estimated, search = noise is None, self._search
+        estimated = noise is None
         noise = noise or self.initial_noise()
         if estimated and not all_completed(self.likelihood.filtered(start, noise)):
             noise = self._noise.tolerable(self.with_values(start), noise)
@@ -175,26 +176,10 @@ class PredictionErrorMethod:
         rough = float(self.likelihood.deviances([coordinates.of(values)], noise, coordinates)[0])
         if unless and unless(self.with_values(values), noise, rough):
             return self._unfinished(values, noise, rough)
-        at, step, converged = coordinates.of(values), None, False
-        for number in range(search.steps):
-            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
-            experiment = self.with_values(coordinates.values(at))
-            if estimated:
-                if number < search.process_noise_steps:
-                    noise = self._noise.with_process_noise(experiment, noise)
-                    noise = self._noise.with_sea(experiment, noise)
-                filtered = self.filters.run(experiment, noise, gains=False)
-                noise = self._noise.with_measurement_noise(experiment, noise, filtered)
-            found = self.likelihood.step(at, noise, coordinates, step)
-            if found is None:
-                break
-            step, at = found, found.at
-            if step.fall < search.tolerance:
-                converged = step.expected_fall < search.large_gain
-                break
+        step, noise, converged = self._newton_steps(values, noise, estimated, progress)
         if step is None:
             raise self._diverged()
-        values = unwrapped(coordinates.values(at), self.unknowns)
+        values = unwrapped(coordinates.values(step.at), self.unknowns)
         return ParameterEstimate(
             values=values,
             information=step.information,
@@ -269,6 +254,33 @@ class PredictionErrorMethod:
                 break
             before = moved
         return values, noise
+
+    def _newton_steps(
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
+    ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
+        """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
+        search, coordinates = self._search, self.coordinates()
+        at, step, before = coordinates.of(values), None, None
+        for number in range(search.steps):
+            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
+            experiment = self.with_values(coordinates.values(at))
+            if estimated:
+                if number < search.process_noise_steps:
+                    noise = self._noise.with_process_noise(experiment, noise)
+                    noise = self._noise.with_sea(experiment, noise)
+                filtered = self.filters.run(experiment, noise, gains=False)
+                noise = self._noise.with_measurement_noise(experiment, noise, filtered)
+            found = self.likelihood.step(at, noise, coordinates, before)
+            if found is None:
+                break
+            step = before = found
+            at = step.at
+            if step.fall < search.tolerance:
+                likelier = self.likelihood.beyond_jags(step, noise, coordinates)
+                if likelier is None:
+                    return step, noise, step.expected_fall < search.large_gain
+                at, before = likelier, None
+        return step, noise, False
 
     @property
     def _has_speed(self) -> bool:

@@ -366,6 +366,7 @@ class NewtonStep:
         expected_fall: of the deviance, by the quadratic model.
         slopes: (p,) slopes of half the deviance along the directions, less those of least squares.
         curvatures: (p,) second derivatives likewise; 1 is that of least squares.
+        directions: (p, p) these directions, one a row, in coordinates.
         information: (p, p) before the step, of the logs alone, in units of the unknowns, with these curvatures.
             Curvatures above 1 count as 1: mostly such a direction is curved, as that of an angle, and straight over
             only a part of the deviation.
@@ -377,6 +378,7 @@ class NewtonStep:
     expected_fall: float
     slopes: Floats
     curvatures: Floats
+    directions: Floats
     information: Floats
 
 
@@ -541,7 +543,23 @@ class Likelihood:
         known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
         information = back.T @ _positive_part(known - prior) @ back
         at = np.clip(at + move, *coordinates.bounds)
-        return NewtonStep(at, there, here - there, expected, slopes, curvatures, information)
+        return NewtonStep(at, there, here - there, expected, slopes, curvatures, directions, information)
+
+    def beyond_jags(self, step: NewtonStep, noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats | None:
+        """Likelier (p,) coordinates some deviations away from where steps ended; ``None`` if there are none.
+
+        Where a drum without friction turns back, or a rope slackens, the likelihood jumps. Between two jumps lies an
+        optimum of its own, at which steps end. Curvatures much above that of least squares show such a direction; along
+        it, the likelihood is looked at a few deviations away.
+        """
+        jagged = step.directions[step.curvatures > self._options.jagged_curvature]
+        distances = [sign * by for by in range(1, self._options.jagged_reach + 1) for sign in (1, -1)]
+        points = [step.at + by * way for way in jagged for by in distances if coordinates.room(step.at, by * way) >= 1]
+        if not points:
+            return None
+        deviances = self.deviances(points, noise, coordinates)
+        best = int(np.argmin(deviances))
+        return points[best] if deviances[best] < step.deviance - self._options.tolerance else None
 
     def _shortened(
         self,

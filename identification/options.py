@@ -189,6 +189,11 @@ class SearchOptions:
     least_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
     least_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
     negligible: Annotated[Positive, Quantity("1", "negligible correction of slope or curvature")] = 0.1
+    jagged_curvature: Annotated[
+        Positive,
+        Quantity("1", "curvature, over that of least squares, above which the likelihood jumps along a direction"),
+    ] = 2.0
+    jagged_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
     small_gain: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
     large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
     halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
