@@ -80,8 +80,8 @@ class PredictionErrorMethod:
        with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
        parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
        are estimated too.
-    3. Newton steps by differences of the likelihood, with updates of Q and R, until the deviance stops falling, and
-       does not lie lower beyond a jump of the likelihood either.
+    3. Newton steps by differences of the likelihood, with updates of R, and of Q until these hardly change the
+       deviance, until it stops falling and does not lie lower beyond a jump of the likelihood either.
     """
 
     def __init__(
@@ -260,22 +260,25 @@ class PredictionErrorMethod:
     ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
         """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
         search, coordinates = self._search, self.coordinates()
-        at, step, before = coordinates.of(values), None, None
+        at, step, before, settled = coordinates.of(values), None, None, not (estimated and search.process_noise_steps)
         for number in range(search.steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
-            experiment = self.with_values(coordinates.values(at))
             if estimated:
-                if number < search.process_noise_steps:
+                experiment = self.with_values(coordinates.values(at))
+                if not settled:
                     noise = self._noise.with_process_noise(experiment, noise)
                     noise = self._noise.with_sea(experiment, noise)
                 filtered = self.filters.run(experiment, noise, gains=False)
+                if step and not settled and number + 1 >= search.process_noise_steps:
+                    changed = self.likelihood.deviance(filtered, at, coordinates) - step.deviance
+                    settled = abs(changed) < search.process_noise_tolerance
                 noise = self._noise.with_measurement_noise(experiment, noise, filtered)
             found = self.likelihood.step(at, noise, coordinates, before)
             if found is None:
                 break
             step = before = found
             at = step.at
-            if step.fall < search.tolerance:
+            if settled and step.fall < search.tolerance:
                 likelier = self.likelihood.beyond_jags(step, noise, coordinates)
                 if likelier is None:
                     return step, noise, step.expected_fall < search.large_gain

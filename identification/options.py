@@ -183,7 +183,12 @@ class SearchOptions:
     noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
     near: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
     steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
-    process_noise_steps: Annotated[int, Ge(0), Quantity("1", "first Newton steps, before which Q is estimated")] = 2
+    process_noise_steps: Annotated[
+        int, Ge(0), Quantity("1", "least number of first Newton steps before which Q is estimated")
+    ] = 2
+    process_noise_tolerance: Annotated[
+        Positive, Quantity("1", "change of the deviance by another Q after which it is not estimated again")
+    ] = 1.0
     tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
     difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
     least_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
