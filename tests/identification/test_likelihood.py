@@ -1,5 +1,7 @@
 """Steps by the likelihood itself: its slopes beside differences, where they lead, what they say of the logs."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,3 +102,34 @@ def test_a_fit_that_should_get_better_and_does_not_has_not_converged(
 
     monkeypatch.setattr(Likelihood, "deviances", worse)
     assert not fitting.run(start, noise=fitting.initial_noise()).converged
+
+
+def test_a_likelihood_that_jumps_is_looked_at_beyond_its_jumps(
+    fitting: PredictionErrorMethod, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Up to two deviations behind the optimum, the deviance is higher by a step than it is farther behind."""
+    likelihood, noise = fitting.likelihood, fitting.initial_noise()
+    smooth, at, step = likelihood.deviances, begin(), None
+    for _ in range(4):
+        step = likelihood.step(at, noise, COORDINATES, step)
+        assert step is not None
+        at = step.at
+    assert step is not None
+    assert likelihood.beyond_jags(step, noise, COORDINATES) is None
+    jagged = replace(step, curvatures=np.array([1.0, 7.0, 1.0]))
+    assert likelihood.beyond_jags(jagged, noise, COORDINATES) is None
+    deviations = np.linalg.inv(step.directions)
+
+    def deviances(height: float) -> Callable[..., np.ndarray]:
+        def jumping(points: list[np.ndarray], *arguments: Any) -> np.ndarray:
+            beyond = np.array([((point - at) @ deviations)[1] < -2.5 for point in points])
+            return smooth(points, *arguments) - height * beyond
+
+        return jumping
+
+    monkeypatch.setattr(likelihood, "deviances", deviances(4.0))  # less than the rise over three deviations
+    assert likelihood.beyond_jags(jagged, noise, COORDINATES) is None
+    monkeypatch.setattr(likelihood, "deviances", deviances(20.0))
+    found = likelihood.beyond_jags(jagged, noise, COORDINATES)
+    assert found is not None
+    assert (found - at) @ deviations == pytest.approx([0, -3, 0], abs=1e-6)

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.identification.estimate import PredictionErrorMethod
 from dualwinch.identification.identify import identify
-from dualwinch.identification.likelihood import NoiseEstimator, minimum_nearby
+from dualwinch.identification.likelihood import DESCRIBED, NoiseEstimator, minimum_nearby
 from dualwinch.identification.log import log_of
 from dualwinch.identification.options import NoiseOptions
 from dualwinch.identification.predictor import GaussMarkov
@@ -135,3 +135,16 @@ def test_what_disturbances_did_is_no_noise_of_nearly_perfect_sensors() -> None:
     found = identify(log_of(simulate(right)), "plant.vehicle.mass", case(4))
     assert abs(found.values[0] - right.plant.vehicle.mass) < 4 * found.deviations[0]
     assert found.noise["v"] < 1e-4
+
+
+def test_a_search_that_begins_with_a_far_larger_sea_ends_where_others_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = machine(simulation__duration=6.0)
+    _, fitting = search(right, right)
+    start = np.array([unknown.start for unknown in fitting.unknowns])
+    usual, noise = fitting.run(start), fitting.initial_noise()
+    sea = {name: replace(noise.process[name], deviation=20 * noise.process[name].deviation) for name in DESCRIBED}
+    monkeypatch.setattr(fitting, "initial_noise", lambda: replace(noise, process={**noise.process, **sea}))
+    found = fitting.run(start)
+    assert usual.converged
+    assert found.converged
+    assert found.deviance == pytest.approx(usual.deviance, abs=1.0)
