@@ -80,7 +80,7 @@ class PredictionErrorMethod:
        with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
        parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
        are estimated too.
-    3. Newton steps by differences of the likelihood, with updates of R, and of Q until these hardly change the
+    3. Newton steps by differences of the likelihood, with updates of R, and of Q until these hardly lower the
        deviance, until it stops falling and does not lie lower beyond a jump of the likelihood either.
     """
 
@@ -269,13 +269,13 @@ class PredictionErrorMethod:
                     noise = self._noise.with_process_noise(experiment, noise)
                     noise = self._noise.with_sea(experiment, noise)
                 filtered = self.filters.run(experiment, noise, gains=False)
-                if step and not settled and number + 1 >= search.process_noise_steps:
-                    changed = self.likelihood.deviance(filtered, at, coordinates) - step.deviance
-                    settled = abs(changed) < search.process_noise_tolerance
                 noise = self._noise.with_measurement_noise(experiment, noise, filtered)
             found = self.likelihood.step(at, noise, coordinates, before)
             if found is None:
                 break
+            if step and number + 1 >= search.process_noise_steps:
+                by_noise = step.deviance - (found.deviance + found.fall)
+                settled = settled or by_noise < search.process_noise_tolerance
             step = before = found
             at = step.at
             if settled and step.fall < search.tolerance:

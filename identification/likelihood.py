@@ -482,10 +482,6 @@ class Likelihood:
         logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
         return logs + np.array([_prior_deviance(point, coordinates) for point in points])
 
-    def deviance(self, filtered: Sequence[FilterPass], at: Floats, coordinates: SearchCoordinates) -> float:
-        """The same of passes that were made at a point."""
-        return 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
-
     def step(
         self,
         at: Floats,
@@ -529,7 +525,7 @@ class Likelihood:
         directions[block] = np.linalg.inv(root)
         least, most = self._options.least_difference, self._options.difference
         reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
-        here = self.deviance(filtered, at, coordinates)
+        here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
         slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
         # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone

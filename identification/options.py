@@ -187,7 +187,7 @@ class SearchOptions:
         int, Ge(0), Quantity("1", "least number of first Newton steps before which Q is estimated")
     ] = 2
     process_noise_tolerance: Annotated[
-        Positive, Quantity("1", "change of the deviance by another Q after which it is not estimated again")
+        Positive, Quantity("1", "fall of the deviance by another Q and R after which Q is not estimated again")
     ] = 1.0
     tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
     difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
