@@ -33,6 +33,9 @@ Floats = NDArray[np.float64]
 NORMAL_MEDIAN = 0.6745
 """Median of a standard normal variable's magnitude."""
 
+NEGLIGIBLE_FALL = 0.05
+"""Expected fall of half the deviance for which noise is not searched further."""
+
 LOAD_CELLS = ("F1", "F2")
 """Sensors that are quiet only while torques are."""
 
@@ -132,7 +135,7 @@ def minimum_nearby(
         here: where to start, and its cost.
         step: the first step.
         ends: the range.
-        tolerance: distance of a parabola's minimum from the best point so far below which it is taken unseen.
+        tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
         evaluations: largest number of them.
 
     Returns:
@@ -155,15 +158,16 @@ def minimum_nearby(
             ahead, reach = best(), 2 * reach
         if ahead != here[0]:
             break
-    while len(known) <= evaluations:
+    distance = math.inf
+    while len(known) <= evaluations and distance >= tolerance:
         middle = best()
         lower, upper = ([at for at in known if (at - middle) * way > 0] for way in (-1.0, 1.0))
         if not lower or not upper:  # at an end
             break
         at, least = _vertex(*((at, known[at]) for at in (max(lower), middle, min(upper))))
-        if abs(at - middle) < tolerance:
-            return at, least
-        look(at)
+        if known[middle] - least < NEGLIGIBLE_FALL:
+            break
+        distance = abs(look(at) - middle)
     return best(), known[best()]
 
 

@@ -72,19 +72,31 @@ def test_noise_is_found_from_far_off() -> None:
     np.testing.assert_allclose(np.sqrt(found.measurement[2:4]), 10, rtol=0.1)
 
 
-@pytest.mark.parametrize(("minimum", "most"), [(0.0, 3), (0.1, 3), (-0.3, 4), (1.2, 5), (-9.0, 4)])
+@pytest.mark.parametrize(("minimum", "most"), [(0.0, 3), (0.1, 4), (-0.3, 5), (1.2, 6), (-9.0, 4)])
 def test_a_search_for_a_minimum_ends_soon_where_it_is_near(minimum: float, most: int) -> None:
     asked = []
 
     def cost(at: float) -> float:
         asked.append(at)
-        return np.cosh(at - minimum)
+        return 500 * np.cosh(at - minimum)
 
-    at, least = minimum_nearby(cost, (0.0, np.cosh(minimum)), 0.35, (-1.4, 1.4), 0.1, 7)
+    at, least = minimum_nearby(cost, (0.0, 500 * np.cosh(minimum)), 0.35, (-1.4, 1.4), 0.1, 7)
     assert at == pytest.approx(np.clip(minimum, -1.4, 1.4), abs=0.02)
-    assert least == pytest.approx(np.cosh(at - minimum), rel=1e-3)
+    assert least == 500 * np.cosh(at - minimum)
     assert len(asked) <= most
     assert max(np.abs(asked)) <= 1.4
+
+
+def test_a_minimum_is_never_worse_than_the_start() -> None:
+    """Of a cost that rises steeply to one side, a parabola's minimum is none."""
+
+    def cost(at: float) -> float:
+        return 10 * at + 100 * abs(at - 0.5) if at > 0 else -200 * at + 50
+
+    _, least = minimum_nearby(cost, (0.0, 50.0), 0.85, (-3.4, 3.4), 0.3, 5)
+    assert least <= 50
+    crooked, least = minimum_nearby(lambda at: -20 * at if at < 0 else 200 * at, (0.0, 0.0), 0.85, (-3.4, 3.4), 0.3, 5)
+    assert (crooked, least) == (0.0, 0.0)
 
 
 def test_scatter_that_filters_bear_is_not_widened() -> None:
