@@ -125,6 +125,8 @@ def minimum_nearby(
     ends: tuple[float, float],
     tolerance: float,
     evaluations: int,
+    *,
+    unseen: bool = False,
 ) -> tuple[float, float]:
     """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
 
@@ -137,6 +139,8 @@ def minimum_nearby(
         ends: the range.
         tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
         evaluations: largest number of them.
+        unseen: whether that last one is taken without a look, which is quicker, but where the cost is crooked, it may
+            be no minimum.
 
     Returns:
         The minimum, and its cost.
@@ -159,21 +163,21 @@ def minimum_nearby(
         if ahead != here[0]:
             break
     distance = math.inf
-    while len(known) <= evaluations and distance >= tolerance:
+    while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
         middle = best()
-        lower, upper = ([at for at in known if (at - middle) * way > 0] for way in (-1.0, 1.0))
-        if not lower or not upper:  # at an end
-            break
-        at, least = _vertex(*((at, known[at]) for at in (max(lower), middle, min(upper))))
-        if known[middle] - least < NEGLIGIBLE_FALL:
+        at, least = _vertex(known, middle)
+        if unseen and abs(at - middle) < tolerance:
+            return at, least
+        if not unseen and known[middle] - least < NEGLIGIBLE_FALL:
             break
         distance = abs(look(at) - middle)
     return best(), known[best()]
 
 
-def _vertex(*points: tuple[float, float]) -> tuple[float, float]:
-    """Minimum of a parabola through three points, of which the one in the middle is the lowest; and its value."""
-    (a, of_a), (b, of_b), (c, of_c) = points
+def _vertex(known: dict[float, float], b: float) -> tuple[float, float]:
+    """Minimum of a parabola through the lowest of known points and its two neighbours; and its value."""
+    a, c = max(at for at in known if at < b), min(at for at in known if at > b)
+    of_a, of_b, of_c = known[a], known[b], known[c]
     before, behind = (of_b - of_a) / (b - a), (of_c - of_b) / (c - b)
     curvature = (behind - before) / (c - a)
     if not curvature > 0:  # a plain
@@ -312,6 +316,7 @@ class NoiseEstimator:
             (max(now - reach, 0.0), min(now + reach, float(np.log(options.range)))),
             options.line_tolerance,
             options.line_evaluations,
+            unseen=samples is not None,
         )
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
