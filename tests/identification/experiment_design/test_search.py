@@ -34,8 +34,9 @@ def designed() -> ExcitationDesign:
 def test_what_is_expected_is_what_fits_come_to(designed: ExcitationDesign) -> None:
     """Errors of four seeded logs, over what was expected beforehand, are of the size of 1; so are stated deviations.
 
-    By the median: of a log that seems to show a force that nobody recorded, a fit says so and is less sure. The first log
-    might as well come from a wider model, by its smoothed readings, and does not; the others are fitted as described.
+    By the median: of a log that seems to show a force that nobody recorded, a fit says so and is less sure. Of the
+    first log wider models are tried, and none is likelier; the others are fitted by the one described, which is
+    quicker.
     """
     as_described = replace(DEFAULTS, search=replace(DEFAULTS.search, nuisance_share=0.0))
     right = leaves(designed.experiment)
