@@ -1,8 +1,8 @@
 """What a race says about the paper's claims: the tables of its page, from the race's JSON.
 
 ``python -m benchmarks.race_page race`` prints the tables of ``dualwinch race --out race``; ``--write FILE`` puts each
-between its two marks, ``--figures FOLDER`` copies the figures to there. ``--estimators race-estimators`` reads another
-race, of laws with several estimators.
+between its two marks, ``--figures FOLDER`` copies the figures to there. ``--estimators race-estimators`` prints the
+table of another race, of laws with several estimators, with that race or alone.
 """
 
 import argparse
@@ -84,7 +84,7 @@ def race_table(race: Record) -> str:
             _below(entry["over_paper"]),
             *_figures(entry),
             _constraints(entry, race),
-            ", ".join(numbers[key] for key in entry.get("not_different", entry.get("alike", ()))) or "–",
+            ", ".join(numbers[key] for key in entry["not_different"]) or "–",
         ]
         for entry in race["entries"]
     ]
@@ -190,30 +190,33 @@ def _constraints(runs: Record, race: Record) -> str:
     lost = race["test_scenarios"] - runs["completed"]
     if lost:
         return f"{lost} not completed"
-    violated = runs["violated"] if "violated" in runs else runs["broken"]  # its name until 0.1.0
-    return f"violated: {violated[0]}" if violated else "satisfied"
+    return f"violated: {runs['violated'][0]}" if runs["violated"] else "satisfied"
 
 
 def _read(folder: Path) -> Record:
-    race = json.loads((folder / "race.json").read_text(encoding="utf-8"))
-    former = {"lower_bounds": "least", "search_spread": "luck", "test_scenarios": "held_out"}  # until 0.1.0
-    return {name: race.get(old) for name, old in former.items()} | race
+    return json.loads((folder / "race.json").read_text(encoding="utf-8"))
 
 
 def main() -> None:
     """Print or write the tables of a race."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of `dualwinch race`")
+    parser.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="of `dualwinch race`")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose tables are replaced")
     parser.add_argument("--figures", type=Path, metavar="FOLDER", help="where the figures are copied to")
     parser.add_argument("--estimators", type=Path, metavar="FOLDER", help="of a race of several estimators")
     arguments = parser.parse_args()
-    race = _read(arguments.folder)
-    texts = {
-        "claims": claims_table(race),
-        "race": f"{race_table(race)}\n\n{facts(race)}",
-        "least error": least(race),
-    }
+    if not (arguments.folder or arguments.estimators):
+        parser.error("needs FOLDER or --estimators FOLDER")
+    if arguments.figures and not arguments.folder:
+        parser.error("--figures needs FOLDER")
+    texts = {}
+    if arguments.folder:
+        race = _read(arguments.folder)
+        texts |= {
+            "claims": claims_table(race),
+            "race": f"{race_table(race)}\n\n{facts(race)}",
+            "least error": least(race),
+        }
     if arguments.estimators:
         other = _read(arguments.estimators)
         texts["estimators"] = f"{estimators_table(other)}\n\n{facts(other)}"

@@ -89,7 +89,7 @@ def _check_displacements(log: Log, experiment: Experiment, options: Plausibility
     2. The displacement that agrees with most others is the right one.
     """
     steps, around = np.diff(log.t), dict[str, float]()
-    inside = steps <= longest_step(log.t, DEFAULTS.resampling.longest_gap)
+    inside = steps <= longest_step(log.t, DEFAULTS.resampling.max_gap)
     for side in experiment.plant.sides:
         radius = float(side.direction * side.winch.drum_radius)
         around |= {f"theta_{side.number}": radius, f"omega_{side.number}": radius}
@@ -100,7 +100,7 @@ def _check_displacements(log: Log, experiment: Experiment, options: Plausibility
         changes = np.diff(values) if name in POSITIONS else steps * (values[1:] + values[:-1]) / 2
         way = np.cumsum(np.where(inside, changes, 0.0))
         ways[name] = way - way.mean()
-    least = options.least_way * experiment.plant.track.length
+    least = options.min_distance * experiment.plant.track.length
     moved = [name for name in ways if ways[name].std() >= least]
     if not any(name in POSITIONS for name in moved):
         return
@@ -108,11 +108,11 @@ def _check_displacements(log: Log, experiment: Experiment, options: Plausibility
     def ratio_of(one: str, other: str) -> float | None:
         """Ratio of the displacements of `one` and `other`; ``None`` if they are not correlated."""
         own, way = ways[one], ways[other]
-        alike = abs(own @ way) > options.like * np.sqrt((own @ own) * (way @ way))
+        alike = abs(own @ way) > options.min_correlation * np.sqrt((own @ own) * (way @ way))
         return float(own @ way) / float(way @ way) if alike else None
 
     def equal(ratio: float | None) -> bool:
-        return ratio is not None and 1 / options.other_scale < ratio < options.other_scale
+        return ratio is not None and 1 / options.max_scale_ratio < ratio < options.max_scale_ratio
 
     same = {name: sum(equal(ratio_of(other, name)) for other in ways if other != name) for name in moved}
     first = max(moved, key=lambda name: same[name])
@@ -130,7 +130,7 @@ def _reason(
     step, found = float(np.median(np.diff(log.t))), list[str]()
 
     def add(reading: str, by: float) -> None:
-        opposite = reading != "t" and 1 / options.other_scale < -by < options.other_scale
+        opposite = reading != "t" and 1 / options.max_scale_ratio < -by < options.max_scale_ratio
         unit = f"-{UNIT_OF[reading]}" if opposite else _unit_by(by, reading)
         _, high = plausible_ranges(experiment, options).get(reading, (0.0, np.inf))
         if unit and np.nanmax(np.abs(by * log.columns.get(reading, 0.0))) <= high:
@@ -138,9 +138,9 @@ def _reason(
 
     if (name in POSITIONS) != (first in POSITIONS):
         by = 1 / ratio if first in POSITIONS else ratio
-        if by > 1 or step > options.other_scale * experiment.simulation.sample_time:
+        if by > 1 or step > options.max_scale_ratio * experiment.simulation.sample_time:
             add("t", by)
-    if not found or step <= options.longest_step:
+    if not found or step <= options.max_step:
         add(name, 1 / ratio)
     if not sure:
         add(first, ratio)
@@ -149,7 +149,7 @@ def _reason(
 
 def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log with an implausible time step, and suggest units."""
-    step, (low, high) = float(np.median(np.diff(log.t))), (options.shortest_step, options.longest_step)
+    step, (low, high) = float(np.median(np.diff(log.t))), (options.min_step, options.max_step)
     if low <= step <= high:
         return
     usual = experiment.simulation.sample_time
@@ -170,7 +170,7 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
             continue
         read, pull = np.nanmean(log.columns[tension]), np.nanmean(log.columns[torque]) / float(held[torque])
         ratio = float(pull / read) if read else 1.0
-        if 1 / options.other_pull < ratio < options.other_pull:
+        if 1 / options.max_pull_ratio < ratio < options.max_pull_ratio:
             continue
         if swapped := _swapped(log, held, options):
             raise ConfigurationError(
@@ -195,7 +195,7 @@ def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) 
     found = list[str]()
     for what, pulls, reads in (("F1 and F2", own, ("F2", "F1")), ("tau_1 and tau_2", other, ("F1", "F2"))):
         ratios = [pull / mean[read] if mean[read] else 1.0 for pull, read in zip(pulls, reads, strict=True)]
-        if all(1 / options.other_pull < ratio < options.other_pull for ratio in ratios):
+        if all(1 / options.max_pull_ratio < ratio < options.max_pull_ratio for ratio in ratios):
             found.append(what)
     return f"have {' or '.join(found)} changed places?" if found else None
 
@@ -209,9 +209,9 @@ def _unit_by(by: float, name: str) -> str | None:
 
 def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> dict[str, tuple[float, float]]:
     """Column → lowest and highest plausible value in a log of such a machine, in SI units."""
-    plant, strongest = experiment.plant, options.beyond_limits * experiment.controller.limits.tension_max
+    plant, strongest = experiment.plant, options.max_tension_ratio * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    beyond, torques = options.beyond_track * length, holding_torques(2 * strongest, plant)
+    beyond, torques = options.max_beyond_track * length, holding_torques(2 * strongest, plant)
     whole = length + beyond
     return {
         "x": (-beyond, whole),
@@ -221,9 +221,9 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
         "theta_2": (-whole / radius_2, whole / radius_2),
         "tau_1": (-float(torques.tau_1), float(torques.tau_1)),
         "tau_2": (-float(torques.tau_2), float(torques.tau_2)),
-        "v": (-options.fastest, options.fastest),
-        "omega_1": (-options.fastest / radius_1, options.fastest / radius_1),
-        "omega_2": (-options.fastest / radius_2, options.fastest / radius_2),
+        "v": (-options.max_speed, options.max_speed),
+        "omega_1": (-options.max_speed / radius_1, options.max_speed / radius_1),
+        "omega_2": (-options.max_speed / radius_2, options.max_speed / radius_2),
     }
 
 
@@ -248,7 +248,7 @@ def check_fit(
         ConfigurationError: unrecorded torques likewise, or residuals of a sensor far larger than its own noise.
     """
     plausibility, name = options.plausibility, sections[0].name
-    most = plausibility.unrecorded if unrecorded is None else unrecorded
+    most = plausibility.max_unrecorded if unrecorded is None else unrecorded
     recorded = np.concatenate([section.torques for section in sections])
     held = holding_torques(2.0, experiment.plant)  # 1 N in each rope
     pulls = recorded[:, 0] / float(held.tau_1), recorded[:, 1] / float(held.tau_2)
@@ -267,19 +267,21 @@ def check_fit(
     unlike = f"it is of another machine, {other_reasons(sections, experiment, plausibility)}"
     for words, share in excess.items():
         if share > most:
-            accept = f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless else ""
+            accept = (
+                f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless_unrecorded else ""
+            )
             refused = UnrecordedForceError if "unrecorded force" in words else ConfigurationError
             raise refused(f"{name}: {words}: {unlike}{accept}")
     jumps = noise_by_differences(readings, options.noise)
     ratios = np.sqrt(estimate.noise.measurement) / jumps
     for index, reading in enumerate(READINGS):
-        if counts[index] and ratios[index] > plausibility.noisier:
+        if counts[index] and ratios[index] > plausibility.max_noise_ratio:
             raise ConfigurationError(
                 f"{name}: {reading}: its residual is {jumps[index] * ratios[index]:.3g} (s.d.), its own noise "
                 f"{jumps[index]:.3g}: {unlike}"
             )
     return tuple(
-        f"{words}: the model lacks something" for words, share in excess.items() if share > plausibility.unrecorded
+        f"{words}: the model lacks something" for words, share in excess.items() if share > plausibility.max_unrecorded
     )
 
 
@@ -291,7 +293,7 @@ def other_reasons(
     every = np.concatenate(changes)
     moved = every[every.any(axis=1)]
     samples = len(every) / max(len(moved), 1)
-    if samples > options.other_scale * 0.75:
+    if samples > options.max_scale_ratio * 0.75:
         step = 1e3 * samples * experiment.simulation.sample_time
         return f"or its torques change faster than they were logged, every {step:.3g} ms: log every command"
     cells = [READINGS.index(name) for name in ("F1", "F2")]
@@ -388,7 +390,7 @@ def rms_innovations(
 ) -> dict[str, Floats]:
     """Reading → (2, windows) time in s, and root mean square of the whitened innovations, in time windows."""
     every = np.concatenate(innovations)
-    count = max(1, min(options.windows, len(every) // options.window_samples))
+    count = max(1, min(options.max_windows, len(every) // options.min_window_samples))
     starts = np.array([window[0] for window in np.array_split(np.arange(len(every)), count)])
     lengths = np.diff(starts, append=len(every))
     times = step * (starts + (lengths - 1) / 2)
@@ -542,7 +544,7 @@ def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimat
     def maximised(at: Floats, fixed: int | None) -> tuple[Floats, float]:
         """Coordinates of the largest likelihood, possibly with one coordinate fixed, and the deviance there."""
         step = None
-        for _ in range(options.profile_steps):
+        for _ in range(options.max_profile_steps):
             found = method.likelihood.step(at, estimate.noise, coordinates, step, fixed)
             if found is None:
                 return at, np.inf

@@ -221,7 +221,7 @@ class PredictionErrorMethod:
             noise = self._noise.with_torque_noise(self.with_values(values), noise)  # chatter is far from its least size
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
         lowest = _Lowest(search.patience, (values, noise))
-        for number in range(search.rounds):
+        for number in range(search.max_rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             coordinates = cautious if number < search.cautious_rounds else anywhere
             found, information = self.likelihood.solve_with_gains(
@@ -250,7 +250,7 @@ class PredictionErrorMethod:
                 estimated and search.cautious_rounds <= number and moved < search.noise_distance
             ):  # not with Q at its least
                 noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
-            if moved < search.near or (before < search.noise_distance and moved > before / 2):
+            if moved < search.newton_distance or (before < search.noise_distance and moved > before / 2):
                 break
             before = moved
         return values, noise
@@ -260,8 +260,13 @@ class PredictionErrorMethod:
     ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
         """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
         search, coordinates = self._search, self.coordinates()
-        at, step, before, settled = coordinates.of(values), None, None, not (estimated and search.process_noise_steps)
-        for number in range(search.steps):
+        at, step, before, settled = (
+            coordinates.of(values),
+            None,
+            None,
+            not (estimated and search.min_process_noise_steps),
+        )
+        for number in range(search.max_steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
             if estimated:
                 experiment = self.with_values(coordinates.values(at))
@@ -273,7 +278,7 @@ class PredictionErrorMethod:
             found = self.likelihood.step(at, noise, coordinates, before)
             if found is None:
                 break
-            if step and number + 1 >= search.process_noise_steps:
+            if step and number + 1 >= search.min_process_noise_steps:
                 by_noise = step.deviance - (found.deviance + found.fall)
                 settled = settled or by_noise < search.process_noise_tolerance
             step = before = found
@@ -281,7 +286,7 @@ class PredictionErrorMethod:
             if settled and step.fall < search.tolerance:
                 likelier = self.likelihood.beyond_jags(step, noise, coordinates)
                 if likelier is None:
-                    return step, noise, step.expected_fall < search.large_gain
+                    return step, noise, step.expected_fall < search.retried_fall
                 at, before = likelier, None
         return step, noise, False
 
@@ -293,7 +298,7 @@ class PredictionErrorMethod:
 
     def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
         """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
-        for _ in range(self._search.shortenings):
+        for _ in range(self._search.max_shortenings):
             filtered = self.likelihood.filtered(there, noise)
             if all_completed(filtered):
                 break

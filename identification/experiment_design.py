@@ -96,7 +96,7 @@ def motion_limits(
 
 def motion_dimensions(duration: float, options: ExcitationOptions = DEFAULTS.excitation) -> int:
     """Number of coordinates of a motion of a given duration in s: two, plus two per move."""
-    return 2 + 2 * int(np.clip(duration // options.time_per_move, options.fewest_moves, options.most_moves))
+    return 2 + 2 * int(np.clip(duration // options.time_per_move, options.min_moves, options.max_moves))
 
 
 def motion_of(
@@ -109,7 +109,7 @@ def motion_of(
     time, and depends continuously on its coordinates.
     """
     speed, acceleration = (
-        min(float(f"{options.slowest ** (1 - share) * largest:.2g}"), largest)
+        min(float(f"{options.min_speed_share ** (1 - share) * largest:.2g}"), largest)
         for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
     )
     own = MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
@@ -118,7 +118,7 @@ def motion_of(
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
         late += time
         way = _floor(min(abs(target - position), _farthest(late, own, options)))
-        if way < options.shortest_way:
+        if way < options.min_distance:
             continue
         position = round(position + float(np.copysign(way, target - position)), 2)
         points.append(position)
@@ -144,7 +144,7 @@ def _move_time(way: float, limits: MoveLimits) -> float:
 
 def _farthest(time: float, limits: MoveLimits, options: ExcitationOptions) -> float:
     """The largest distance in m in a time in s, by bisection."""
-    low, high = 0.0, max(limits.speed * time, options.shortest_way)
+    low, high = 0.0, max(limits.speed * time, options.min_distance)
     for _ in range(options.bisections):
         middle = (low + high) / 2
         low, high = (middle, high) if _move_time(middle, limits) <= time else (low, middle)
@@ -198,8 +198,8 @@ def _violation(run: Result, limits: MotionLimits, options: ExcitationOptions) ->
     """The largest violation of a limit in a run, as a share of it (<= 0: none), and in words."""
     peak, slack = float(run.metrics.peak_tension), float(run.metrics.slack_share)
     torque = max(float(np.abs(run[name]).max()) for name in ("tau_1", "tau_2"))
-    speed, fastest = float(np.abs(run["v"]).max()), (1 + options.overshoot) * limits.speed
-    most = options.slack
+    speed, fastest = float(np.abs(run["v"]).max()), (1 + options.max_overshoot) * limits.speed
+    most = options.max_slack_share
     found = [
         (peak / limits.tension - 1, f"a rope's tension of {peak:.4g} N: must be <= {limits.tension:g} N"),
         (torque / limits.torque - 1, f"a motor's torque of {torque:.4g} N m: must be <= {limits.torque:g} N m"),
@@ -409,14 +409,16 @@ def excite(
     import cmaes
 
     began, search = perf_counter(), options.excitation
-    if not search.shortest <= one_number("duration", duration) <= search.longest:
-        raise ConfigurationError(f"duration = {duration:g}: must be {search.shortest:g} to {search.longest:g} s")
+    if not search.min_duration <= one_number("duration", duration) <= search.max_duration:
+        raise ConfigurationError(
+            f"duration = {duration:g}: must be {search.min_duration:g} to {search.max_duration:g} s"
+        )
     if criterion not in {"D", "A"}:
         raise ConfigurationError(f"criterion = {criterion}: must be D or A")
     if trials is not None:
         whole_number("trials", trials, 1)
     whole_number("seed", seed, most=LARGEST_SEED)
-    trials = trials or (search.trials if seconds is None else None)
+    trials = trials or (search.max_trials if seconds is None else None)
     instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
     limits = motion_limits(
@@ -474,7 +476,7 @@ def _cost(
 ) -> float:
     """The logarithm of a typical standard deviation over its prior, or a penalty for a violated limit."""
     if there.covariance is None:
-        return options.infeasible + there.violation
+        return options.infeasibility_penalty + there.violation
     by = np.array([each.uncertainty for each in unknowns])
     scaled = there.covariance / np.outer(by, by)
     if criterion == "A":

@@ -127,7 +127,7 @@ def identify(
     given = _logs(logs, columns, csv)
     for log in given:
         check_log(log, experiment, options.plausibility)
-    gap, least_rows = options.resampling.longest_gap, options.resampling.least_rows
+    gap, least_rows = options.resampling.max_gap, options.resampling.min_rows
     given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
     found = [part for log in given for part in log.between_gaps(gap, least_rows)]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]

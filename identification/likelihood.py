@@ -50,17 +50,17 @@ SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0
 variance added per sample, which a log determines best; and the time alone."""
 
 
-def finest_noise(options: NoiseOptions) -> Floats:
+def min_noise(options: NoiseOptions) -> Floats:
     """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
     finest = {
-        "x": options.finest_position,
-        "v": options.finest_speed,
-        "F1": options.finest_tension,
-        "F2": options.finest_tension,
-        "theta_1": options.finest_angle,
-        "theta_2": options.finest_angle,
-        "omega_1": options.finest_drum_speed,
-        "omega_2": options.finest_drum_speed,
+        "x": options.min_position_noise,
+        "v": options.min_speed_noise,
+        "F1": options.min_tension_noise,
+        "F2": options.min_tension_noise,
+        "theta_1": options.min_angle_noise,
+        "theta_2": options.min_angle_noise,
+        "omega_1": options.min_drum_speed_noise,
+        "omega_2": options.min_drum_speed_noise,
     }
     return np.array([finest[name] for name in READINGS])
 
@@ -78,7 +78,7 @@ def initial_measurement_noise(readings: Floats, sensors: Sensors, options: Noise
         "F2": sensors.tension_noise,
     }
     deviations = noise_by_differences(readings, options)
-    for index, (name, finest) in enumerate(zip(READINGS, finest_noise(options).tolist(), strict=True)):
+    for index, (name, finest) in enumerate(zip(READINGS, min_noise(options).tolist(), strict=True)):
         if described.get(name, 0.0) > 0:
             deviations[index] = max(described[name], finest)
     return deviations**2
@@ -90,7 +90,7 @@ def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
         _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
         for name, values in zip(READINGS, readings.T, strict=True)
     ]
-    return np.maximum(own, finest_noise(options))
+    return np.maximum(own, min_noise(options))
 
 
 def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
@@ -264,7 +264,7 @@ class NoiseEstimator:
             def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
                 return whole(moved(by))
 
-            accuracy = options.described_tolerance, options.described_evaluations
+            accuracy = options.described_tolerance, options.max_described_evaluations
             if anywhere:
                 best, here = _minimum_between(cost, (-reach, reach), *accuracy)
             else:
@@ -315,7 +315,7 @@ class NoiseEstimator:
             reach / 4,
             (max(now - reach, 0.0), min(now + reach, float(np.log(options.range)))),
             options.line_tolerance,
-            options.line_evaluations,
+            options.max_line_evaluations,
             unseen=samples is not None,
         )
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
@@ -332,12 +332,12 @@ class NoiseEstimator:
         """The likeliest of several, and its cost; all of them in parallel."""
         deviances = self._filters.deviances([(experiment, noise) for noise in noises], samples)
         best = int(np.argmin(deviances))
-        return noises[best], min(float(deviances[best]) / 2, self._options.diverged)
+        return noises[best], min(float(deviances[best]) / 2, self._options.diverged_likelihood)
 
     def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
         filtered = self._filter(experiment, noise, samples)
         if not all_completed(filtered):
-            return self._options.diverged
+            return self._options.diverged_likelihood
         return sum(each.negative_log_likelihood for each in filtered)
 
     def with_measurement_noise(
@@ -345,7 +345,7 @@ class NoiseEstimator:
     ) -> NoiseCovariances:
         """Estimate R by expectation maximisation, starting from passes with the given noise."""
         noise, changed = self._em_step(noise, filtered)
-        for _ in range(self._options.em_steps):
+        for _ in range(self._options.max_em_steps):
             if changed < self._options.em_tolerance:
                 break
             noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
@@ -355,9 +355,9 @@ class NoiseEstimator:
         """One step of expectation maximisation, and the largest change of a variance's logarithm."""
         counts = np.sum([each.counts for each in filtered], axis=0)
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
-        before, factor = noise.measurement, self._options.em_factor
+        before, factor = noise.measurement, self._options.max_em_factor
         variances = np.where(counts > 0, squares / np.maximum(counts, 1), before)
-        variances = np.maximum(np.clip(variances, before / factor, before * factor), finest_noise(self._options) ** 2)
+        variances = np.maximum(np.clip(variances, before / factor, before * factor), min_noise(self._options) ** 2)
         return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
 
     def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
@@ -470,13 +470,13 @@ class Likelihood:
             x_scale="jac",
             ftol=tolerance,
             xtol=10 * tolerance,
-            max_nfev=self._options.evaluations,
+            max_nfev=self._options.max_evaluations,
         ).x
         return coordinates.values(found), squares(found)[2][:-1, :-1]
 
     def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
         """(p + 1,) residuals and their Jacobian in coordinates, with the same sum of squares as all innovations."""
-        p, largest = len(jacobian), self._options.largest_sum
+        p, largest = len(jacobian), self._options.diverged_sum
         if not np.isfinite(normal).all() or normal[-1, -1] > largest:
             return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
         by = np.eye(p + 1)
@@ -532,7 +532,7 @@ class Likelihood:
             return None
         directions = np.zeros_like(known)
         directions[block] = np.linalg.inv(root)
-        least, most = self._options.least_difference, self._options.difference
+        least, most = self._options.min_difference, self._options.difference
         reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
         here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
@@ -546,7 +546,7 @@ class Likelihood:
             move, there = self._shortened(at, here, way, hoped, noise, coordinates)
             if more is slopes or there < here:
                 expected = hoped
-            if there < here or expected < self._options.large_gain:
+            if there < here or expected < self._options.retried_fall:
                 break
         back = np.linalg.inv(jacobian)
         known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
@@ -561,8 +561,8 @@ class Likelihood:
         optimum of its own, at which steps end. Curvatures much above that of least squares show such a direction; along
         it, the likelihood is looked at a few deviations away.
         """
-        jagged = step.directions[step.curvatures > self._options.jagged_curvature]
-        distances = [sign * by for by in range(1, self._options.jagged_reach + 1) for sign in (1, -1)]
+        jagged = step.directions[step.curvatures > self._options.jump_curvature]
+        distances = [sign * by for by in range(1, self._options.jump_reach + 1) for sign in (1, -1)]
         points = [step.at + by * way for way in jagged for by in distances if coordinates.room(step.at, by * way) >= 1]
         if not points:
             return None
@@ -584,9 +584,9 @@ class Likelihood:
         It is not checked if the expected fall is negligible.
         """
         options = self._options
-        if expected < options.small_gain:
+        if expected < options.unchecked_fall:
             return move, here - expected
-        for _ in range(options.insistent_halvings if expected > options.large_gain else options.halvings):
+        for _ in range(options.max_retried_halvings if expected > options.retried_fall else options.max_halvings):
             there = float(self.deviances([at + move], noise, coordinates)[0])
             if there <= here:
                 return move, there
@@ -605,9 +605,9 @@ class Likelihood:
         before: NewtonStep | None,
     ) -> tuple[Floats, Floats]:
         """Along each direction the slope in excess of that of least squares, and the curvature."""
-        negligible = self._options.negligible
+        negligible = self._options.negligible_correction
         last_slopes, last_curvatures = np.zeros(len(at)), np.ones(len(at))
-        wanted = (reach > self._options.least_difference) & directions.any(axis=1)
+        wanted = (reach > self._options.min_difference) & directions.any(axis=1)
         if before is not None:
             last_slopes, last_curvatures = before.slopes, before.curvatures
             wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
@@ -621,7 +621,7 @@ class Likelihood:
         central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
         slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
         slopes = np.where(np.isfinite(central), central - plain, slopes)
-        least = self._options.least_curvature
+        least = self._options.min_curvature
         curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
         return slopes, curvatures
 

@@ -118,20 +118,20 @@ class Log:
         """The log with times counted from its first row."""
         return replace(self, t=self.t - self.t[0])
 
-    def between_gaps(self, longest: float, least_rows: int) -> list["Log"]:
-        """The log in parts, split where torques are missing for longer than `longest` seconds, or twice the usual step.
+    def between_gaps(self, max_gap: float, min_rows: int) -> list["Log"]:
+        """The log in parts, split where torques are missing for longer than `max_gap` seconds, or twice the usual step.
 
-        Rows without torques at the ends of a part are dropped, and so are parts of fewer than `least_rows`.
+        Rows without torques at the ends of a part are dropped, and so are parts of fewer than `min_rows`.
 
         Raises:
             ConfigurationError: no part is left.
         """
-        longest = longest_step(self.t, longest)
+        max_gap = longest_step(self.t, max_gap)
         known = [np.flatnonzero(np.isfinite(self.columns[name])) for name in TORQUES]
-        gaps = [(rows[at], rows[at + 1]) for rows in known for at in np.flatnonzero(np.diff(self.t[rows]) > longest)]
+        gaps = [(rows[at], rows[at + 1]) for rows in known for at in np.flatnonzero(np.diff(self.t[rows]) > max_gap)]
         first, last = max(rows[0] for rows in known), min(rows[-1] for rows in known)
-        outside = [(0, first)] if self.t[first] - self.t[0] > longest else []
-        outside += [(last, len(self.t) - 1)] if self.t[-1] - self.t[last] > longest else []
+        outside = [(0, first)] if self.t[first] - self.t[0] > max_gap else []
+        outside += [(last, len(self.t) - 1)] if self.t[-1] - self.t[last] > max_gap else []
         if not gaps and not outside:
             return [self]
         inside = np.ones(len(self.t), bool)
@@ -140,11 +140,11 @@ class Log:
         begins = np.zeros(len(self.t), bool)
         begins[[after for _, after in gaps]] = True
         edges = np.flatnonzero(begins | (np.diff(inside.astype(int), prepend=0) != 0))
-        parts = [slice(int(a), int(b)) for a, b in pairwise([*edges, len(self.t)]) if inside[a] and b - a >= least_rows]
+        parts = [slice(int(a), int(b)) for a, b in pairwise([*edges, len(self.t)]) if inside[a] and b - a >= min_rows]
         if not parts:
             raise ConfigurationError(
-                f"{self.name}: {' and '.join(TORQUES)}: gaps of more than {longest:.3g} s leave no "
-                f"{least_rows} rows in a row"
+                f"{self.name}: {' and '.join(TORQUES)}: gaps of more than {max_gap:.3g} s leave no "
+                f"{min_rows} rows in a row"
             )
         return [
             replace(self.rows(part), name=f"{self.name}, {self.t[part][0]:.4g} to {self.t[part][-1]:.4g} s")

@@ -249,7 +249,7 @@ class ModelChoice:
                 return roughly()
         rubbing = with_drum_friction(delayed, search)
         candidates = list(dict.fromkeys((rubbing, self._with_sea(rubbing) if sea else rubbing)))
-        lead = search.likelier_deviance if white else 0.0
+        lead = search.min_deviance_fall if white else 0.0
         found = self._likeliest(candidates, [sound] if sound else [], lead) or plain
         if found and found is not plain and sea:
             found = self._with_likelier_phase(found)
@@ -267,7 +267,11 @@ class ModelChoice:
         """
         own, search = model.experiment.disturbance, self.options.search
         share = model.estimate.experiment.disturbance.vortex_amplitude / (own.vortex_amplitude or 1.0)
-        if not own.vortex or own.integrated_phase or search.weak_amplitude < share < search.other_amplitude:
+        if (
+            not own.vortex
+            or own.integrated_phase
+            or search.negligible_amplitude < share < search.contradicting_amplitude
+        ):
             return model
         other = replace(model.experiment, disturbance=replace(own, integrated_phase=True))
         return self._likeliest([other], [model], 0.0) or model
@@ -297,11 +301,11 @@ class ModelChoice:
         search = self.options.search
         lags = self._lags(model.experiment)
         *_, second, first = np.sort(lags).tolist()
-        if lags[model.experiment.simulation.delay_samples] == first > search.likelier_delay * second:
+        if lags[model.experiment.simulation.delay_samples] == first > search.delay_significance * second:
             return model
         for way in (1, -1):
             moved = False
-            while 0 <= (late := model.experiment.simulation.delay_samples + way) <= search.most_delay_samples:
+            while 0 <= (late := model.experiment.simulation.delay_samples + way) <= search.max_delay_samples:
                 values, unknowns = model.estimate.values, model.method.unknowns
                 vortices = np.array([each.key in (STROUHAL, AMPLITUDE) for each in unknowns])
                 starts = [np.where(vortices, values, [each.start for each in unknowns]), values]
@@ -311,7 +315,7 @@ class ModelChoice:
                     likelier = self._fitted(delayed, unknowns, words, (0.9, 1.0), starts=starts, unless=hopeless)
                 except DivergedFilterError:
                     break
-                if likelier.mean_deviance > model.mean_deviance - search.likelier_deviance / model.samples:
+                if likelier.mean_deviance > model.mean_deviance - search.min_deviance_fall / model.samples:
                     break
                 model, moved = replace(likelier, others=()), True
             if moved:
@@ -328,7 +332,7 @@ class ModelChoice:
     ) -> bool:
         """Whether least squares leave a deviance far above that which they left with a model."""
         above = rough / samples_of(method) - model.estimate.rough / model.samples
-        return above > self.options.search.hopeless_deviance
+        return above > self.options.search.max_delay_deviance
 
     def _lags(self, experiment: Experiment) -> Floats:
         """Significance of each delay of the torques (`torque_lags`)."""
@@ -345,12 +349,12 @@ class ModelChoice:
             ConfigurationError: torques change between rows that are too far apart.
         """
         coarse, step = self.options.search.coarse, experiment.simulation.sample_time
-        if all(np.median(np.diff(log.t)) < coarse.spacing * step for log in self.logs):
+        if all(np.median(np.diff(log.t)) < coarse.min_spacing * step for log in self.logs):
             return self, None
         noise = replace(
             self.options.noise,
             torque_time=coarse.chatter_time * step,
-            least_torque=coarse.least_chatter,
+            min_torque=coarse.min_chatter,
             quiet_share=coarse.quiet_share,
         )
         resampling = replace(self.options.resampling, torque_rows=coarse.rows)
@@ -363,7 +367,7 @@ class ModelChoice:
 
     def likeliest_at_start(self, experiment: Experiment) -> tuple[float, Experiment]:
         """The least deviance at the start over all delays of the torques, and the experiment with that delay."""
-        delayed = [_delayed(experiment, late) for late in range(self.options.search.most_delay_samples + 1)]
+        delayed = [_delayed(experiment, late) for late in range(self.options.search.max_delay_samples + 1)]
         return min(((self.deviance_at_start(each), each) for each in delayed), key=itemgetter(0))
 
     def _check_spacing(self, experiment: Experiment) -> None:
@@ -395,10 +399,10 @@ class ModelChoice:
         """The experiment with the delay of the torques in the logs, if these determine it clearly."""
         search, significance = self.options.search, self._lags(experiment)
         delay, described = (
-            int(np.argmax(significance[: search.most_delay_samples + 1])),
+            int(np.argmax(significance[: search.max_delay_samples + 1])),
             experiment.simulation.delay_samples,
         )
-        if described < len(significance) and significance[delay] <= search.likelier_delay * significance[described]:
+        if described < len(significance) and significance[delay] <= search.delay_significance * significance[described]:
             return experiment
         return _delayed(experiment, delay)
 
@@ -411,7 +415,7 @@ class ModelChoice:
             unknowns = *self.unknowns, *nuisance_parameters(keys, experiment, search)
             return self._fitted(experiment, unknowns, phase, shares)
 
-        described, far = experiment.disturbance.vortex_amplitude, search.other_amplitude
+        described, far = experiment.disturbance.vortex_amplitude, search.contradicting_amplitude
         reach, one_amplitude = self._strouhal_reach(experiment), experiment.disturbance.vortex
         one_amplitude &= not has_vortex_states(experiment)
         shown = vortex_starts(self.logs, experiment, reach, self.options) if one_amplitude else []

@@ -17,19 +17,19 @@ Count = Annotated[int, Ge(1)]
 class ResamplingOptions:
     """Resampling of logs at the samples of the filter."""
 
-    least_rows: Annotated[int, Ge(2), Quantity("1", "least number of rows of a log")] = 200
-    longest_gap: Annotated[Positive, Quantity("s", "longest gap in the torques that their last value bridges")] = 0.1
+    min_rows: Annotated[int, Ge(2), Quantity("1", "least number of rows of a log")] = 200
+    max_gap: Annotated[Positive, Quantity("s", "longest gap in the torques that their last value bridges")] = 0.1
     repeats: Annotated[int, Ge(2), Quantity("1", "number of equal readings at which a sensor counts as silent")] = 20
     first_reading_samples: Annotated[Count, Quantity("1", "samples searched for each sensor's first reading")] = 50
     standstill_speed: Annotated[Positive, Quantity("m/s", "speed below which the machine stands still")] = 0.05
     standstill_window: Annotated[Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
-    shortest_move: Annotated[Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
+    min_move_time: Annotated[Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     torque_rows: Annotated[
         int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
     ] = 0
     chatter_window: Annotated[Positive, Quantity("s", "time over which the torques' chatter is averaged")] = 0.5
-    least_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
-    least_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is used too")] = 5.0
+    min_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
+    min_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is used too")] = 5.0
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class InitialStateOptions:
 class NoiseOptions:
     """Estimation of measurement noise R and process noise Q: initial values, ranges and accuracy."""
 
-    finest_position: Annotated[Positive, Quantity("m", "least deviation of the position sensor's noise")] = 1e-5
-    finest_speed: Annotated[Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = 1e-5
-    finest_tension: Annotated[Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
-    finest_angle: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
-    finest_drum_speed: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
+    min_position_noise: Annotated[Positive, Quantity("m", "least deviation of the position sensor's noise")] = 1e-5
+    min_speed_noise: Annotated[Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = 1e-5
+    min_tension_noise: Annotated[Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
+    min_angle_noise: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
+    min_drum_speed_noise: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
     quiet_share: Annotated[
         float,
         Gt(0),
@@ -65,14 +65,14 @@ class NoiseOptions:
     vortex_time_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of `vortex_time`, as a factor; 1: known")
     ] = 30.0
-    least_force: Annotated[
+    min_force: Annotated[
         Positive, Quantity("1", "least deviation of the unrecorded force, over the friction at 1 m/s")
     ] = 1e-4
-    least_torque: Annotated[Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
+    min_torque: Annotated[Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
     line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
-    line_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of a line search")] = 5
+    max_line_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of a line search")] = 5
     described_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of the size of current and rail load, as a factor; 1: known")
     ] = 3.0
@@ -82,14 +82,14 @@ class NoiseOptions:
     described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
     described_step: Annotated[Factor, Quantity("1", "first step of that search, as a factor")] = 1.4
     described_tolerance: Annotated[Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
-    described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
+    max_described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
     section_time: Annotated[Positive, Quantity("s", "time at the start of each section used by a rough search")] = 10.0
-    em_steps: Annotated[
+    max_em_steps: Annotated[
         int, Ge(0), Quantity("1", "largest number of further steps of expectation maximisation for R")
     ] = 8
     em_tolerance: Annotated[Positive, Quantity("1", "change of a variance's logarithm that ends these steps")] = 0.1
-    em_factor: Annotated[Factor, Quantity("1", "largest change of a variance in one step, as a factor")] = 4.0
-    diverged: Annotated[Positive, Quantity("1", "negative log-likelihood of a filter that diverges")] = 1e12
+    max_em_factor: Annotated[Factor, Quantity("1", "largest change of a variance in one step, as a factor")] = 4.0
+    diverged_likelihood: Annotated[Positive, Quantity("1", "negative log-likelihood of a filter that diverges")] = 1e12
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,9 @@ class CoarseLogOptions:
     """
 
     rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
-    spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
+    min_spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
-    least_chatter: Annotated[Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
+    min_chatter: Annotated[Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
     quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
 
 
@@ -137,10 +137,10 @@ class SearchOptions:
     strouhal_share: Annotated[Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")] = 0.1
     amplitude_share: Annotated[Positive, Quantity("1", "prior deviation of the vortices' amplitude, likewise")] = 0.05
     wide_amplitude_share: Annotated[Positive, Quantity("1", "the same if logs contradict the described one")] = 1.0
-    other_amplitude: Annotated[
+    contradicting_amplitude: Annotated[
         Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
     ] = 1.7
-    weak_amplitude: Annotated[
+    negligible_amplitude: Annotated[
         Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which it counts as zero")
     ] = 0.25
     contradiction: Annotated[
@@ -151,14 +151,14 @@ class SearchOptions:
     ] = 2.0
     delay_order: Annotated[Count, Quantity("samples", "order of the ARX models for the delay of the torques")] = 8
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
-    likelier_delay: Annotated[
+    delay_significance: Annotated[
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
     ] = 3.0
-    likelier_deviance: Annotated[
+    min_deviance_fall: Annotated[
         Positive,
         Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
     ] = 20.0
-    hopeless_deviance: Annotated[
+    max_delay_deviance: Annotated[
         Positive,
         Quantity(
             "1", "deviance per sample above a model's, both by least squares, from which another delay is given up"
@@ -170,20 +170,24 @@ class SearchOptions:
     friction_share: Annotated[Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
     current_sigma: Annotated[Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
     normal_force_sigma: Annotated[Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = 0.1
-    most_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4
-    least_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
-    rounds: Annotated[int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")] = 40
+    max_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4
+    min_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
+    max_rounds: Annotated[
+        int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")
+    ] = 40
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and fixed noise")] = 3
     patience: Annotated[Count, Quantity("1", "later rounds that do not lower the deviance, after which they end")] = 3
     cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
-    evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")] = 5
+    max_evaluations: Annotated[
+        Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")
+    ] = 5
     least_squares_tolerance: Annotated[Positive, Quantity("1", "relative change that ends least squares")] = 1e-6
-    largest_sum: Annotated[Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
-    shortenings: Annotated[int, Ge(0), Quantity("1", "largest number of halvings of a move if filters diverge")] = 6
+    diverged_sum: Annotated[Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
+    max_shortenings: Annotated[int, Ge(0), Quantity("1", "largest number of halvings of a move if filters diverge")] = 6
     noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
-    near: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
-    steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
-    process_noise_steps: Annotated[
+    newton_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
+    max_steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
+    min_process_noise_steps: Annotated[
         int, Ge(0), Quantity("1", "least number of first Newton steps before which Q is estimated")
     ] = 2
     process_noise_tolerance: Annotated[
@@ -191,18 +195,18 @@ class SearchOptions:
     ] = 1.0
     tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
     difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
-    least_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
-    least_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible: Annotated[Positive, Quantity("1", "negligible correction of slope or curvature")] = 0.1
-    jagged_curvature: Annotated[
+    min_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
+    min_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
+    negligible_correction: Annotated[Positive, Quantity("1", "negligible correction of slope or curvature")] = 0.1
+    jump_curvature: Annotated[
         Positive,
         Quantity("1", "curvature, over that of least squares, above which the likelihood jumps along a direction"),
     ] = 2.0
-    jagged_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
-    small_gain: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
-    large_gain: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
-    halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
-    insistent_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
+    jump_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
+    unchecked_fall: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
+    retried_fall: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
+    max_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
+    max_retried_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
 
 
 @dataclass(frozen=True)
@@ -212,24 +216,26 @@ class VortexOptions:
     smoothing: Annotated[Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")] = 0.3
     reach: Annotated[Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
     spacing: Annotated[Positive, Quantity("s", "time between the rows of the regression")] = 0.2
-    least_rows: Annotated[Count, Quantity("1", "least number of rows of motion")] = 25
-    most_rows: Annotated[Count, Quantity("1", "number of first rows of motion that are used")] = 500
-    longest_before: Annotated[Positive, Quantity("s", "longest considered time before the log")] = 120.0
+    min_rows: Annotated[Count, Quantity("1", "least number of rows of motion")] = 25
+    max_rows: Annotated[Count, Quantity("1", "number of first rows of motion that are used")] = 500
+    max_time_before: Annotated[Positive, Quantity("s", "longest considered time before the log")] = 120.0
     phase_step: Annotated[Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
     strouhal_share: Annotated[Share, Quantity("1", "relative range of the Strouhal number to each side")] = 0.2
     strouhal_points: Annotated[Count, Quantity("1", "number of Strouhal numbers in that range")] = 41
-    nearly_least: Annotated[
+    near_best_ratio: Annotated[
         Factor, Quantity("1", "ratio of residual squares to the least up to which another Strouhal number is tried")
     ] = 1.5
-    least_gain: Annotated[
+    origin_ratio: Annotated[
         Share, Quantity("1", "ratio of residual squares to those with the first row as origin below which one is used")
     ] = 0.8
-    correlated: Annotated[Count, Quantity("1", "rows of the regression per independent residual")] = 8
-    other_phase: Annotated[
+    rows_per_residual: Annotated[Count, Quantity("1", "rows of the regression per independent residual")] = 8
+    min_phase_deviance_fall: Annotated[
         Positive, Quantity("1", "fall of the regression's deviance from which another kind of phase is tried")
     ] = 6.0
-    alike: Annotated[Share, Quantity("1", "relative difference up to which two Strouhal numbers are the same")] = 0.02
-    suspected: Annotated[
+    same_strouhal: Annotated[
+        Share, Quantity("1", "relative difference up to which two Strouhal numbers are the same")
+    ] = 0.02
+    better_ratio: Annotated[
         Share,
         Quantity("1", "ratio of residual squares to those of the estimated vortices below which others are tried"),
     ] = 0.95
@@ -242,8 +248,8 @@ class DiagnosticsOptions:
     lags: Annotated[Count, Quantity("samples", "lags of the correlations of innovations")] = 50
     confidence: Annotated[Share, Quantity("1", "confidence of a whiteness test over all lags", "Bonferroni")] = 0.99
     negligible_correlation: Annotated[Share, Quantity("1", "correlation that is neglected even if significant")] = 0.05
-    windows: Annotated[Count, Quantity("1", "largest number of time windows for the innovations' size")] = 200
-    window_samples: Annotated[Count, Quantity("samples", "least length of a window")] = 50
+    max_windows: Annotated[Count, Quantity("1", "largest number of time windows for the innovations' size")] = 200
+    min_window_samples: Annotated[Count, Quantity("samples", "least length of a window")] = 50
     unidentifiable: Annotated[
         Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, from which it is reported")
     ] = 0.5
@@ -251,13 +257,13 @@ class DiagnosticsOptions:
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates from which it is reported")] = 0.9
     uninformed: Annotated[Share, Quantity("1", "posterior over prior deviation at which the logs add nothing")] = 0.9
     blocks: Annotated[int, Ge(2), Quantity("1", "time blocks per section for the sandwich covariance")] = 20
-    untrusted: Annotated[
+    unreliable_factor: Annotated[
         Factor, Quantity("1", "factor of the sandwich covariance's deviations from which they are unreliable")
     ] = 4.0
     optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
     profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "points of a profile likelihood on each side")] = 4
-    profile_steps: Annotated[Count, Quantity("1", "largest number of Newton steps at each point")] = 8
+    max_profile_steps: Annotated[Count, Quantity("1", "largest number of Newton steps at each point")] = 8
     profile_tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends these steps")] = 0.02
     force_spacing: Annotated[Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
     force_difference: Annotated[Positive, Quantity("m/s", "change of the current for the force's derivative")] = 1e-4
@@ -267,27 +273,31 @@ class DiagnosticsOptions:
 class PlausibilityOptions:
     """Limits beyond which a log is refused as another machine's."""
 
-    unrecorded: Annotated[
+    max_unrecorded: Annotated[
         Positive, Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused")
     ] = 0.1
-    hopeless: Annotated[Positive, Quantity("1", "the same, from which the message names no option")] = 0.9
-    noisier: Annotated[Factor, Quantity("1", "noise of a sensor, over its jumps, from which a fit is refused")] = 50.0
-    beyond_track: Annotated[Positive, Quantity("1", "plausible distance beyond the track, over its length")] = 0.2
-    other_scale: Annotated[
+    hopeless_unrecorded: Annotated[Positive, Quantity("1", "the same, from which the message names no option")] = 0.9
+    max_noise_ratio: Annotated[
+        Factor, Quantity("1", "noise of a sensor, over its jumps, from which a fit is refused")
+    ] = 50.0
+    max_beyond_track: Annotated[Positive, Quantity("1", "plausible distance beyond the track, over its length")] = 0.2
+    max_scale_ratio: Annotated[
         Factor, Quantity("1", "ratio of the distances by two sensors, or its inverse, that is refused")
     ] = 2.0
-    like: Annotated[Share, Quantity("1", "correlation of these distances below which their ratio is not used")] = 0.8
-    least_way: Annotated[
+    min_correlation: Annotated[
+        Share, Quantity("1", "correlation of these distances below which their ratio is not used")
+    ] = 0.8
+    min_distance: Annotated[
         Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
     ] = 0.01
-    other_pull: Annotated[
+    max_pull_ratio: Annotated[
         Factor,
         Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused"),
     ] = 4.0
-    beyond_limits: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
-    fastest: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
-    shortest_step: Annotated[Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
-    longest_step: Annotated[Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
+    max_tension_ratio: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
+    max_speed: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
+    min_step: Annotated[Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
+    max_step: Annotated[Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
 
 
 @dataclass(frozen=True)
@@ -295,19 +305,19 @@ class ExcitationOptions:
     """The search for the motion with the most informative log."""
 
     time_per_move: Annotated[Positive, Quantity("s", "mean time of a move")] = 8.0
-    fewest_moves: Annotated[Count, Quantity("1", "least number of moves")] = 2
-    most_moves: Annotated[Count, Quantity("1", "largest number of moves")] = 12
-    shortest_way: Annotated[Positive, Quantity("m", "least distance of a move")] = 0.1
-    slowest: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
+    min_moves: Annotated[Count, Quantity("1", "least number of moves")] = 2
+    max_moves: Annotated[Count, Quantity("1", "largest number of moves")] = 12
+    min_distance: Annotated[Positive, Quantity("m", "least distance of a move")] = 0.1
+    min_speed_share: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
     jerk_time: Annotated[Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")] = 0.5
     force_share: Annotated[Share, Quantity("1", "share of the ropes' largest net force that accelerates")] = 0.5
-    slack: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
-    overshoot: Annotated[Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
+    max_slack_share: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
+    max_overshoot: Annotated[Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
     sigma: Annotated[Share, Quantity("1", "initial step size of CMA-ES, over each range")] = 0.3
-    infeasible: Annotated[Positive, Quantity("1", "penalty of a motion that violates a limit")] = 1e3
-    trials: Annotated[Count, Quantity("1", "number of simulated motions without a time limit")] = 200
-    shortest: Annotated[Positive, Quantity("s", "shortest run")] = 5.0
-    longest: Annotated[Positive, Quantity("s", "longest run")] = 3600.0
+    infeasibility_penalty: Annotated[Positive, Quantity("1", "penalty of a motion that violates a limit")] = 1e3
+    max_trials: Annotated[Count, Quantity("1", "number of simulated motions without a time limit")] = 200
+    min_duration: Annotated[Positive, Quantity("s", "shortest run")] = 5.0
+    max_duration: Annotated[Positive, Quantity("s", "longest run")] = 3600.0
     bisections: Annotated[Count, Quantity("1", "bisections for the largest distance in a given time")] = 40
 
 

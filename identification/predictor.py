@@ -135,9 +135,9 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
         "normal_force_variation": GaussMarkov(
             disturbance.normal_force_sigma * vehicle.normal_force, disturbance.normal_force_time
         ),
-        "force": GaussMarkov(options.least_force * max(float(friction(1.0, vehicle)), 1.0), options.force_time),
-        "torque_1": GaussMarkov(options.least_torque, options.torque_time),
-        "torque_2": GaussMarkov(options.least_torque, options.torque_time),
+        "force": GaussMarkov(options.min_force * max(float(friction(1.0, vehicle)), 1.0), options.force_time),
+        "torque_1": GaussMarkov(options.min_torque, options.torque_time),
+        "torque_2": GaussMarkov(options.min_torque, options.torque_time),
         "position_drift": GaussMarkov(sensors.position_drift, sensors.position_drift_time),
         VORTICES: GaussMarkov(amplitude, options.vortex_time),
     }

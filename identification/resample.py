@@ -81,8 +81,8 @@ def resampled(
     Raises:
         ConfigurationError: too few rows, or no torque for longer than ``options.longest_gap``.
     """
-    if len(log.t) < options.least_rows:
-        raise ConfigurationError(f"{log.name}: has {len(log.t)} rows: must be {options.least_rows} or more")
+    if len(log.t) < options.min_rows:
+        raise ConfigurationError(f"{log.name}: has {len(log.t)} rows: must be {options.min_rows} or more")
     step, late = experiment.simulation.sample_time, experiment.simulation.delay_samples
     numbers = np.rint((log.t - log.t[0]) / step).astype(int)
     count = int(numbers[-1]) + 1
@@ -120,7 +120,7 @@ def _held_torque(
     values = log.columns[name]
     rows = np.flatnonzero(np.isfinite(values))
     gaps = np.diff(numbers[rows], prepend=0, append=count - 1)
-    longest = longest_step(log.t, options.longest_gap)
+    longest = longest_step(log.t, options.max_gap)
     if gaps.max() * step > longest:
         at = int(np.argmax(gaps))
         begins = log.t[0] + step * (numbers[rows[at - 1]] if at else 0)
@@ -147,7 +147,7 @@ def _between_rows(
     off = (rows - usual) ** 2
     window = max(1, round(options.chatter_window * len(rows) / (step * len(held))))
     size = np.sqrt(np.maximum(uniform_filter1d(off, window, axis=0, mode="nearest"), 0.0))
-    size = np.maximum(size, options.least_chatter * np.sqrt(np.mean(off)))
+    size = np.maximum(size, options.min_chatter * np.sqrt(np.mean(off)))
     torques[numbers] = rows
     return torques, size[latest]
 
@@ -202,6 +202,6 @@ def moving_intervals(
     position = np.interp(np.arange(-half, len(values) + half), known, values[known])
     fast = np.abs(position[2 * half :] - position[: -2 * half]) > options.standstill_speed * 2 * half * step
     edges = np.flatnonzero(np.diff(fast.astype(int), prepend=0, append=0))
-    found = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.shortest_move]
+    found = [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * step >= options.min_move_time]
     moving = sum(each.stop - each.start for each in found) * step
-    return found if moving >= options.least_moving_time else whole
+    return found if moving >= options.min_moving_time else whole

@@ -201,7 +201,7 @@ class IdentificationResult(UncertainEstimates):
                 "innovations are not white: the model lacks something; standard deviations are up to "
                 f"{self.widened:.3g} times those of the model (sandwich covariance)"
             )
-        if self.widened > self.options.diagnostics.untrusted:
+        if self.widened > self.options.diagnostics.unreliable_factor:
             words.append(
                 "such deviations are not to be trusted: fit other parameters that may be wrong, such as "
                 "plant.rope_*.modulus"

@@ -310,7 +310,7 @@ class SearchCoordinates:
 
         The unknown with the index `itself` remains a coordinate even if it is part of a wave.
         """
-        self._unknowns, self._least = tuple(unknowns), options.least_amplitude
+        self._unknowns, self._least = tuple(unknowns), options.min_amplitude
         self._scale = np.array([unknown.scale for unknown in unknowns])
         self.waves = tuple(wave for wave in _waves(unknowns) if itself not in wave)
         self.known = np.array([each.prior is not None for each in unknowns], float)

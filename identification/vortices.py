@@ -86,7 +86,7 @@ def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions
 
     v = smooth(x, 1)
     moving = np.abs(v) > options.resampling.standstill_speed
-    if moving.sum() < search.least_rows:
+    if moving.sum() < search.min_rows:
         return None
     a, net, t, x = smooth(x, 2), smooth(net), inputs[half : len(inputs) - half, 0][rows], smooth(x)
     return SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]))
@@ -121,11 +121,11 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     search, resampling = options.vortices, options.resampling
     if experiment.disturbance.integrated_phase:
         return log
-    parts = log.between_gaps(resampling.longest_gap, resampling.least_rows)
+    parts = log.between_gaps(resampling.max_gap, resampling.min_rows)
     motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
     if not motions or not motions[0].at_once:
         return log
-    rows = slice(search.most_rows)
+    rows = slice(search.max_rows)
     motion = joined(motions)
     v, t = motion.v[rows], motion.t[rows] - log.t[0]
     q, _ = np.linalg.qr(motion.base[rows])
@@ -137,7 +137,7 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     for share in shares.tolist():
         # phase per speed and time
         turn = float(vortex_frequency(1.0, replace(given, strouhal=share * given.strouhal), experiment.plant.vehicle))
-        before = np.arange(0.0, search.longest_before, search.phase_step / (turn * most))
+        before = np.arange(0.0, search.max_time_before, search.phase_step / (turn * most))
         drag = v * np.abs(v) * (1 - given.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
         drag = drag - (drag @ q) @ q.T
         squares = net @ net - (drag @ net) ** 2 / np.einsum("ij,ij->i", drag, drag)
@@ -146,13 +146,13 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
         origins.append(float(before[best]))
         at_first_row = min(at_first_row, float(squares[0]))
     prior = ((shares - 1) / options.search.strouhal_share) ** 2
-    chosen = int(np.argmin(len(net) / search.correlated * np.log(left) + prior))
-    if left[chosen] > search.least_gain * at_first_row:
+    chosen = int(np.argmin(len(net) / search.rows_per_residual * np.log(left) + prior))
+    if left[chosen] > search.origin_ratio * at_first_row:
         return log
     reach = search.strouhal_share * given.strouhal
     first = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
     integrated = _regression([first], experiment, reach, options, integrated=True)
-    if integrated.deviance < len(net) / search.correlated * np.log(left[chosen]):
+    if integrated.deviance < len(net) / search.rows_per_residual * np.log(left[chosen]):
         return log
     origin = origins[chosen]
     note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
@@ -244,7 +244,7 @@ def _regression(
         ratios[index] = size / found[2] if found[2] > 0 else 0.0
     known = [drag, vortices(given.strouhal)] if given.vortex and integrated == given.integrated_phase else [drag]
     _, described = _least_squares(np.column_stack([base, *known]), net)
-    rows, further = len(net) / search.correlated, len(ways.T) * (1 + integrated) - 1
+    rows, further = len(net) / search.rows_per_residual, len(ways.T) * (1 + integrated) - 1
     return VortexRegression(integrated, numbers, left, ratios, described, rows, further)
 
 
@@ -265,7 +265,7 @@ def vortex_starts(
     found = vortex_regression(logs, experiment, reach, options)
     if found is None:
         return []
-    left, ratios, most = found.left, found.ratios, options.vortices.nearly_least * found.left.min()
+    left, ratios, most = found.left, found.ratios, options.vortices.near_best_ratio * found.left.min()
     lowest = np.r_[False, (left[1:-1] < left[:-2]) & (left[1:-1] <= left[2:]), False] & (ratios > 0)
     likely = np.flatnonzero(lowest & (left < most))
     return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
@@ -277,7 +277,7 @@ def likelier_regression(
     """The regression with the described kind of phase, or with the other kind if that is clearly likelier."""
     given = experiment.disturbance.integrated_phase
     own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
-    if own and other and other.deviance < own.deviance - options.vortices.other_phase:
+    if own and other and other.deviance < own.deviance - options.vortices.min_phase_deviance_fall:
         return other
     return own
 
@@ -299,9 +299,9 @@ def shows_other_vortices(
     """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better."""
     search, given = options.vortices, experiment.disturbance
     found = likelier_regression(logs, experiment, reach, options)
-    if found is None or found.left.min() > search.suspected * found.described:
+    if found is None or found.left.min() > search.better_ratio * found.described:
         return False
     number = float(found.numbers[np.argmin(found.left)])
     if not given.vortex or found.integrated != given.integrated_phase:
         return True
-    return abs(number - given.strouhal) > search.alike * given.strouhal
+    return abs(number - given.strouhal) > search.same_strouhal * given.strouhal

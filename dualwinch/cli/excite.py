@@ -97,7 +97,9 @@ def excite(
     from dualwinch.identification.options import DEFAULTS
 
     search = DEFAULTS.excitation
-    length = None if duration is None else seconds_from(duration, "--duration", search.shortest, search.longest)
+    length = (
+        None if duration is None else seconds_from(duration, "--duration", search.min_duration, search.max_duration)
+    )
     known = dict(map(prior_from, prior or []))
     limit = None if time is None else seconds_from(time)
     check_file(out, ".toml")

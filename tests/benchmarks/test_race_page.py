@@ -1,10 +1,13 @@
 """The page about the paper's law, from a made-up race."""
 
+import json
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from benchmarks.race_page import claims_table, estimators_table, facts, least, race_table
+from benchmarks.race_page import claims_table, estimators_table, facts, least, main, race_table
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry
 from tests.tuning.race.made_up import made_up, scored
 
@@ -78,3 +81,23 @@ def test_every_law_with_every_estimator_has_a_cell() -> None:
     assert rows["`nftsm`"][1] == "–"
     assert float(rows["`adrc`"][1].removesuffix(" ×")) == pytest.approx(4, rel=0.1)
     assert rows["`fando-nftsm`"][0].endswith("violated: worst.peak_tension <= 6000 N")
+
+
+def test_either_race_is_written_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, page = tmp_path / "race", tmp_path / "page.md"
+    folder.mkdir()
+    (folder / "race.json").write_text(json.dumps(RACE))
+    marks = ("claims", "race", "least error", "estimators")
+    blank = "".join(f"<!-- {mark}: begin -->\n<!-- {mark}: end -->\n" for mark in marks)
+    for words, absent in (([str(folder)], ["estimators"]), (["--estimators", str(folder)], list(marks[:3]))):
+        page.write_text(blank)
+        monkeypatch.setattr(sys, "argv", ["race_page", *words, "--write", str(page)])
+        main()
+        text = page.read_text()
+        for mark in marks:
+            inside = text.split(f"<!-- {mark}: begin -->")[1].split(f"<!-- {mark}: end -->")[0].strip()
+            assert (inside == "") == (mark in absent)
+    for words in ([], ["--estimators", str(folder), "--figures", str(tmp_path)]):
+        monkeypatch.setattr(sys, "argv", ["race_page", *words])
+        with pytest.raises(SystemExit):
+            main()

@@ -106,4 +106,4 @@ def test_help_shows_the_defaults_of_functions(capsys: pytest.CaptureFixture[str]
     assert f"[default: {SCENARIOS}]" in tune
     assert f"Optimiser: {', '.join(METHODS)}." in tune
     assert f"[default: {PORT}]" in helped("serve", capsys)
-    assert f"[default: {DEFAULTS.excitation.trials} without --time]" in helped("excite", capsys)
+    assert f"[default: {DEFAULTS.excitation.max_trials} without --time]" in helped("excite", capsys)

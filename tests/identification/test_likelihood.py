@@ -90,7 +90,7 @@ def test_where_filters_diverge_there_is_no_step(fitting: PredictionErrorMethod) 
 def test_a_fit_that_should_get_better_and_does_not_has_not_converged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    options = EstimationOptions(search=SearchOptions(rounds=0))
+    options = EstimationOptions(search=SearchOptions(max_rounds=0))
     fitting = PredictionErrorMethod(sections_of([logged(RIGHT)], RIGHT), RIGHT, UNKNOWNS, options)
     start = np.array([unknown.start for unknown in UNKNOWNS]) * [1, 1, 3]
     assert fitting.run(start, noise=fitting.initial_noise()).converged

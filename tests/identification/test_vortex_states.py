@@ -97,7 +97,7 @@ def test_a_kind_of_phase_that_is_not_described_is_found() -> None:
 def test_where_vortices_come_to_nothing_the_other_kind_of_phase_is_tried() -> None:
     """Weak ones hardly show in smoothed readings."""
     weak = {"disturbance.vortex_amplitude": 0.05, "disturbance.strouhal": 0.19}
-    unshown = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, other_phase=1e9))
+    unshown = replace(DEFAULTS, vortices=replace(DEFAULTS.vortices, min_phase_deviance_fall=1e9))
     found = identify([logged(light(**SHORT, **weak))], KEYS, light(**SHORT, **UNDESCRIBED), options=unshown)
     assert (np.abs(found.values - TRUTH) < 3 * found.deviations).all()
     assert any("the phase of the vortices is the integral of their frequency" in note for note in found.notes)
