@@ -57,10 +57,11 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
 
     Speeds with a wrong unit in most rows are left to `_check_displacements`.
     """
-    for name, (low, high) in plausible_ranges(experiment, options).items():
+    for name, (lowest, high) in plausible_ranges(experiment, options).items():
         if name not in (*TORQUES, *log.readings):
             continue
         values = log.columns[name]
+        low = _lowest_tension(values, lowest, experiment, options) if name in ("F1", "F2") else lowest
         rows = np.flatnonzero((values < low) | (values > high))
         few = 2 * len(rows) < np.isfinite(values).sum()
         if not len(rows) or not (few or name in (*TORQUES, *POSITIONS, "F1", "F2")):
@@ -80,6 +81,17 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
             f"{log.name}: {name} = {worst:.4g}{where}: must be {low:.3g} to {high:.3g} on this machine; is it {gap}in "
             f"another unit (--column {name}=NAME:{' or NAME:'.join(units)})?"
         )
+
+
+def _lowest_tension(values: Floats, low: float, experiment: Experiment, options: PlausibilityOptions) -> float:
+    """Lowest plausible reading of a load cell: `low`, or less of a push where a few readings are far below all others.
+
+    A rope cannot push, but a cell's zero may be off, or its sign, and then in all rows.
+    """
+    push = options.max_push * experiment.controller.limits.tension_max
+    marks = values < -push
+    few = 0 < marks.sum() <= options.max_gap_share * np.isfinite(values).sum()
+    return -push if few and np.nanmin(values[~marks]) - values[marks].max() > push else low
 
 
 def _check_displacements(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
@@ -183,6 +195,32 @@ def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions)
             f"{log.name}: {torque} holds {pull:.3g} N on average, and {tension} reads {read:.3g} N: "
             f"is {' or '.join(said) or other}?"
         )
+    if _pulls_are_opposed(log, held, options):
+        raise ConfigurationError(
+            f"{log.name}: where tau_1 pulls more than tau_2, F1 reads less than F2: have F1 and F2 or tau_1 and tau_2 "
+            "changed places?"
+        )
+
+
+def _pulls_are_opposed(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> bool:
+    """Whether the sides' differences of torque and of tension go opposite ways, each averaged over a time.
+
+    Averaged because a drum that oscillates has them in opposite phase.
+    """
+    if not {"F1", "F2"} <= set(log.readings):
+        return False
+    pulls = [log.columns[torque] / float(held[torque]) for torque in TORQUES]
+    known = np.isfinite([*pulls, log.columns["F1"], log.columns["F2"]]).all(axis=0)
+    _, window = np.unique((log.t[known] // options.averaging_time).astype(int), return_inverse=True)
+
+    def means(values: Floats) -> Floats:
+        return np.bincount(window, values[known]) / np.bincount(window)
+
+    torques, tensions = means(pulls[0] - pulls[1]), means(log.columns["F1"] - log.columns["F2"])
+    size = np.abs(means(log.columns["F1"] + log.columns["F2"])).mean() if len(tensions) else 0.0
+    if len(tensions) < options.min_windows or tensions.std() < options.min_difference * size:
+        return False
+    return bool(np.corrcoef(torques, tensions)[0, 1] < -options.max_opposition)
 
 
 def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) -> str | None:

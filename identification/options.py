@@ -203,7 +203,7 @@ class SearchOptions:
         Quantity("1", "curvature, over that of least squares, above which the likelihood jumps along a direction"),
     ] = 2.0
     jump_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
-    unchecked_fall: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.05
+    unchecked_fall: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.02
     retried_fall: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
     max_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
     max_retried_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
@@ -294,6 +294,18 @@ class PlausibilityOptions:
         Factor,
         Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused"),
     ] = 4.0
+    averaging_time: Annotated[Positive, Quantity("s", "time over which both sides' pulls are averaged")] = 1.0
+    min_windows: Annotated[int, Ge(3), Quantity("1", "number of such times below which they are not compared")] = 10
+    min_difference: Annotated[
+        Share, Quantity("1", "deviation of the tensions' difference, over their sum, below which it is not used")
+    ] = 0.02
+    max_opposition: Annotated[
+        Share, Quantity("1", "correlation of the sides' differences of torque and tension, negated, that is refused")
+    ] = 0.5
+    max_push: Annotated[
+        Share, Quantity("1", "push of a rope by a few readings, over the controller's limit, that is plausible")
+    ] = 0.2
+    max_gap_share: Annotated[Share, Quantity("1", "largest share of such readings")] = 0.01
     max_tension_ratio: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
     max_speed: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
     min_step: Annotated[Positive, Quantity("s", "least plausible time between two rows")] = 5e-6

@@ -177,6 +177,10 @@ def marked(name: str, value: float) -> Log:
             r"v = 1e\+30 in row 71 .*: must be -50 to 50 on this machine; is it a mark for a gap",
         ),
         (lambda: marked("omega_1", -9999), r"omega_1 = -9999 in row 71"),
+        (
+            lambda: marked("F1", -9999),
+            r"F1 = -9999 in row 71 \(t = 0.07 s\) and 1 others: must be -1.2e\+03 to .* a mark for a gap",
+        ),
     ],
 )
 def test_times_signs_and_marks_of_gaps_are_named(log: Callable[[], Log], words: str) -> None:
@@ -188,6 +192,29 @@ def test_columns_that_changed_places_are_named() -> None:
     F1, F2 = columns("F1", "F2")
     with pytest.raises(ConfigurationError, match=r"tau_1 holds .* and F1 reads .*: have F1 and F2 .*changed places\?"):
         check_log(changed(F1=F2, F2=F1), machine())
+
+
+def test_sides_that_changed_places_are_named_although_they_pull_alike_on_average() -> None:
+    """There and back again, under a preload that is far above the drag."""
+    there_and_back = {"reference__kind": "way-points", "reference__points": (10.0, 0.0), "reference__speed": 1.0}
+    nominal = machine(**there_and_back, reference__acceleration=0.5, simulation__duration=25.0)
+    log = logged(nominal)
+    check_log(log, nominal)
+    for one, other in (("tau_1", "tau_2"), ("F1", "F2")):
+        swapped = replace(log, columns=log.columns | {one: log.columns[other], other: log.columns[one]})
+        with pytest.raises(
+            ConfigurationError, match=r"F1 reads less than F2: have F1 and F2 or tau_1 and tau_2 changed"
+        ):
+            check_log(swapped, nominal)
+
+
+def test_a_load_cell_that_swings_below_zero_marks_no_gaps() -> None:
+    """Its lowest readings have neighbours, and do not stand out."""
+    (F1,) = columns("F1")
+    swing = F1.copy()
+    swing[1000:1200] -= (F1[1000:1200] + 1500.0) * np.sin(np.linspace(0, np.pi, 200))
+    assert swing.min() < -1400
+    check_log(changed(F1=swing), machine())
 
 
 def test_a_pause_is_no_way() -> None:
