@@ -43,8 +43,9 @@ Rounding is one unit in the last place of each value in the residual (the compon
 Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
 """
 
-ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
-"""Maximum Newton steps: of the first search; of that without limits, for a new start; of that by least squares."""
+ITERATIONS, DAMPED_ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 40, 6, 24
+"""Maximum Newton steps: of the first search; of damped ones with learnt states held; of those without limits, for a new
+start; of those by least squares."""
 
 AMID = 0.2
 """Share of half the track: positions further from the middle are solved for by continuation if necessary."""
@@ -560,6 +561,8 @@ def _first_guesses(
         state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
     # torque and tension command have the same limit: with the command at its limit, the torque is exactly at its own,
     # and any ripple leaves the integral beyond it, where it holds the torque, as in a run
+    if (slow := f"{LIMITS}slow") in loop.states:
+        state[:, loop.states.index(slow)] = force
     for winch, command in (("winch_1", preload + force), ("winch_2", preload - force)):
         at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
         for index, name in enumerate(loop.states):
@@ -588,12 +591,12 @@ def _accepting_all(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOpera
     """Newton's method from the solution with all measurements accepted.
 
     With other gains than those of the initial guess the estimate begins off, so that a gate would refuse measurements
-    and the estimate would never move.
+    and the estimate would never move. In steady motion most gates are open, so that both solutions are the same.
     """
     loose = _alternating(sample, start.having(sample.loop, UNGATED), ITERATIONS)
-    known = loose.repeats[:, None] & sample.adapting & np.isfinite(loose.state)
-    begun = replace(start, state=np.where(known, loose.state, start.state))
-    return _newton(sample, begun, ITERATIONS)
+    begun, known = start[np.arange(len(start.state))], np.flatnonzero(loose.repeats)
+    begun[known] = loose[known]
+    return _newton(sample, replace(begun, parameters=start.parameters), ITERATIONS)
 
 
 def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
@@ -623,7 +626,7 @@ def _alternating(
         return _newton(sample, start, iterations, damped=True, least_squares=least_squares)
     found = start[np.arange(len(start.state))]
     # first with the initial parameter estimates, if that converges: without motion there is nothing to learn
-    first = _newton(sample, start, iterations, damped=True, least_squares=least_squares, held=learnt)
+    first = _newton(sample, start, DAMPED_ITERATIONS, damped=True, least_squares=least_squares, held=learnt)
     sound = np.flatnonzero(first.repeats)
     found[sound] = first[sound]
     found.repeats = np.zeros_like(start.repeats)
@@ -639,7 +642,7 @@ def _alternating(
         going, learning = going[~settled], learning[~settled]
         if turn == ROUNDS or not len(going):
             break
-        others = _newton(sample, learning, iterations, damped=True, least_squares=least_squares, held=learnt)
+        others = _newton(sample, learning, DAMPED_ITERATIONS, damped=True, least_squares=least_squares, held=learnt)
         found[going] = replace(others, repeats=np.zeros_like(others.repeats))
         going, repeating = going[others.repeats], np.ones(int(others.repeats.sum()), bool)
     return found
