@@ -17,7 +17,7 @@ from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.reference import cruise_speed
+from dualwinch.model.reference import KEYS_OF_KIND, cruise_speed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.paper import case as paper_case
@@ -200,7 +200,7 @@ def own_parts_to_toml(experiment: Experiment) -> str:
 
 def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
     """Lines of the described keys of an experiment, table by table."""
-    values, taken, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment, described)
+    values, taken, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
     headings: dict[str, Quantity] = {}
     lines: list[str] = []
@@ -242,19 +242,14 @@ def _taken_from_elsewhere(experiment: Experiment) -> dict[str, Any]:
     }
 
 
-def _unused(experiment: Experiment, described: Mapping[str, Leaf]) -> set[str]:
+def _unused(experiment: Experiment) -> set[str]:
     """Keys of the paper's motions that have no effect with the user's own motion."""
     kind = experiment.reference.kind
     if kind in {"uniform", "profile"}:
         return set()
-    kinds = described["reference.kind"].choices if "reference.kind" in described else ()
-    others = {
-        key
-        for key, leaf in described.items()
-        if key.startswith("reference.") and leaf.quantity.meaning.partition(":")[0] in {*kinds} - {kind}
-    }
-    of_all = {"reference.speed", "reference.jerk_limit"} if kind == "file" else set[str]()
-    return {"simulation.duration"} | others | of_all
+    others = {name for other, names in KEYS_OF_KIND.items() for name in names if other != kind}
+    of_all = {"speed", "acceleration", "jerk_limit"} if kind == "file" else set[str]()
+    return {"simulation.duration", *(f"reference.{name}" for name in others | of_all)}
 
 
 def _origin(leaf: Leaf) -> str:
