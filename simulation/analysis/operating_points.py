@@ -591,12 +591,20 @@ def _accepting_all(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOpera
     """Newton's method from the solution with all measurements accepted.
 
     With other gains than those of the initial guess the estimate begins off, so that a gate would refuse measurements
-    and the estimate would never move. In steady motion most gates are open, so that both solutions are the same.
+    and the estimate would never move. In steady motion most gates are open, so that both solutions are the same. The
+    alternation is needed only where one turn of it is not close enough.
     """
-    loose = _alternating(sample, start.having(sample.loop, UNGATED), ITERATIONS)
-    begun, known = start[np.arange(len(start.state))], np.flatnonzero(loose.repeats)
-    begun[known] = loose[known]
-    return _newton(sample, replace(begun, parameters=start.parameters), ITERATIONS)
+    loose, gates = start.having(sample.loop, UNGATED), start.parameters
+    close = _newton(sample, loose, DAMPED_ITERATIONS, damped=True, held=sample.learnt)
+    close = _newton(sample, close, ITERATIONS, held=~sample.learnt)
+    found = _newton(sample, replace(close, parameters=gates), ITERATIONS)
+    again = np.flatnonzero(~found.steady)
+    if len(again):
+        alternated = _alternating(sample, loose[again], ITERATIONS)
+        begun, known = start[again], np.flatnonzero(alternated.repeats)
+        begun[known] = alternated[known]
+        found[again] = _newton(sample, replace(begun, parameters=gates[again]), ITERATIONS)
+    return found
 
 
 def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
