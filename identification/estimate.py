@@ -284,7 +284,7 @@ class PredictionErrorMethod:
             step = before = found
             at = step.at
             if settled and step.fall < search.tolerance:
-                likelier = self.likelihood.beyond_jags(step, noise, coordinates)
+                likelier = self.likelihood.beyond_jumps(step, noise, coordinates)
                 if likelier is None:
                     return step, noise, step.expected_fall < search.retried_fall
                 at, before = likelier, None

@@ -126,11 +126,11 @@ def minimum_nearby(
     tolerance: float,
     evaluations: int,
     *,
-    unseen: bool = False,
+    evaluate_last: bool = True,
 ) -> tuple[float, float]:
     """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
 
-    A search that begins near a minimum, as most do, ends after two or three evaluations.
+    A search that starts near a minimum, as most do, ends after two or three evaluations.
 
     Args:
         cost: the cost.
@@ -139,15 +139,14 @@ def minimum_nearby(
         ends: the range.
         tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
         evaluations: largest number of them.
-        unseen: whether that last one is taken without a look, which is quicker, but where the cost is crooked, it may
-            be no minimum.
+        evaluate_last: whether that last one is evaluated; without is faster, but unsafe where the cost is irregular.
 
     Returns:
         The minimum, and its cost.
     """
     known = dict([here])
 
-    def look(at: float) -> float:
+    def evaluated(at: float) -> float:
         at = min(max(at, ends[0]), ends[1])
         if at not in known:
             known[at] = cost(at)
@@ -158,7 +157,7 @@ def minimum_nearby(
 
     for way in (1.0, -1.0):
         ahead, reach = here[0], step
-        while len(known) <= evaluations and look(ahead + way * reach) == best() != ahead:
+        while len(known) <= evaluations and evaluated(ahead + way * reach) == best() != ahead:
             ahead, reach = best(), 2 * reach
         if ahead != here[0]:
             break
@@ -166,11 +165,11 @@ def minimum_nearby(
     while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
         middle = best()
         at, least = _vertex(known, middle)
-        if unseen and abs(at - middle) < tolerance:
+        if not evaluate_last and abs(at - middle) < tolerance:
             return at, least
-        if not unseen and known[middle] - least < NEGLIGIBLE_FALL:
+        if evaluate_last and known[middle] - least < NEGLIGIBLE_FALL:
             break
-        distance = abs(look(at) - middle)
+        distance = abs(evaluated(at) - middle)
     return best(), known[best()]
 
 
@@ -180,7 +179,7 @@ def _vertex(known: dict[float, float], b: float) -> tuple[float, float]:
     of_a, of_b, of_c = known[a], known[b], known[c]
     before, behind = (of_b - of_a) / (b - a), (of_c - of_b) / (c - b)
     curvature = (behind - before) / (c - a)
-    if not curvature > 0:  # a plain
+    if not curvature > 0:  # flat
         return b, of_b
     slope = before + curvature * (b - a)
     return b - slope / (2 * curvature), of_b - slope**2 / (4 * curvature)
@@ -316,7 +315,7 @@ class NoiseEstimator:
             (max(now - reach, 0.0), min(now + reach, float(np.log(options.range)))),
             options.line_tolerance,
             options.max_line_evaluations,
-            unseen=samples is not None,
+            evaluate_last=samples is None,
         )
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
@@ -554,16 +553,16 @@ class Likelihood:
         at = np.clip(at + move, *coordinates.bounds)
         return NewtonStep(at, there, here - there, expected, slopes, curvatures, directions, information)
 
-    def beyond_jags(self, step: NewtonStep, noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats | None:
+    def beyond_jumps(self, step: NewtonStep, noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats | None:
         """Likelier (p,) coordinates some deviations away from where steps ended; ``None`` if there are none.
 
         Where a drum without friction turns back, or a rope slackens, the likelihood jumps. Between two jumps lies an
-        optimum of its own, at which steps end. Curvatures much above that of least squares show such a direction; along
-        it, the likelihood is looked at a few deviations away.
+        optimum of its own, at which steps end. Curvatures much above that of least squares reveal such a direction;
+        along it, the likelihood is evaluated a few deviations away.
         """
-        jagged = step.directions[step.curvatures > self._options.jump_curvature]
+        jumping = step.directions[step.curvatures > self._options.jump_curvature]
         distances = [sign * by for by in range(1, self._options.jump_reach + 1) for sign in (1, -1)]
-        points = [step.at + by * way for way in jagged for by in distances if coordinates.room(step.at, by * way) >= 1]
+        points = [step.at + by * way for way in jumping for by in distances if coordinates.room(step.at, by * way) >= 1]
         if not points:
             return None
         deviances = self.deviances(points, noise, coordinates)

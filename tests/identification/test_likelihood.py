@@ -115,9 +115,9 @@ def test_a_likelihood_that_jumps_is_looked_at_beyond_its_jumps(
         assert step is not None
         at = step.at
     assert step is not None
-    assert likelihood.beyond_jags(step, noise, COORDINATES) is None
+    assert likelihood.beyond_jumps(step, noise, COORDINATES) is None
     jagged = replace(step, curvatures=np.array([1.0, 7.0, 1.0]))
-    assert likelihood.beyond_jags(jagged, noise, COORDINATES) is None
+    assert likelihood.beyond_jumps(jagged, noise, COORDINATES) is None
     deviations = np.linalg.inv(step.directions)
 
     def deviances(height: float) -> Callable[..., np.ndarray]:
@@ -128,8 +128,8 @@ def test_a_likelihood_that_jumps_is_looked_at_beyond_its_jumps(
         return jumping
 
     monkeypatch.setattr(likelihood, "deviances", deviances(4.0))  # less than the rise over three deviations
-    assert likelihood.beyond_jags(jagged, noise, COORDINATES) is None
+    assert likelihood.beyond_jumps(jagged, noise, COORDINATES) is None
     monkeypatch.setattr(likelihood, "deviances", deviances(20.0))
-    found = likelihood.beyond_jags(jagged, noise, COORDINATES)
+    found = likelihood.beyond_jumps(jagged, noise, COORDINATES)
     assert found is not None
     assert (found - at) @ deviations == pytest.approx([0, -3, 0], abs=1e-6)
