@@ -236,8 +236,8 @@ class NoiseEstimator:
         Their priors are log-normal around the described values. Where noise still has these, searches go over the whole
         range, else around the values it has.
         """
-        options, anywhere = self._options, all(noise.process[name] == self._described[name] for name in DESCRIBED)
-        reach = math.log(options.described_reach)
+        options, reach = self._options, math.log(self._options.described_reach)
+        anywhere = options.whole_range or all(noise.process[name] == self._described[name] for name in DESCRIBED)
         searches = [
             search
             for name in DESCRIBED
@@ -307,16 +307,17 @@ class NoiseEstimator:
     ) -> tuple[NoiseCovariances, float]:
         """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
         options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
-        reach = np.log(options.grid)
-        best, cost = minimum_nearby(
-            lambda factor: self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples),
-            (float(now), here),
-            reach / 4,
-            (max(now - reach, 0.0), min(now + reach, float(np.log(options.range)))),
-            options.line_tolerance,
-            options.max_line_evaluations,
-            evaluate_last=samples is None,
-        )
+        reach, accuracy = np.log(options.grid), (options.line_tolerance, options.max_line_evaluations)
+        ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
+
+        def cost_of(factor: float) -> float:
+            return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples)
+
+        if options.whole_range:
+            best, cost = _minimum_between(cost_of, ends, *accuracy)
+        else:
+            start = float(now), here
+            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy, evaluate_last=samples is None)
         return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
 
     def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:

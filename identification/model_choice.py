@@ -356,9 +356,11 @@ class ModelChoice:
             torque_time=coarse.chatter_time * step,
             min_torque=coarse.min_chatter,
             quiet_share=coarse.quiet_share,
+            whole_range=True,
         )
         resampling = replace(self.options.resampling, torque_rows=coarse.rows)
-        other = replace(self, options=replace(self.options, resampling=resampling, noise=noise))
+        search = replace(self.options.search, process_noise_tolerance=coarse.process_noise_tolerance)
+        other = replace(self, options=replace(self.options, resampling=resampling, noise=noise, search=search))
         least, delayed = other.likeliest_at_start(experiment)
         if least >= self.deviance_at_start(experiment):
             return self, None

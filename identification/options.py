@@ -83,6 +83,9 @@ class NoiseOptions:
     described_step: Annotated[Factor, Quantity("1", "first step of that search, as a factor")] = 1.4
     described_tolerance: Annotated[Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
     max_described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
+    whole_range: Annotated[
+        bool, Quantity("", "search over the whole reach each time (Brent's method), not from where noise is")
+    ] = False
     section_time: Annotated[Positive, Quantity("s", "time at the start of each section used by a rough search")] = 10.0
     max_em_steps: Annotated[
         int, Ge(0), Quantity("1", "largest number of further steps of expectation maximisation for R")
@@ -112,7 +115,8 @@ class TypicalSizes:
 class CoarseLogOptions:
     """Replacements of other options if torques changed more often than they were logged.
 
-    The unrecorded torques then represent chatter: white, and relative to the size of the logged torques' chatter.
+    The unrecorded torques then represent chatter: white, and relative to the size of the logged torques' chatter. As
+    chatter is not white, the likeliest noise explains too much: Q is estimated before the first Newton steps only.
     """
 
     rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
@@ -120,6 +124,7 @@ class CoarseLogOptions:
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
     min_chatter: Annotated[Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
     quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
+    process_noise_tolerance: Annotated[Positive, Quantity("1", "`SearchOptions.process_noise_tolerance`")] = 1e12
 
 
 @dataclass(frozen=True)
