@@ -279,7 +279,7 @@ def check_fit(
     """Refuse a fit with implausibly large unrecorded disturbances or noise.
 
     Returns:
-        Notes on disturbances above ``options.plausibility.unrecorded`` but below `unrecorded`, if that is given.
+        Notes on disturbances above ``options.plausibility.max_unrecorded`` but below `unrecorded`, if that is given.
 
     Raises:
         UnrecordedForceError: unrecorded forces too large in relation to recorded ones.

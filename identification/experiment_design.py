@@ -391,7 +391,7 @@ def excite(
         speed: largest in m/s; default: the reference's.
         acceleration: largest in m/s²; default: by half of the ropes' largest net force (``options.excitation``).
         torque: largest of a motor in N m; default: any. Tensions stay within the controller's limits anyway.
-        trials: number of simulated motions; default: ``options.excitation.trials``, or any number within `seconds`.
+        trials: number of simulated motions; default: ``options.excitation.max_trials``, or any number within `seconds`.
         seconds: time after which no further generation of motions begins.
         seed: of the search.
         options: of estimation and search.

@@ -95,7 +95,7 @@ def identify(
         forces: whether to estimate the unrecorded force on the vehicle: `forces` of the result, for
             ``disturbance.force``.
         unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
-            another machine, or the model is incomplete; default: ``options.plausibility.unrecorded``.
+            another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
         options: of the method.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done.

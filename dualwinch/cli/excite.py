@@ -77,7 +77,7 @@ def excite(
     trials: Annotated[
         int | None,
         WHOLE,
-        default_of("identification.options:DEFAULTS.excitation.trials", words="{} without --time"),
+        default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time"),
         Parameter(help="Motions to simulate."),
     ] = None,
     time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min.")] = None,

@@ -106,7 +106,7 @@ def identify(
     ] = None,
     unrecorded: Annotated[
         str | None,
-        default_of("identification.options:DEFAULTS.plausibility.unrecorded", words="{:.0%}"),
+        default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}"),
         Parameter(
             help="Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of "
             "another machine."
