@@ -201,7 +201,7 @@ def test_sides_that_changed_places_are_named_although_they_pull_alike_on_average
     log = logged(nominal)
     check_log(log, nominal)
     for one, other in (("tau_1", "tau_2"), ("F1", "F2")):
-        swapped = replace(log, columns=log.columns | {one: log.columns[other], other: log.columns[one]})
+        swapped = replace(log, columns={**log.columns, one: log.columns[other], other: log.columns[one]})
         with pytest.raises(
             ConfigurationError, match=r"F1 reads less than F2: have F1 and F2 or tau_1 and tau_2 changed"
         ):
