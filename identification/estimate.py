@@ -286,9 +286,15 @@ class PredictionErrorMethod:
             if settled and step.fall < search.tolerance:
                 likelier = self.likelihood.beyond_jumps(step, noise, coordinates)
                 if likelier is None:
-                    return step, noise, step.expected_fall < search.retried_fall
+                    return step, noise, self._is_last(step)
                 at, before = likelier, None
+        else:  # where noise still changes a little, values may not
+            return step, noise, step is not None and not settled and self._is_last(step)
         return step, noise, False
+
+    def _is_last(self, step: NewtonStep) -> bool:
+        """Whether a step lowers the deviance hardly, and a better one is not in sight."""
+        return step.fall < self._search.tolerance and step.expected_fall < self._search.retried_fall
 
     @property
     def _has_speed(self) -> bool:
