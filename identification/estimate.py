@@ -260,12 +260,8 @@ class PredictionErrorMethod:
     ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
         """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
         search, coordinates = self._search, self.coordinates()
-        at, step, before, settled = (
-            coordinates.of(values),
-            None,
-            None,
-            not (estimated and search.min_process_noise_steps),
-        )
+        at, step, before = coordinates.of(values), None, None
+        settled = not (estimated and search.min_process_noise_steps)
         for number in range(search.max_steps):
             progress((1 + number / (number + 2)) / 2)  # a few steps are usual
             if estimated:

@@ -115,7 +115,7 @@ def write_study(
                 "label": constraint.label,
                 "statistic": constraint.statistic.name,
                 "at_least": constraint.at_least,
-                "bound": None if constraint.unbounded else constraint.bound,
+                "bound": _finite(constraint.bound),
                 "unit": constraint.statistic.unit,
             }
             for constraint in tuned.training.constraints
