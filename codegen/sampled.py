@@ -1,6 +1,6 @@
 """Sampled systems as named CasADi functions, for the compiled drivers and for the filter over a log."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -22,6 +22,10 @@ class Sampled:
         parts: number of these parts.
         one_step: ``one_step(motion, hold, parameters) -> (next_motion, margin, valid)``: the motion over the sample
             interval in one step, cheaper than all parts and used wherever ``valid > 0``; or None.
+        fast_sample: ``fast_sample(state, exogenous, parameters) -> (discrete, hold)``: the same as `sample` wherever
+            the state `phase` is not 0, without the code that has no effect there; or None.
+        phase: index of the state that is 0 in every `interval`-th sample of a run.
+        interval: in samples.
     """
 
     sample: ca.Function
@@ -29,11 +33,15 @@ class Sampled:
     move: ca.Function
     parts: int
     one_step: ca.Function | None
+    fast_sample: ca.Function | None = field(default=None, kw_only=True)
+    phase: int = field(default=0, kw_only=True)
+    interval: int = field(default=1, kw_only=True)
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All functions there are."""
-        return (self.sample, self.observe, self.move, *((self.one_step,) if self.one_step else ()))
+        there = (function for function in (self.one_step, self.fast_sample) if function)
+        return (self.sample, self.observe, self.move, *there)
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -48,6 +56,9 @@ class Sampled:
             "COLUMNS": self.observe.numel_out("row"),
             "PARTS": self.parts,
             "HAS_ONE_STEP": int(self.one_step is not None),
+            "HAS_FAST_SAMPLE": int(self.fast_sample is not None),
+            "PHASE": self.phase,
+            "INTERVAL": self.interval,
         }
 
 

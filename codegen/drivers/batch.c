@@ -20,6 +20,12 @@ IN_LANES derive_lanes(const double *restrict p, double *restrict for_sample, dou
   }
 }
 
+#if HAS_FAST_SAMPLE
+IN_LANES derive_fast_sample_lanes(const double *restrict p, double *restrict for_fast_sample) {
+  EACH_CALL derive_fast_sample(p + l, for_fast_sample + l);
+}
+#endif
+
 #if HAS_ONE_STEP
 IN_LANES derive_one_step_lanes(const double *restrict p, double *restrict for_one_step) {
   EACH_CALL derive_one_step(p + l, for_one_step + l);
@@ -43,6 +49,9 @@ typedef struct {
   double margin[LANES];
 #if HAS_ONE_STEP
   double for_one_step[(ONE_STEP_DERIVED + 1) * LANES], valid[LANES];
+#endif
+#if HAS_FAST_SAMPLE
+  double for_fast_sample[(FAST_SAMPLE_DERIVED + 1) * LANES];
 #endif
 } Often;
 
@@ -83,6 +92,9 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
 #if HAS_ONE_STEP
   derive_one_step_lanes(p, often.for_one_step);
 #endif
+#if HAS_FAST_SAMPLE
+  derive_fast_sample_lanes(p, often.for_fast_sample);
+#endif
   for (int64_t k = 0; k < samples && running > 0; ++k) {
     if (k == filled) {
       filled = k + LOOK_EVERY < samples ? k + LOOK_EVERY : samples;
@@ -95,9 +107,18 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];
     }
+#if HAS_FAST_SAMPLE
+    const int fast = all_fast(now + PHASE * LANES);
+#endif
 #if HAS_ONE_STEP
-    sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
-                              next, often.margin, often.valid);
+#if HAS_FAST_SAMPLE
+    if (fast)
+      fast_sample_and_one_step_lanes(now, w, often.p, often.for_fast_sample, often.for_one_step, next + MOTION * LANES,
+                                     often.hold, next, often.margin, often.valid);
+    else
+#endif
+      sample_and_one_step_lanes(now, w, often.p, often.for_sample, often.for_one_step, next + MOTION * LANES, often.hold,
+                                next, often.margin, often.valid);
     int suspect = any_at_most_zero(often.valid, often.margin);
     if (suspect) {
       int any = 0;
@@ -112,7 +133,11 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
       }
     }
 #else
-    sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
+#if HAS_FAST_SAMPLE
+    if (fast) fast_sample_lanes(now, w, often.p, often.for_fast_sample, next + MOTION * LANES, often.hold);
+    else
+#endif
+      sample_lanes(now, w, often.p, often.for_sample, next + MOTION * LANES, often.hold);
     move_on(now, often.hold, p, for_move, next, often.margin);
     int suspect = any_at_most_zero(often.margin, often.margin);
 #endif

@@ -18,8 +18,8 @@ from dualwinch.codegen.source.expressions import BUILDING, GRAPHS
 
 Floats = NDArray[np.float64]
 
-EVERY_SAMPLE = ("sample", "one_step")
-"""Functions called at every sample; they take only the parameters they use, packed for the processor's cache."""
+EVERY_SAMPLE = ("sample", "fast_sample", "one_step")
+"""Functions called at samples; they take only the parameters they use, packed for the processor's cache."""
 
 
 def batch_source(system: Sampled, compiler: Compiler) -> str:

@@ -18,6 +18,10 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
   int outcome = COMPLETED;
   int64_t k = 0, until_row = 0;
   derive_sample(parameters, for_sample);
+#if HAS_FAST_SAMPLE
+  double for_fast_sample[FAST_SAMPLE_DERIVED + 1];
+  derive_fast_sample(parameters, for_fast_sample);
+#endif
   derive_observe(parameters, for_observe);
   derive_move(parameters, for_move);
 #if HAS_ONE_STEP
@@ -30,7 +34,11 @@ EXPORT int rollout(const double *parameters, const double *exogenous, double *st
       rows += COLUMNS;
       until_row = stride - 1;
     }
-    sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+#if HAS_FAST_SAMPLE
+    if (now[PHASE] != 0) fast_sample(now, exogenous, parameters, for_fast_sample, next + MOTION, hold);
+    else
+#endif
+      sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
     AFTER_SAMPLE(next);
 #if HAS_ONE_STEP
     one_step(now, hold, parameters, for_one_step, next, &margin, &valid);

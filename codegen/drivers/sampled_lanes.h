@@ -45,6 +45,34 @@ IN_LANES sample_lanes(const double *restrict state, const double *restrict exoge
 }
 #endif
 
+#if HAS_FAST_SAMPLE
+/* Whether no lane's phase is 0. */
+static __attribute__((noinline)) int all_fast(const double *restrict phase) {
+  int64_t due = 0;
+  EACH_LANE due |= phase[l] != 0 ? 0 : -1;
+  return due == 0;
+}
+
+#if HAS_ONE_STEP
+/* As sample_and_one_step_lanes. */
+IN_LANES fast_sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
+                                        const double *restrict p, const double *restrict for_fast_sample,
+                                        const double *restrict for_one_step, double *restrict discrete,
+                                        double *restrict hold, double *restrict next, double *restrict margin,
+                                        double *restrict valid) {
+  EACH_CALL {
+    fast_sample(state + l, exogenous + l, p + l, for_fast_sample + l, discrete + l, hold + l);
+    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
+  }
+}
+#else
+IN_LANES fast_sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                           const double *restrict derived, double *restrict discrete, double *restrict hold) {
+  EACH_CALL fast_sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
+}
+#endif
+#endif
+
 /* Copies `from` to `into` in lanes with a positive choice. */
 IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {
   for (int i = 0; i < count; ++i)

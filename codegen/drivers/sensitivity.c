@@ -116,6 +116,10 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
   memcpy(now, state, sizeof now);
   memcpy(now_tangent, tangent, sizeof ours);
   derive_sample(parameters, for_sample);
+#if HAS_FAST_SAMPLE
+  double for_fast_sample[FAST_SAMPLE_DERIVED + 1];
+  derive_fast_sample(parameters, for_fast_sample);
+#endif
   derive_move(parameters, for_move);
   (void)for_one_step_slopes, (void)for_observe_slopes, (void)rows, (void)row_tangents;
 #if ROW
@@ -137,7 +141,11 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
         rows += ROW;
       }
 #endif
-      sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+#if HAS_FAST_SAMPLE
+      if (now[PHASE] != 0) fast_sample(now, exogenous, parameters, for_fast_sample, next + MOTION, hold);
+      else
+#endif
+        sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
       put(of.hold + stepped, hold, HOLD);
       of.in_one_step[stepped] = 0;
 #if HAS_ONE_STEP

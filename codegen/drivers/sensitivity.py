@@ -116,7 +116,7 @@ def sensitivity_source(
     Expressions of the parameters alone, long code that runs once per run, are left to the caller: the unit holds them
     as serialised CasADi functions, so that the library contains everything.
     """
-    functions = [system.sample, system.move, *((system.one_step,) if system.one_step else ())]
+    functions = [function for function in system.functions if function is not system.observe]
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
     sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move, varied)
     paired = not compiler.is_clang

@@ -14,6 +14,9 @@ typedef struct {
 #if HAS_ONE_STEP
   LANE_ARRAY for_one_step[(ONE_STEP_DERIVED + 1) * LANES];
 #endif
+#if HAS_FAST_SAMPLE
+  LANE_ARRAY for_fast_sample[(FAST_SAMPLE_DERIVED + 1) * LANES];
+#endif
 } Constants;
 
 EXPORT const int64_t constants_size = sizeof(Constants) / sizeof(double);
@@ -40,6 +43,9 @@ EXPORT void prepare(const double *parameters, Constants *constants) {
 #if HAS_ONE_STEP
     derive_one_step(constants->p + l, constants->for_one_step + l);
 #endif
+#if HAS_FAST_SAMPLE
+    derive_fast_sample(constants->p + l, constants->for_fast_sample + l);
+#endif
   }
 }
 
@@ -52,10 +58,19 @@ IN_LANES sense_lanes(const double *restrict state, const double *restrict exogen
 static void advance(const double *now, const double *w, const double *live, const Constants *constants, double *next,
                     double *margin) {
   LANE_ARRAY hold[HOLD * LANES];
+#if HAS_FAST_SAMPLE
+  const int fast = all_fast(now + PHASE * LANES);
+#endif
 #if HAS_ONE_STEP
   LANE_ARRAY valid[LANES], moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
-  sample_and_one_step_lanes(now, w, constants->p, constants->for_sample, constants->for_one_step,
-                            next + MOTION * LANES, hold, next, margin, valid);
+#if HAS_FAST_SAMPLE
+  if (fast)
+    fast_sample_and_one_step_lanes(now, w, constants->p, constants->for_fast_sample, constants->for_one_step,
+                                   next + MOTION * LANES, hold, next, margin, valid);
+  else
+#endif
+    sample_and_one_step_lanes(now, w, constants->p, constants->for_sample, constants->for_one_step,
+                              next + MOTION * LANES, hold, next, margin, valid);
   int any = 0;
   EACH_LANE {
     missing[l] = valid[l] > 0 ? 0 : 1;
@@ -68,7 +83,11 @@ static void advance(const double *now, const double *w, const double *live, cons
   }
 #else
   (void)live;
-  sample_lanes(now, w, constants->p, constants->for_sample, next + MOTION * LANES, hold);
+#if HAS_FAST_SAMPLE
+  if (fast) fast_sample_lanes(now, w, constants->p, constants->for_fast_sample, next + MOTION * LANES, hold);
+  else
+#endif
+    sample_lanes(now, w, constants->p, constants->for_sample, next + MOTION * LANES, hold);
   move_on(now, hold, constants->p, constants->for_move, next, margin);
 #endif
 }

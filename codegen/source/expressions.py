@@ -233,3 +233,51 @@ def operands_of(function: ca.Function) -> dict[int, tuple[int, ...]]:
         if operation != ca.OP_OUTPUT:
             made_by[written[0]] = index
     return operands
+
+
+def with_fixed(function: ca.Function, argument: str, element: int, value: float) -> tuple[list[ca.SX], list[ca.SX]]:
+    """New symbols for the inputs of a function, and its outputs with one element of an input fixed.
+
+    Choices which that decides are left out, with all that only they need. What is left are the same operations, and so
+    the same results to the last bit.
+
+    Raises:
+        CodegenError: as for `operands_of`.
+    """
+    symbols = [ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()]
+    outputs = [[ca.SX(0)] * function.numel_out(vector) for vector in range(function.n_out())]
+    values, operands, fixed = dict[int, ca.SX](), operands_of(function), (function.name_in().index(argument), element)
+    decided = set[int]()  # instructions with constant results, because of the fixed element
+    with as_written():
+        for step, instruction in enumerate(instructions(function)):
+            operation, made_of = instruction.operation, operands.get(step, ())
+            given = [values[operand] for operand in made_of]
+            if operation == ca.OP_OUTPUT:
+                vector, index = instruction.written
+                outputs[vector][index] = given[0]
+            elif operation == ca.OP_INPUT:
+                vector, index = instruction.read
+                values[step] = ca.SX(value) if instruction.read == fixed else symbols[vector][index]
+                decided |= {step} if instruction.read == fixed else set()
+            elif operation == ca.OP_CONST:
+                values[step] = ca.SX(instruction.constant)
+            elif decided.isdisjoint(made_of):
+                values[step] = applied(operation, given)
+            else:
+                values[step] = _decided(operation, given)
+                decided |= {step} if values[step].is_constant() else set()
+    return symbols, [ca.vertcat(*elements) for elements in outputs]
+
+
+def _decided(operation: int, operands: list[ca.SX]) -> ca.SX:
+    """An operation of which an operand is a constant: its result if that decides it."""
+    if all(operand.is_constant() for operand in operands):
+        return ca.SX(float(ca.evalf(applied(operation, operands))))
+    nothing = [operand.is_constant() and operand.is_zero() for operand in operands]
+    if operation == ca.OP_IF_ELSE_ZERO and operands[0].is_constant():
+        return ca.SX(0) if nothing[0] else operands[1]
+    if operation == ca.OP_MUL and any(nothing):
+        return ca.SX(0)
+    if operation == ca.OP_ADD and any(nothing):
+        return operands[nothing.index(True) ^ 1]
+    return applied(operation, operands)

@@ -20,18 +20,24 @@ Neither sensor is trusted blindly. Outliers among the readings are rejected. If 
 the encoder's position, the encoder is suspect: its variance as a position sensor grows with the square of the excess,
 so that its weight decreases smoothly, and its calibration is soon forgotten. An encoder that has jumped is calibrated
 anew, and its weight returns. The encoder of a rope that slips stays suspect.
+
+All of this takes place at every sample except the update of the estimates, which would take most of the filter's time:
+the readings of `DrumGains.interval` samples, in which the machine moves by millimetres, count as one of their total
+weight.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import annotated_types as at
+import numpy as np
 
-from dualwinch.controllers.estimators.least_squares import Knowledge, expected, learnt, variances
+from dualwinch.controllers.estimators.least_squares import Knowledge, expected, ignorance, learnt, variances
 from dualwinch.controllers.estimators.shrinkage import shrunk
 from dualwinch.model.matrix import dot
-from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable
+from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, vector
+from dualwinch.model.quantities.tree import either_of
 from dualwinch.model.scalar import Scalar, absolute, clip, cos, exp, maximum, present, sin, sqrt, where
 from dualwinch.model.winch import TURN
 
@@ -95,6 +101,14 @@ class DrumGains:
         Quantity("s", "age at which the weight of a reading has fallen to 1/e", "assumption"),
         Tunable(5, 500, standard=False),
     ] = 15.0
+    interval: Annotated[
+        int,
+        at.Ge(1),
+        at.Le(100),
+        Quantity("1", "samples between updates of the estimates", "assumption"),
+        Mark.SHAPES_CODE,
+        Mark.INTERVAL,
+    ] = 8
 
 
 @dataclass(frozen=True)
@@ -144,12 +158,32 @@ def learnt_names(gains: DrumGains) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
+class Gathered:
+    """Readings since the last update of the estimates, and the results of that update that every sample needs."""
+
+    estimate: Annotated[Any, Quantity("1", "shrunk estimates over their prior deviations"), Mark.LEARNT]
+    variance: Annotated[Scalar, Quantity("1", "variance of an expected reading over its noise's"), Mark.LEARNT] = 1e6
+    weight: Annotated[Scalar, Quantity("1", "total weight of the readings"), Mark.LEARNT] = 0.0
+    innovation: Annotated[Scalar, Quantity("1", "weighted sum of their innovations over their noise"), Mark.LEARNT] = (
+        0.0
+    )
+    fade: Annotated[Scalar, Quantity("1", "factor on the information of earlier readings"), Mark.LEARNT] = 1.0
+
+
+@dataclass(frozen=True)
 class EncoderKnowledge:
     """Estimates of the errors of one encoder, its drum and its rope."""
 
     errors: Knowledge
+    gathered: Gathered
     tare: Annotated[Scalar, Quantity("m", "zero set at rest in a known position, in m of rope")] = 0.0
     residual: Annotated[Scalar, Quantity("1", "low-passed innovation of the readings over their deviation")] = 0.0
+
+
+def unknown_errors(gains: DrumGains) -> EncoderKnowledge:
+    """An encoder without readings: the prior of its errors."""
+    n = len(learnt_names(gains))
+    return EncoderKnowledge(ignorance(n), Gathered(np.zeros(n)))
 
 
 @dataclass(frozen=True)
@@ -259,44 +293,70 @@ def calibrate(
     gains: DrumGains,
     trusting: TrustGains,
     sample_time: Scalar,
+    due: Scalar = True,
 ) -> tuple[EncoderKnowledge, EncoderPosition]:
-    """One sample of an encoder's calibration by a reading: the updated estimates, and the encoder's position."""
-    deviation = reading.deviation
+    """One sample of an encoder's calibration by a reading: what is known then, and the encoder's position.
+
+    The estimates are updated where that is `due`.
+    """
+    deviation, gathered = reading.deviation, known.gathered
     row = regressors(drum, gains, deviation)
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
-    before = estimated_error(known.errors, row, gains)
     counts = reading.alive * drum.taut
     # the fault probability of the last sample, independent of this reading
     odds = fault_odds(known.residual, 0.0)
     fault = odds / (1 + odds)
-    fade = where(counts, exp(-sample_time / gains.memory) * (1 - fault * sample_time / trusting.relearning_time), 1.0)
-    expectation = expected(known.errors, row, fade)
-    innovation = (says - drum.direction * reading.x) / deviation - expectation.value
-    bound = trusting.gate * sqrt(1 + expectation.variance)
+    innovation = (says - drum.direction * reading.x) / deviation - dot(row, _estimates(known.errors.estimate, row))
+    bound = trusting.gate * sqrt(1 + gathered.variance)
     within = absolute(innovation) <= bound
     limited = clip(innovation, -bound, bound)
     # of a suspect encoder the gate opens: apparent outliers show the new errors
     opened = bound * (1 + odds)
     weight = reading.weight * where(counts, where(within, 1.0, fault), 0.0)
-    errors = learnt(known.errors, row, expectation, clip(innovation, -opened, opened), weight, fade)
-    after = estimated_error(errors, row, gains)
+    fade = where(counts, exp(-sample_time / gains.memory) * (1 - fault * sample_time / trusting.relearning_time), 1.0)
+    following = updated(
+        replace(
+            known,
+            gathered=replace(
+                gathered,
+                weight=gathered.weight + weight,
+                innovation=gathered.innovation + weight * clip(innovation, -opened, opened),
+                fade=gathered.fade * fade,
+            ),
+        ),
+        row,
+        gains,
+        due,
+    )
+    before, after = (dot(row, _estimates(each.estimate, row)) for each in (gathered, following.gathered))
     share = where(counts, sample_time / trusting.fault_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
-    following = replace(known, errors=errors, residual=residual)
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
-        odds=fault_odds(following.residual, expectation.variance),
+        odds=fault_odds(residual, gathered.variance),
         used=counts * within,
     )
-    return following, position
+    return replace(following, residual=residual), position
 
 
-def estimated_error(errors: Knowledge, row: Sequence[Scalar], gains: DrumGains) -> Scalar:
-    """Estimated (shrunk) error of an encoder over the deviation of a reading."""
-    names = learnt_names(gains)
+def updated(known: EncoderKnowledge, row: Sequence[Scalar], gains: DrumGains, due: Scalar) -> EncoderKnowledge:
+    """The estimates updated by the gathered readings, with the regressors of the last, where that is `due`."""
+    gathered, names = known.gathered, learnt_names(gains)
+    expectation = expected(known.errors, row, gathered.fade)
+    # the innovations are relative to the estimates before these faded
+    faded = dot(row, _estimates(known.errors.estimate, row)) - expectation.value
+    pull = gathered.innovation + gathered.weight * faded
+    errors = learnt(known.errors, row, expectation, pull, gathered.weight, gathered.fade)
     estimate = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
-    return dot(row, estimate)
+    variance = expectation.variance / (1 + gathered.weight * expectation.variance)
+    following = Gathered(vector(estimate), variance)
+    return replace(known, errors=either_of(due, errors, known.errors), gathered=either_of(due, following, gathered))
+
+
+def _estimates(estimate: Any, row: Sequence[Scalar]) -> list[Scalar]:
+    """The elements of a vector of estimates, one for each regressor."""
+    return [estimate[i] for i in range(len(row))]
 
 
 def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, resting: Scalar) -> EncoderKnowledge:

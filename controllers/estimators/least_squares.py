@@ -80,11 +80,12 @@ def learnt(
     weight: Scalar,
     fade: Scalar,
 ) -> Knowledge:
-    """The estimates updated by a sample with (n,) regressors and its expectation, both with the same `fade`.
+    """The estimates updated by samples with the same (n,) regressors and expectation, both with the same `fade`.
 
-    The innovation is relative to the deviation of the sample's noise; `weight` is 1 for one sample, 0 for none.
+    The innovation is the weighted sum of theirs, relative to the deviation of a sample's noise; `weight` is the sum of
+    their weights: 1 for one sample, 0 for none.
     """
-    step = weight * innovation / (1 + weight * expectation.variance)
+    step = innovation / (1 + weight * expectation.variance)
     estimate = [value + gain * step for value, gain in zip(expectation.estimate, expectation.gain, strict=True)]
     information = [
         fade * known.information[_index(i, j)] + weight * regressors[i] * regressors[j]

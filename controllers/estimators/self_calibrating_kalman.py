@@ -26,8 +26,8 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     TrustGains,
     calibrate,
     learnt_errors,
-    learnt_names,
     tared,
+    unknown_errors,
 )
 from dualwinch.controllers.estimators.kalman import (
     TAUT,
@@ -37,7 +37,6 @@ from dualwinch.controllers.estimators.kalman import (
     corrected,
     kalman_gain,
 )
-from dualwinch.controllers.estimators.least_squares import ignorance
 from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.heavy_ropes import sag_shortening
 from dualwinch.model.matrix import Matrix
@@ -77,6 +76,9 @@ class SelfCalibratingState:
     encoder_2: EncoderKnowledge
     wheel: Any
     watch: SensorWatch = field(default_factory=SensorWatch)
+    samples: Annotated[
+        Scalar, Quantity("1", "samples since the calibration was updated"), Mark.PHASE, Mark.BOOKKEEPING
+    ] = 0.0
     pending: Annotated[Scalar, Quantity("m", "shift by calibration that has not yet reached the position law")] = 0.0
 
 
@@ -213,7 +215,7 @@ class SelfCalibratingKalman(Estimator):
 
     def initial_state(self) -> SelfCalibratingState:
         """At rest at the start of the run, with nominal drums, ropes and encoders."""
-        unknown = EncoderKnowledge(ignorance(len(learnt_names(self.drums))))
+        unknown = unknown_errors(self.drums)
         wheel = WheelKnowledge() if present(self.drums.wheel) else NO_STATE
         return SelfCalibratingState(KalmanState(), unknown, unknown, wheel)
 
@@ -225,9 +227,10 @@ class SelfCalibratingKalman(Estimator):
         x = state.motion.x
         watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
         reading = Reading(watch.reading, alive, gains.position_noise)
-        drums, resting = _drums(measurement, x, context), state.watch.started < FIRST
-        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, sample_time)
-        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, sample_time)
+        due = True if self.drums.interval == 1 else state.samples == 0
+        drums, resting = _drums(measurement, x, context), both(due, state.watch.started < FIRST)
+        encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
+        encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
         found = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
         wheel, speed = self._rolled(state.wheel, measurement.v, x, sample_time)
         motion, estimate = corrected(
@@ -240,7 +243,8 @@ class SelfCalibratingKalman(Estimator):
             sample_time,
         )
         pending = (state.pending + found.shift) * (1 - sample_time / self.trust.slide_time)
-        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, pending)
+        samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
+        following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending)
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
@@ -265,13 +269,20 @@ class SelfCalibratingKalman(Estimator):
         return WheelKnowledge(error, information, rolled, known.left_behind + share * way), reading / (1 + error)
 
     def _calibrated(
-        self, known: EncoderKnowledge, drum: Drum, x: Scalar, reading: Reading, resting: Scalar, sample_time: Scalar
+        self,
+        known: EncoderKnowledge,
+        drum: Drum,
+        x: Scalar,
+        reading: Reading,
+        resting: Scalar,
+        due: Scalar,
+        sample_time: Scalar,
     ) -> tuple[EncoderKnowledge, EncoderPosition]:
         known = tared(known, drum, x, self.drums, resting)
         # rest in a known position counts as many readings; it sets the encoder, not the predicted position
         weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
         seen = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
-        known, position = calibrate(known, drum, seen, self.drums, self.trust, sample_time)
+        known, position = calibrate(known, drum, seen, self.drums, self.trust, sample_time, due)
         return known, replace(position, shift=where(resting, 0.0, position.shift))
 
     def _learnt(

@@ -159,6 +159,8 @@ class Mark(Enum):
     SETTLES = "a friction state, which settles within an integration step"
     HELD = "a signal that is constant from one sample to the next"
     BOOKKEEPING = "a state without effect while sensors are perfect and no vortices are shed"
+    INTERVAL = "the number of samples between updates of a slow part; analysis of the loop takes 1"
+    PHASE = "a state that counts samples: a slow part is updated where it is 0; nothing else depends on it"
     LEARNT = "an estimate of the machine's constants, which converges over thousands of samples"
 
 

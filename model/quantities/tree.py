@@ -11,7 +11,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
 from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
 from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, nearest, numbers_of, rebuilt
-from dualwinch.model.scalar import present
+from dualwinch.model.scalar import Scalar, present, where
 
 Group = TypeVar("Group")
 
@@ -79,6 +79,14 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return _changed(group, changes, prefix)
+
+
+def either_of(condition: Scalar, group: Group, otherwise: Group) -> Group:
+    """One of two groups of the same fields, element by element: `group` where the condition holds."""
+    if condition is True:
+        return group
+    others = leaves(otherwise)
+    return with_leaves(group, {key: where(condition, value, others[key]) for key, value in leaves(group).items()})
 
 
 def _chosen(choice: PartChoice, parts: tuple[Part, ...], kinds: Any, below: str) -> Iterator[Part]:

@@ -23,6 +23,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.operating_point import OperatingPoint, operating_point_law, resistance
 from dualwinch.model.linear.operating_point import operating_point as of_plant
 from dualwinch.model.plant import DisturbanceInputs, Plant, blank_state, inner_forces
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Creep
@@ -223,7 +224,8 @@ def with_taut_ropes(structure: Experiment) -> Experiment:
 def in_calm(experiment: Experiment) -> Experiment:
     """The experiment without disturbances, sensor errors and anything else that prevents steady motion.
 
-    Torque commands are not quantised; for the plant see `still_plant`.
+    Torque commands are not quantised, and slow parts of a controller are updated at every sample; for the plant see
+    `still_plant`.
     """
     # unit noise gives the noise inputs of the linear system the units of the sensors
     sensors = replace(
@@ -238,8 +240,10 @@ def in_calm(experiment: Experiment) -> Experiment:
         drum_speed_resolution=0.0,
     )
     simulation = replace(experiment.simulation, jitter=0.0, torque_step=0.0)
+    slow = {key: 1 for key, leaf in describe_parts(experiment.controller).items() if Mark.INTERVAL in leaf.marks}
     return replace(
         experiment,
+        controller=with_leaves(experiment.controller, slow),
         plant=still_plant(experiment.plant),
         disturbance=Disturbance(),
         sensors=sensors,

@@ -1,6 +1,6 @@
 """The sampled closed loop of plant and controller as one symbolic step, with a zero-order hold between samples."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, NamedTuple
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.sampled import Sampled
-from dualwinch.codegen.source.expressions import as_written, built_once
+from dualwinch.codegen.source.expressions import as_written, built_once, with_fixed
 from dualwinch.controllers.controller import (
     Controller,
     ControllerOutput,
@@ -385,17 +385,42 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
     marks = {name: leaf.marks for name, leaf in describe_parts(start).items()}
     marks |= dict.fromkeys(sums, frozenset({Mark.BOOKKEEPING}))  # nothing depends on them
     move, one_step = between_samples(structure, problem, symbols["parameters"])
+    sample_function = named_function("sample", symbols, at_sample)
+    phase, interval = _schedule(structure.controller, vectors["state"], marks)
     return ClosedLoop(
-        sample=named_function("sample", symbols, at_sample),
+        sample=sample_function,
         observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
         parts=simulation.substeps,
         one_step=one_step,
+        fast_sample=_fast_sample(sample_function, phase) if interval > 1 else None,
+        phase=phase,
+        interval=interval,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],
         marks={name: marks.get(name, frozenset()) for name in vectors["state"]},
         quantities={name: quantity for name, (_, quantity) in row.items()},
+    )
+
+
+def _schedule(controller: Controller, states: Sequence[str], marks: Mapping[str, frozenset[Mark]]) -> tuple[int, int]:
+    """Index of the state that is the phase of a controller's slow part, and its interval in samples; 0, 1 without."""
+    phases = [index for index, name in enumerate(states) if Mark.PHASE in marks.get(name, ())]
+    known, values = describe_parts(controller), leaves(controller)
+    intervals = [int(values[key]) for key, leaf in known.items() if Mark.INTERVAL in leaf.marks]
+    return (phases[0], intervals[0]) if len(phases) == len(intervals) == 1 else (0, 1)
+
+
+def _fast_sample(sample: ca.Function, phase: int) -> ca.Function:
+    """`sample` without the code that runs only where the state `phase` is 0; the phase itself goes on."""
+    inputs, outputs = with_fixed(sample, "state", phase, 1.0)
+    number = phase - (sample.numel_in("state") - sample.numel_out("discrete"))
+    with as_written():
+        outputs[0][number] = sample.call(inputs)[0][number]
+    names_in, names_out = sample.name_in(), sample.name_out()
+    return named_function(
+        "fast_sample", dict(zip(names_in, inputs, strict=True)), dict(zip(names_out, outputs, strict=True))
     )
 
 

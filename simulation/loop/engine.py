@@ -33,7 +33,11 @@ class _Stepper:
         motion, hold = self.state[:moving], np.empty(system.sizes["HOLD"])
         moved, discrete = self._following[:moving], self._following[moving:]
         self.observe = self._prepared(system.observe, [self.state, self.exogenous], [self.row])
-        self._sample = self._prepared(system.sample, [self.state, self.exogenous], [discrete, hold])
+        self._sample, self._fast_sample = (
+            self._prepared(function, [self.state, self.exogenous], [discrete, hold])
+            for function in (system.sample, system.fast_sample or system.sample)
+        )
+        self._phase = self.state[system.phase : system.phase + 1]
         source, between = motion, np.empty(moving)
         self._parts: list[Callable[[], None]] = []
         for part in range(system.parts):
@@ -61,7 +65,10 @@ class _Stepper:
 
     def step(self) -> Outcome:
         """Advance by one sample and return its outcome."""
-        self._sample()
+        if self._phase[0] != 0:
+            self._fast_sample()
+        else:
+            self._sample()
         self._one_step()
         if not self._valid[0] > 0:
             for move in self._parts:

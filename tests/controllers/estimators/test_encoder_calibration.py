@@ -18,8 +18,8 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     learnt_names,
     regressors,
     tared,
+    unknown_errors,
 )
-from dualwinch.controllers.estimators.least_squares import ignorance
 from tests.tiers import all_but
 
 T, SIGMA, RADIUS = 1e-3, 6e-4, 0.8
@@ -64,7 +64,26 @@ def after(
 
 
 def unknown(gains: DrumGains = GAINS) -> EncoderKnowledge:
-    return EncoderKnowledge(ignorance(len(learnt_names(gains))))
+    return unknown_errors(gains)
+
+
+def test_gathered_readings_count_as_much_as_one_by_one() -> None:
+    random = np.random.default_rng(3)
+    positions = np.linspace(0, 2, 4001)
+    readings = positions + SIGMA * random.standard_normal(len(positions))
+    found = {}
+    for interval in (1, 4, 8):
+        known, position = unknown(), EncoderPosition(0.0, 0.0, 0.0, 0.0)
+        for number, (reading, x) in enumerate(zip(readings.tolist(), positions.tolist(), strict=True)):
+            shown, due = drum(x, 1.0, stretch_at(number), TRUE), number % interval == 0
+            known = tared(known, shown, 0.0, GAINS, float(number == 0))
+            known, position = calibrate(known, shown, Reading(reading, 1.0, SIGMA), GAINS, TRUST, T, due)
+            assert due or position.shift == 0
+        found[interval] = learnt_errors(known, GAINS)
+    for interval in (4, 8):
+        for name, (value, spread) in found[interval].items():
+            assert value == pytest.approx(found[1][name][0], abs=0.1 * spread), name
+            assert spread == pytest.approx(found[1][name][1], rel=0.01), name
 
 
 @pytest.mark.parametrize("direction", all_but([1.0], [1.0, -1.0]))

@@ -19,7 +19,7 @@ def recursion(rows: Floats, values: Floats, weights: Floats, fades: Floats) -> K
     known = ignorance(rows.shape[1])
     for row, value, weight, fade in zip(rows.tolist(), values, weights, fades, strict=True):
         before = expected(known, row, fade)
-        known = learnt(known, row, before, value - before.value, weight, fade)
+        known = learnt(known, row, before, weight * (value - before.value), weight, fade)
     return known
 
 
