@@ -220,19 +220,20 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 
 
 def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
-    """Print notes on defaults that do not follow the user's values, and on unusual values.
+    """Print notes on defaults that do not follow the user's values, on unusual values and on those without effect.
 
     Args:
-        experiment: any; nothing is printed for the default plant.
+        experiment: any.
         own: keys that the user has set.
     """
+    if not own:
+        return
+    from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values, without_effect
     from dualwinch.simulation.experiment import Experiment
 
-    if experiment.plant == Experiment().plant:
-        return
-    from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values
-
-    for words in [*defaults_left(experiment, own), *unusual_values(experiment)]:
+    same = experiment.plant == Experiment().plant
+    left = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
+    for words in [*left, *without_effect(experiment, own)]:
         print_note(words)
 
 

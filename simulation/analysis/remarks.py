@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dualwinch.codegen.source.expressions import elements_read
 from dualwinch.model.errors import ConfigurationError, DualwinchError
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
@@ -16,7 +17,8 @@ from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.analysis.resonance import resonance_gains
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, start_function
+from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.results.result import Result
 
 
@@ -129,6 +131,36 @@ def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Col
             f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
             "if intended, give them"
         )
+
+
+DRAWN = frozenset(("plant.vehicle.height", "plant.vehicle.diameter", *(f"plant.{rope}.diameter" for rope in ROPE_KEYS)))
+"""Sizes that describe a machine whether or not its motion depends on them: animations and `idealisations` do."""
+
+
+def without_effect(experiment: Experiment, own: Collection[str]) -> list[str]:
+    """Remarks on values that the user has set and that nothing depends on, such as the damping of a rigid gearbox.
+
+    Args:
+        experiment: the experiment; nothing is said of one that cannot run, or that has another error.
+        own: keys that the user has set; zeros and values equal to the default are left out.
+    """
+    values, usual = leaves(experiment), leaves(Experiment())
+    changed = {key: values[key] for key in set(own) - DRAWN if values.get(key) and values[key] != usual.get(key)}
+    if not changed:
+        return []
+    try:
+        prepared = prepare(experiment)
+    except ConfigurationError:
+        return []
+    functions = *prepared.loop.functions, start_function(prepared.structure)
+    read = set().union(*(elements_read(function, "parameters") for function in functions))
+    idle = [name for index, name in enumerate(prepared.loop.parameters) if index not in read and name in changed]
+    both = {starred(key) for key in idle if changed.get(swapped(key)) == changed[key] and swapped(key) != key}
+    named = dict.fromkeys((starred(key) if starred(key) in both else key, changed[key]) for key in idle)
+    return [
+        f"{key} = {value:g}: no effect in this experiment, as the effect that it belongs to is absent or switched off"
+        for key, value in named
+    ]
 
 
 def swapped(words: str) -> str:

@@ -5,6 +5,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.simulation.analysis.describing_function import amplitude_sweep
@@ -17,6 +19,7 @@ from dualwinch.simulation.analysis.remarks import (
     delay_remarks,
     remarks,
     unusual_values,
+    without_effect,
 )
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -172,3 +175,38 @@ def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
         rf"the loop tolerates {1e3 * least:.2g} ms of further delay at (tau_1|tau_2|torques), at rest", said
     )
     assert not list(delay_remarks(tuned, least / 2))
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"disturbance.vortex_amplitude": 3.0}, "disturbance.vortex_amplitude = 3: no effect"),
+        ({"plant.vehicle.bristle_damping": 2.0}, "plant.vehicle.bristle_damping = 2: no effect"),
+        (
+            {"plant.winch_1.gear_damping": 5.0, "plant.winch_2.gear_damping": 5.0},
+            "plant.winch_*.gear_damping = 5: no effect",
+        ),
+        (
+            {"plant.winch_1.gear_damping": 5.0, "plant.winch_2.gear_damping": 6.0},
+            "plant.winch_1.gear_damping = 5: no effect",
+        ),
+    ],
+)
+def test_values_of_absent_effects_are_said_to_have_none(settings: dict[str, float], said: str) -> None:
+    found = without_effect(override(SHORT, settings), list(settings))
+    assert found[0].startswith(said)
+    assert len(found) == len(set(settings.values()))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"disturbance.vortex_amplitude": 3.0, "disturbance.vortex": True},
+        {"plant.winch_1.gear_damping": 5.0, "plant.winch_1.gear_stiffness": 1e6},
+        {"plant.vehicle.mass": 3000.0, "controller.observer.l0": 20.0, "simulation.duration": 3.0},
+        {"plant.winch_1.eccentricity": 0.0},
+        {"simulation.duration": 1e-5, "disturbance.vortex_amplitude": 3.0},
+    ],
+)
+def test_nothing_is_said_of_values_with_an_effect_nor_where_there_are_errors(settings: dict[str, float]) -> None:
+    assert without_effect(override(SHORT, settings), list(settings)) == []
