@@ -104,11 +104,12 @@ def linearise(
 
     The closed loop maps the states of plant and controller over one sample. The open loop is the same, opened at
     a signal: its gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed
-    error. With either loop, the rule for the drums' resonance on their ropes is checked.
+    error. With either loop, the rule for the drums' resonance on their ropes is checked, and constants of the machine
+    that the estimator learns are held at the values to which they converge there.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer
-    from dualwinch.simulation.analysis.linear_loop import learnt_states
+    from dualwinch.simulation.analysis.linear_loop import learns
 
     loop = "open" if loop == "broken" else loop
     experiment = given.nominal(ensemble)
@@ -126,12 +127,13 @@ def linearise(
     if loop == "open":
         tables = print_open(systems, experiment, values, swept, opening or "u")
     elif swept is None:
-        learnt = learnt_states(experiment) if loop == "closed" else frozenset()
-        tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed", learnt=learnt)
+        tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed")
     elif loop == "closed":
         tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
     else:
         tables = print_sweep(systems, points, experiment.plant, swept)
+    if loop != "plant" and learns(experiment):
+        terminal().print("what the estimator learns of the machine is held at the values to which it converges here")
     if loop != "plant" and swept is None:
         resonance = resonance_tables(_with_preload(experiment, values["preload"][0]), values["x"][0])
         print_resonance(resonance)
@@ -419,9 +421,7 @@ PRINTED_STATES = 8
 """Largest number of states of a system whose matrices are printed."""
 
 
-def print_point(
-    system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool, learnt: frozenset[str] = frozenset()
-) -> list[FigureTable]:
+def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, closed: bool) -> list[FigureTable]:
     """Print operating point, matrices (small systems), modes, DC gains, sufficient sensors, and a loop's stability."""
     import numpy as np
 
@@ -447,7 +447,7 @@ def print_point(
         for name, inputs in (("A", system.states), ("B", system.inputs)):
             console.print(styled("bold", f"\n{name}", f" ({time})"))
             console.print(_matrix(name, "", system.states, map(FigureColumn, inputs), getattr(system, name)).render())
-    tables += _print_modes(listed(modes(system, plant), closed=closed), system.dt, closed=closed, learnt=learnt)
+    tables += _print_modes(listed(modes(system, plant), closed=closed), system.dt, closed=closed)
     if small and plant_prefix(system.states) is not None:
         console.print(styled("bold", "DC gains", ": steady-state change of an output per unit of an input"))
         inputs = (FigureColumn(name, f"output/({system.units[name]})") for name in system.inputs)
@@ -462,20 +462,12 @@ def print_point(
     return tables
 
 
-def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learnt: frozenset[str]) -> list[FigureTable]:
-    """Print modes and the participation of the states.
-
-    Stable modes of learnt states, some hundred, are printed as one line; the tables have them all.
-    """
+def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool) -> list[FigureTable]:
+    """Print modes and the participation of the states."""
     from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 
     console = terminal()
     console.print(styled("bold", "\nmodes"))
-    shown: list[Mode] = []
-    slow: list[Mode] = []
-    for mode in found:
-        hidden = learnt.issuperset(mode.main_states) and not is_unstable(mode)
-        (slow if hidden else shown).append(mode)
     columns = _mode_columns(dt, closed=closed)
     tables = [
         FigureTable("modes", columns, [_mode_row(mode, closed=closed) for mode in found]),
@@ -486,17 +478,13 @@ def _print_modes(found: Sequence[Mode], dt: float | None, *, closed: bool, learn
         ),
         FigureTable("sampling", (FigureColumn("samples_per_period"),), [(SAMPLES_A_PERIOD,)]),
     ]
-    console.print(FigureTable("", columns, [_mode_row(mode, closed=closed) for mode in shown]).render())
-    if slow:
-        longest = max(mode.time_constant for mode in slow)
-        modes = "1 mode" if len(slow) == 1 else f"{len(slow)} modes"
-        console.print(f"and {modes} of states that the estimator learns, decaying within {longest:.3g} s")
+    console.print(tables[0].render())
     if not closed:
         console.print(f"f_s: {SAMPLES_A_PERIOD} samples a period, which a controller that acts on the mode needs")
     console.print(styled("bold", "\nparticipation of the states"))
     shares = [
         (mode.label, ", ".join(f"{name} {100 * mode.participation[name]:.3g} %" for name in mode.main_states))
-        for mode in shown
+        for mode in found
     ]
     console.print(FigureTable("", (FigureColumn("mode", ""), FigureColumn("states", "")), shares).render())
     return tables

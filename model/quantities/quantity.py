@@ -161,7 +161,7 @@ class Mark(Enum):
     BOOKKEEPING = "a state without effect while sensors are perfect and no vortices are shed"
     INTERVAL = "the number of samples between updates of a slow part; analysis of the loop takes 1"
     PHASE = "a state that counts samples: a slow part is updated where it is 0; nothing else depends on it"
-    LEARNT = "an estimate of the machine's constants, which converges over thousands of samples"
+    LEARNT = "an estimate of the machine's constants, converging over thousands of samples; held in linearised loops"
 
 
 AHEAD = frozenset({Mark.DRAWN_AHEAD, Mark.FILE, Mark.DIGEST})

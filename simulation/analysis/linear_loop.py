@@ -23,14 +23,12 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.simulation.analysis.margins import BOTH
 from dualwinch.simulation.analysis.operating_points import (
-    PLANT,
     LoopOperatingPoint,
     loop_operating_point,
-    neighbours,
     operating_point,
     with_taut_ropes,
-    without_round_off,
 )
+from dualwinch.simulation.analysis.steady_motion import PLANT, neighbours, without_round_off
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
 from dualwinch.simulation.loop.structure import structure_of
@@ -94,7 +92,8 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
     """Linearise the closed loop over one sample, around steady motion.
 
     The states are those of plant and controller that affect anything; see `INPUTS` and `OUTPUTS`. The matrices are
-    exact Jacobians of the simulated step, with perfect sensors and without disturbances; noises are inputs.
+    exact Jacobians of the simulated step, with perfect sensors and without disturbances; noises are inputs. Constants
+    of the machine that the estimator learns are held at the values to which they converge there.
 
     Args:
         experiment: plant, gains, sample time and delay.
@@ -111,12 +110,12 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
         _jacobians(structure)(s, point.exogenous, point.parameters) for s in (point.state, *neighbours(point.state))
     ]
     A, B, C, D = (without_round_off(*(part.full() for part in parts)) for parts in zip(*derived, strict=True))
-    outputs = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)]
+    outputs, kept = [*OUTPUTS, *(name for name in loop.columns if name not in COLUMNS)], point.kept
     rows, columns = [loop.columns.index(name) for name in outputs], [loop.exogenous.index(name) for name in INPUTS]
     units = {name: loop.quantities[name].unit for name in outputs} | dict(INPUTS.values())
     inputs = [name for name, _ in INPUTS.values()]
-    matrices = A, B[:, columns], C[rows], D[np.ix_(rows, columns)]
-    return without_idle_states(_named(point, matrices, range(len(A)), inputs, outputs, units))
+    matrices = A[kept][:, kept], B[kept][:, columns], C[rows][:, kept], D[rows][:, columns]
+    return without_idle_states(_named(point, matrices, kept, inputs, outputs, units))
 
 
 def linear_open_loop(
@@ -181,7 +180,7 @@ def _jacobians(structure: Experiment) -> ca.Function:
 def _named(
     point: LoopOperatingPoint,
     matrices: tuple[Floats, Floats, Floats, Floats],
-    states: Sequence[int] | NDArray[np.intp],
+    states: NDArray[np.intp],
     inputs: Sequence[str],
     outputs: Sequence[str],
     units: Mapping[str, str],
@@ -227,11 +226,9 @@ def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     return found
 
 
-def learnt_states(experiment: Experiment) -> frozenset[str]:
-    """Names of the states of `linear_closed_loop` that are machine parameters learnt by the estimator."""
-    loop = closed_loop(structure_of(experiment))
-    names = _short_names(loop.states)
-    return frozenset(names[index] for index in np.flatnonzero(loop.marked(Mark.LEARNT)))
+def learns(experiment: Experiment) -> bool:
+    """Whether the estimator learns constants of the machine, which are held in the linearised loop."""
+    return bool(closed_loop(structure_of(experiment)).marked(Mark.LEARNT).any())
 
 
 def _short_names(states: Sequence[str]) -> list[str]:

@@ -15,8 +15,9 @@ from dualwinch.model.plant import DisturbanceInputs
 from dualwinch.model.reference import setpoint
 from dualwinch.simulation.analysis.describing_function import describing_gain
 from dualwinch.simulation.analysis.margins import BOTH, MARGIN_KINDS, complementary, least_margins
-from dualwinch.simulation.analysis.operating_points import in_calm, loop_operating_points, still_plant, with_taut_ropes
+from dualwinch.simulation.analysis.operating_points import in_calm, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
+from dualwinch.simulation.analysis.steady_motion import loop_operating_points
 from dualwinch.simulation.batch.workers import Item, Returned, cores, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop

@@ -10,7 +10,8 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.modes import modes
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.operating_points import loop_operating_point, without_round_off
+from dualwinch.simulation.analysis.operating_points import loop_operating_point
+from dualwinch.simulation.analysis.steady_motion import without_round_off
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
@@ -184,6 +185,50 @@ def test_slopes_of_any_size_are_told_from_round_off_without_overflow() -> None:
     """Their product would overflow; warnings are errors here."""
     slopes = np.array([1e200, 1e-200])
     assert (without_round_off(slopes, slopes * [1.1, -1.0], slopes * [0.9, 1.0]) != 0).tolist() == [True, False]
+
+
+OFF = {"plant.winch_1.radius_error": 1e-3, "plant.winch_2.radius_error": -5e-4, "plant.rope_1.modulus": 72e9}
+"""Drums and a rope that differ from those the controller assumes; 1 mm/m is 3 cm at 29 m."""
+
+
+def test_what_a_filter_has_learnt_is_constant_for_fast_motions() -> None:
+    """A push, after a minute in which the filter has learnt the machine: with it, less without it, as linearised."""
+    began, push, v, samples = 60.0, 5.0, 0.5, 600
+    way = {
+        "reference.kind": "way-points",
+        "reference.points": [45.0],
+        "reference.speed": v,
+        "disturbance.vortex": False,
+    }
+    experiment = override(SMOOTH, OFF | way | {"controller.estimator": "self-calibrating-kalman"})
+    experiment = override(experiment, {"simulation.duration": began + 2, "disturbance.vortex": False})
+    force = dw.Signal.from_arrays([0.0, began], [0.0, push], unit="N", interpolation="previous")
+    calm = dw.simulate(experiment)
+    pushed = dw.simulate(replace(experiment, disturbance=replace(experiment.disturbance, force=force)))
+    first = round(began / experiment.simulation.sample_time)
+    assert calm["scale_1"][first] == pytest.approx(OFF["plant.winch_1.radius_error"], rel=1e-4)
+    system = linear_closed_loop(experiment, calm["x"][first], v)
+    assert not [name for name in system.states if name.endswith(("information", "estimate", "excess", "error"))]
+    inputs, deviation, predicted = np.zeros(len(system.inputs)), np.zeros(len(system.states)), []
+    inputs[system.inputs.index("force")] = push
+    for _ in range(samples):
+        predicted.append(system.C @ deviation + system.D @ inputs)
+        deviation = system.A @ deviation + system.B @ inputs
+    for name in ("x", "v", "F1", "F2"):
+        linear = np.array(predicted)[:, system.outputs.index(name)]
+        nonlinear = (pushed[name] - calm[name])[first : first + samples]
+        assert np.abs(linear - nonlinear).max() < 1e-3 * np.abs(nonlinear).max(), name
+
+
+@pytest.mark.parametrize("v", [0.0, 0.5, -1.2])
+def test_a_filter_knows_a_machine_that_differs_from_its_data_sheet(v: float) -> None:
+    """At every point as after a run there: no error, no reading refused and no encoder suspect."""
+    point = loop_operating_point(override(SMOOTH, OFF | {"controller.estimator": "self-calibrating-kalman"}), 40.0, v)
+    assert point.row["e"] == pytest.approx(0, abs=1e-5)
+    assert point.row["x_est"] == pytest.approx(40.0, abs=1e-6)
+    assert (point.row["fault_1"], point.row["fault_2"], point.row["position_used"]) == (0.0, 0.0, 1.0)
+    states = dict(zip(point.loop.states, point.state.tolist(), strict=True))
+    assert states["controller.estimator.encoder_1.tare"] == pytest.approx(-0.04, abs=0.005)
 
 
 @pytest.mark.parametrize("v", [0.0, 0.5])

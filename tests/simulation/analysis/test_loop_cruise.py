@@ -12,7 +12,8 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.analysis.operating_points import RESIDUAL, STEP, LoopOperatingPoint, loop_operating_point
+from dualwinch.simulation.analysis.operating_points import LoopOperatingPoint, loop_operating_point
+from dualwinch.simulation.analysis.steady_motion import RESIDUAL, STEP
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.tiers import each_choice, mostly_slow

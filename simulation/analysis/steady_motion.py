@@ -1,0 +1,643 @@
+"""Steady motion of the sampled closed loop, in which the state repeats from sample to sample, by Newton's method.
+
+All states repeat except those that the motion advances: positions by ``v Ts``, drum angles such that the tensions
+stay; at v = 0 that is rest. Sensors are perfect and disturbances absent. Newton's method solves for many points in
+parallel; a single point is a batch of one. The unknowns are the states and the signals injected at the loop's openings,
+so that the derivatives at a point are those of the loop opened at all of `LOOP_OPENINGS`: closing all but one gives
+the loop opened there, closing all gives the closed loop.
+
+Constants of the machine that an estimator learns (`Mark.LEARNT`) converge over thousands of samples. They are held at
+the values to which they converge at the point, in a run that began at rest there, and are no states of the linearised
+loop: the separation of time scales that is usual for slow adaptation (Sastry and Bodson, *Adaptive Control*, 1989,
+Chapter 4).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen import native
+from dualwinch.codegen.source.expressions import built_once
+from dualwinch.model.linear.operating_point import operating_point_law
+from dualwinch.model.plant import blank_state, inner_forces
+from dualwinch.model.quantities.quantity import Mark
+from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, start_function
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+RESIDUAL, STEP = 1e-10, 1e-6
+"""Tolerances of convergence relative to a state's size: residual, a state's change over a sample beyond steady motion
+and rounding; and the next Newton step.
+
+The residual alone says little about a slow state, such as an integral, which may be far from its steady value.
+Rounding is one unit in the last place of each value in the residual (the componentwise backward error of Oettli and
+Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
+"""
+
+ITERATIONS, DAMPED_ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS, LEARNING_ITERATIONS = 16, 40, 6, 24, 8
+"""Maximum Newton steps: of the first search; of damped ones; of those without limits, for a new start; of those by
+least squares; for learnt states."""
+
+AMID = 0.2
+"""Share of half the track: positions further from the middle are solved for by continuation if necessary."""
+
+STANDSTILL = 1e-10
+"""Rate per sample below which a learnt state stands still: at 1 ms, it would converge within a hundred days.
+
+At rest nothing but the rounding of positions determines the scale of a speed wheel.
+"""
+
+NEIGHBOUR = 1e-9
+"""Relative distance of the neighbours of a point at which its derivatives are checked for round-off."""
+
+BOUNDLESS = 1e9
+"""A limit that is never reached."""
+
+LIMITS = "controller.coordination."
+"""Prefix of the keys of tension limits."""
+
+UNLIMITED = {f"{LIMITS}tension_min": -BOUNDLESS, f"{LIMITS}tension_max": BOUNDLESS}
+"""Values of parameters that remove tension limits."""
+
+UNGATED = {"controller.trust.gate": BOUNDLESS, "controller.trust.jump": BOUNDLESS}
+"""Values that make an estimator with gated measurements accept all of them, and all with full weight."""
+
+PRESSED = 1.0
+"""Initial value in N s of a winch integral where the tension command is at its limit: it holds the torque there."""
+
+ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
+"""Units of residuals: kN for changes of inner forces, mm for changes of position beyond ``v Ts``."""
+
+PLANT = "motion.plant."
+"""Prefix of the plant's states."""
+
+QUICK_BUILD = ("-O1",)
+"""Compiler flags: the function is long straight-line code, for which more optimisation only costs compile time."""
+
+
+@dataclass(eq=False)
+class LoopOperatingPoints:
+    """Iterates of Newton's method at s points, or its solutions.
+
+    Attributes:
+        parameters, state, outside: (s, parameters), (s, states), (s, exogenous) vectors of the closed loop.
+        leaving: (s, 3) signals injected at the openings.
+        carried: (s,) the vehicle's motion in m per sample.
+        kept: (n,) indices of the states of the linearised loop, without learnt and bookkeeping ones.
+        repeats: (s,) whether every state repeats there, i.e. convergence.
+        facts: (s, 4) force command before and after its limit, and both tensions, in N.
+        residual: (s,) largest remaining relative change of a state.
+        slopes: (s, n + 3 + f, n + 4) derivatives (`_OpenSample.evaluate`).
+    """
+
+    parameters: Floats
+    state: Floats
+    outside: Floats
+    leaving: Floats
+    carried: Floats
+    kept: NDArray[np.intp]
+    repeats: Flags
+    facts: Floats
+    residual: Floats
+    slopes: Floats
+
+    @property
+    def steady(self) -> Flags:
+        """(s,) whether all states repeat, ropes are taut and the force command is within its limits."""
+        command, left, *pulls = self.facts.T
+        return self.repeats & (command == left) & (np.min(pulls, axis=0) > 0)
+
+    @property
+    def opened(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """A, B, C, D of the loops opened at all of `LOOP_OPENINGS`: ``x+ = A x + B c``, ``returned = C x + D c``.
+
+        Shapes (s, n, n), (s, n, 3), (s, 3, n) and (s, 3, 3).
+        """
+        n = len(self.kept)
+        by_state, by_leaving = self.slopes[:, : n + 3, :n], self.slopes[:, : n + 3, n + 1 :]
+        return by_state[:, :n], by_leaving[:, :n], by_state[:, n:], by_leaving[:, n:]
+
+    def __getitem__(self, points: NDArray[np.intp]) -> "LoopOperatingPoints":
+        return replace(self, **{name: values[points] for name, values in self._of_points().items()})
+
+    def __setitem__(self, points: NDArray[np.intp], other: "LoopOperatingPoints") -> None:
+        for name, values in self._of_points().items():
+            values[points] = getattr(other, name)
+
+    def _of_points(self) -> dict[str, NDArray[Any]]:
+        return {name: values for name, values in vars(self).items() if name != "kept"}
+
+
+def loop_operating_points(
+    structure: Experiment,
+    parameters: Floats,
+    x: Floats,
+    v: Floats,
+    near: Floats | None = None,
+    *,
+    compiled: bool = True,
+    begun: LoopOperatingPoints | None = None,
+) -> LoopOperatingPoints:
+    """Solve for steady motion at many points.
+
+    1. Newton's method from the state of a perfect controller: no errors, tensions as commanded; with law and estimator
+       as in `near`.
+    2. If an estimator learns, where that fails: damped Newton's method without `near`, first with tension limits, then
+       without and from there with them.
+    3. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
+       (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
+    4. Where that fails too, and at mid-track: damped least-squares steps, first from the solution of law and estimator
+       without limits, then from the perfect controller's state.
+    5. So far an estimator that gates measurements accepts all of them. Newton's method from there, with its gates.
+    6. Derivatives that are round-off are set to zero (`without_round_off`).
+
+    Args:
+        structure: of the closed loop, with ropes that never go slack.
+        parameters: (s, parameters) of the closed loop, with perfect sensors and without disturbances.
+        x: (s,) positions in m.
+        v: (s,) speeds in m/s.
+        near: (s, states) at these points with other gains, the initial guess for law and estimator; NaN: unknown.
+        compiled: whether the sample is compiled; for a few points interpretation is quicker.
+        begun: the same points with slightly different parameters: initial guesses where these repeat.
+
+    Raises:
+        DualwinchError: no compiler or no usable cache folder.
+    """
+    sample = _open_sample(structure, compiled)
+    accepting = _with_values(sample, parameters, UNGATED)
+    if begun is None:
+        start = _first_guesses(structure, sample, accepting, x, v, near)
+    else:
+        start, cold = replace(begun, parameters=accepting), np.flatnonzero(~begun.repeats)
+        if len(cold):
+            known = None if near is None else near[cold]
+            start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold], known)
+    found = _newton(sample, start, ITERATIONS)
+    for limits in ({}, UNLIMITED) if sample.learnt.size else ():
+        again = np.flatnonzero(~found.steady)
+        if not len(again):
+            break
+        cold = _first_guesses(structure, sample, accepting[again], x[again], v[again], None)
+        close = replace(cold, parameters=_with_values(sample, cold.parameters, limits))
+        close = _newton(sample, close, DAMPED_ITERATIONS, damped=True)
+        found[again] = _newton(sample, replace(close, parameters=cold.parameters), ITERATIONS)
+    away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
+    if len(away):
+        known, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2
+        middle = _first_guesses(structure, sample, accepting[away], mid_track, v[away], known)
+        middle = _completed_by_least_squares(sample, middle, _newton(sample, middle, ITERATIONS))
+        away, middle = away[middle.steady], middle[np.flatnonzero(middle.steady)]
+        there = _newton(sample, _shifted(sample, middle, start[away]), ITERATIONS)
+        found[away[there.steady]] = there[np.flatnonzero(there.steady)]
+    found = _completed_by_least_squares(sample, start, found)
+    if sample.learnt.size:
+        found = _newton(sample, replace(found, parameters=parameters), ITERATIONS)
+    nearby = (
+        sample.evaluate(state, found.outside, found.parameters, found.leaving)[2] for state in neighbours(found.state)
+    )
+    found.slopes = without_round_off(found.slopes, *nearby)
+    return found
+
+
+def _with_values(sample: "_OpenSample", parameters: Floats, values: Mapping[str, float]) -> Floats:
+    """(s, parameters) with other values of some; names unknown to the loop are ignored."""
+    changed = parameters.copy()
+    for name in values.keys() & set(sample.loop.parameters):
+        changed[:, sample.loop.parameters.index(name)] = values[name]
+    return changed
+
+
+def _lengths(sample: "_OpenSample", parameters: Floats) -> Floats:
+    """Track lengths in m, (s,), for parameters (s, parameters)."""
+    return parameters[:, sample.loop.parameters.index("plant.track.length")]
+
+
+def _shifted(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOperatingPoints) -> LoopOperatingPoints:
+    """Initial guesses at other positions: the controller states found, with positions shifted by the distance."""
+    x = sample.loop.states.index(f"{PLANT}x")
+    way = start.state[:, [x]] - found.state[:, [x]]
+    state = np.where(sample.controller, found.state + way * sample.loop.marked(Mark.POSITION), start.state)
+    outside = start.outside.copy()
+    outside[:, sample.reference] = found.outside[:, sample.reference] + way[:, 0]
+    return replace(start, state=state, outside=outside, leaving=found.leaving.copy())
+
+
+def _completed_by_least_squares(
+    sample: "_OpenSample", start: LoopOperatingPoints, found: LoopOperatingPoints
+) -> LoopOperatingPoints:
+    """The solutions, completed by damped least-squares steps from both kinds of initial guess where none was found."""
+    for limited in (False, True):
+        again = np.flatnonzero(~found.repeats)
+        if not len(again):
+            break
+        begun = start[again] if limited else _without_limits(sample, start[again])
+        found[again] = _newton(sample, begun, LEAST_SQUARES_ITERATIONS, damped=True, least_squares=True)
+    return found
+
+
+def force_stays(structure: Experiment, found: LoopOperatingPoints) -> bool:
+    """Whether the force command of the first point stays constant in a simulation.
+
+    It does not if a state that moves with the vehicle lacks `Mark.POSITION`.
+    """
+    sample = _open_sample(structure, compiled=False)
+    state, outside = found.state[0], found.outside[0].copy()
+    u, force = sample.loop.columns.index("u"), found.facts[0, 0]
+    for _ in range(LASTING):
+        state, row, *_ = (np.array(vector).ravel() for vector in sample.loop.step(state, outside, found.parameters[0]))
+        outside[sample.reference] += found.carried[0]
+        if not abs(row[u] - force) <= LASTING_SHARE * abs(force) + LASTING_FORCE:
+            return False
+    return True
+
+
+LASTING, LASTING_SHARE, LASTING_FORCE = 20, 0.05, 20.0
+"""Samples over which the force command of steady motion must stay constant; tolerances: relative, and in N."""
+
+
+def neighbours(state: Floats) -> tuple[Floats, Floats]:
+    """States at the relative distance `NEIGHBOUR` on both sides of given ones (..., states)."""
+    way = NEIGHBOUR * np.cos(np.arange(state.shape[-1])) * np.maximum(np.abs(state), 1.0)
+    return state + way, state - way
+
+
+def without_round_off(slopes: Floats, above: Floats, below: Floats) -> Floats:
+    """Derivatives in which elements that are zero up to round-off are set to zero, independent of units.
+
+    At an operating point errors and innovations are zero, and so are derivatives with respect to their factors, such as
+    adaptive gains. In double precision they may be 1e-26 or 0. An element is taken as
+    zero if its sign differs between the two neighbours of the point, or if it differs from both by at least half.
+    """
+    with np.errstate(invalid="ignore"):  # diverged points
+        change = np.minimum(np.abs(above - slopes), np.abs(below - slopes))
+    return np.where((np.sign(above) * np.sign(below) < 0) | (2 * change >= np.abs(slopes)), 0.0, slopes)
+
+
+class _OpenSample:
+    """A sample of the loop opened at all of `LOOP_OPENINGS`, with its exact derivatives.
+
+    Attributes:
+        loop: the closed loop.
+        kept: (n,) indices of its states without learnt and bookkeeping ones.
+        learnt: (l,) indices of its states that are learnt parameters of the machine.
+        plant: indices of the plant's states.
+        x: index of the vehicle's position among the kept states.
+        strained: (f,) indices among the kept states of positions that advance such that a force stays constant:
+            drums, rope nodes and rotors (`model.plant.inner_forces`).
+        moving: (n,) which other kept states advance with the vehicle.
+        remembers: (n,) which kept states depend on the last sample.
+        adapting: (states,) which states belong to law and estimator.
+        controller: (states,) which states belong to the controller.
+        reference: index of the reference position among the exogenous signals.
+        evaluate: ``(state, exogenous, parameters, leaving) -> (values, facts, slopes)`` for many points. Values are the
+            kept states a sample later, the signals returned to the openings, and the changes of the inner forces over
+            the sample, (n + 3 + f,); facts as in `LoopOperatingPoints`; slopes are derivatives of the values with
+            respect to kept states, reference position and injected signals, (n + 3 + f, n + 4).
+        learn: ``(state, exogenous, parameters) -> (values, slopes)`` for many points: the learnt states a sample later,
+            (l,), and their derivatives with respect to them, (l, l).
+    """
+
+    evaluate: Callable[..., tuple[Floats, ...]]
+    learn: Callable[..., tuple[Floats, ...]]
+
+    def __init__(self, structure: Experiment, *, compiled: bool) -> None:
+        self.loop = closed_loop(structure)
+        self.kept = np.flatnonzero(_is_kept(self.loop))
+        self.learnt = np.flatnonzero(self.loop.marked(Mark.LEARNT))
+        names = [self.loop.states[index] for index in self.kept]
+        blank = blank_state(structure.plant)
+        self.plant = [self.loop.states.index(PLANT + key) for key in leaves(blank)]
+        self.x = names.index(f"{PLANT}x")
+        self.strained = [names.index(PLANT + key) for key in inner_forces(blank, structure.plant)]
+        self.moving = self.loop.marked(Mark.POSITION)[self.kept]
+        self.moving[self.strained] = False
+        self.remembers = np.array([name.startswith(("controller.", "actuator_")) for name in names])
+        self.remembers &= ~self.loop.marked(Mark.POSITION, Mark.SPEED)[self.kept]
+        adapting = ("controller.law.", "controller.estimator.")
+        self.adapting = np.array([name.startswith(adapting) for name in self.loop.states])
+        self.controller = np.array([name.startswith("controller.") for name in self.loop.states])
+        self.reference = self.loop.exogenous.index("reference.x")
+        self.evaluate = _vectorised(_open_function(structure, compiled), compiled)
+        self.learn = lambda *_: ()
+        if self.learnt.size:
+            self.learn = _vectorised(_learning_function(structure, compiled), compiled)
+
+
+def _is_kept(loop: ClosedLoop) -> Flags:
+    """(states,) which states of the closed loop are those of the linearised one."""
+    return ~loop.marked(Mark.BOOKKEEPING, Mark.LEARNT)
+
+
+def _vectorised(function: ca.Function, compiled: bool) -> Callable[..., tuple[Floats, ...]]:
+    """A function of vectors for many points: arguments (s, elements), results (s, rows) or (s, rows, columns)."""
+    if compiled:
+        return native.compile(function, flags=QUICK_BUILD)  # pyright: ignore[reportReturnType]
+
+    def interpreted(*vectors: Floats) -> tuple[Floats, ...]:
+        outputs = [output.full() for output in function.call([ca.DM(vector.T) for vector in vectors])]
+        found = [np.array(np.split(output, len(vectors[0]), axis=1)) for output in outputs]
+        return tuple(each[:, :, 0] if each.shape[2] == 1 else each for each in found)
+
+    return interpreted
+
+
+@built_once
+def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
+    return _OpenSample(structure, compiled=compiled)
+
+
+@built_once
+def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
+    """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
+    loop, opened = closed_loop(structure), closed_loop(structure, openings=tuple(LOOP_OPENINGS))
+    arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
+    state, exogenous, parameters, leaving = arguments
+    following, row, _ = opened.step(*arguments)
+    returned = opened.sample(*arguments)[opened.sample.name_out().index("returned")]
+    kept = np.flatnonzero(_is_kept(loop)).tolist()
+    plant = with_leaves(structure.plant, dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True)), "plant.")
+    blank = blank_state(structure.plant)
+
+    def forces(vector: ca.SX) -> ca.SX:
+        named = dict(zip(loop.states, ca.vertsplit(vector), strict=True))
+        return ca.vertcat(*inner_forces(with_leaves(blank, named, PLANT), plant).values())
+
+    values = ca.vertcat(following[kept], returned, forces(following) - forces(state))
+    facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
+    by_state, by_outside, by_leaving = (ca.jacobian(values, vector) for vector in (state, exogenous, leaving))
+    slopes = ca.horzcat(by_state[:, kept], by_outside[:, loop.exogenous.index("reference.x")], by_leaving)
+    return ca.Function(
+        "open_sample",
+        arguments,
+        [ca.densify(value) for value in (values, facts, slopes)],
+        ["state", "exogenous", "parameters", "leaving"],
+        ["values", "facts", "slopes"],
+        {"cse": compiled},
+    )
+
+
+@built_once
+def _learning_function(structure: Experiment, compiled: bool) -> ca.Function:
+    """A sample's update of the learnt states, and its derivatives."""
+    loop = closed_loop(structure)
+    arguments = [ca.SX.sym(name, loop.step.size1_in(name)) for name in loop.step.name_in()]
+    learnt = np.flatnonzero(loop.marked(Mark.LEARNT)).tolist()
+    values = loop.step(*arguments)[0][learnt]
+    slopes = ca.jacobian(values, arguments[0])[:, learnt]
+    names = loop.step.name_in(), ["values", "slopes"]
+    return ca.Function("learning", arguments, [ca.densify(values), ca.densify(slopes)], *names, {"cse": compiled})
+
+
+def _first_guesses(
+    structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
+) -> LoopOperatingPoints:
+    """Initial guess, the perfect controller: no errors, tensions as commanded."""
+    loop, count, n = sample.loop, len(x), len(sample.kept)
+    given = dict(zip(loop.parameters, parameters.T, strict=True))
+    preload, lower = given[f"{LIMITS}preload"], given[f"{LIMITS}tension_min"]
+    upper, calm = given[f"{LIMITS}tension_max"] - given[f"{LIMITS}reserve"], np.zeros_like(x)
+    of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
+    point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
+    if sample.learnt.size:  # what is learnt is relative to the zeros that are set at rest
+        state = _begun_there(structure, sample, parameters, x)
+    else:
+        state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
+    state[:, sample.plant] = point[:-4].T
+    state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
+    if near is not None:
+        state = np.where(sample.adapting & np.isfinite(near), near, state)
+    outside = np.zeros((count, len(loop.exogenous)))
+    outside[:, sample.reference], outside[:, loop.exogenous.index("reference.v")] = x, v
+    *_, tau_1, tau_2, F1, F2 = point
+    force = F1 - F2
+    leaving = np.array([force, tau_1, tau_2]).T
+    state = _consistent(sample, state, outside, parameters)
+    for _ in range(2):  # states that remember the last sample, or whether there was one, are consistent after two
+        following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
+        state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
+    # torque and tension command have the same limit: with the command at its limit, the torque is exactly at its own,
+    # and any ripple leaves the integral beyond it, where it holds the torque, as in a run
+    if (slow := f"{LIMITS}slow") in loop.states:
+        state[:, loop.states.index(slow)] = force
+    for winch, command in (("winch_1", preload + force), ("winch_2", preload - force)):
+        at_limit = np.where(command / 2 <= lower, -PRESSED, np.where(command / 2 >= upper, PRESSED, 0.0))
+        for index, name in enumerate(loop.states):
+            if name.startswith(LIMITS) and name.endswith(f"{winch}.integral"):
+                state[:, index] = np.where(at_limit, at_limit, state[:, index])
+    return LoopOperatingPoints(
+        parameters,
+        state,
+        outside,
+        leaving,
+        carried=v * given["simulation.sample_time"],
+        kept=sample.kept,
+        repeats=np.zeros(count, bool),
+        facts=np.full((count, 4), np.nan),
+        residual=np.full(count, np.inf),
+        slopes=np.full((count, n + 3 + len(sample.strained), n + 4), np.nan),
+    )
+
+
+def _begun_there(structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats) -> Floats:
+    """States (s, states) of runs that begin at rest at x, with the estimator's after the first sample.
+
+    In that sample an estimator may set the zeros of the encoders.
+    """
+    state = start_function(structure)(parameters.T, x[np.newaxis]).full().T
+    outside = np.zeros((len(x), len(sample.loop.exogenous)))
+    outside[:, sample.reference] = x
+    following = sample.evaluate(state, outside, parameters, np.zeros((len(x), len(LOOP_OPENINGS))))[0]
+    estimator = np.flatnonzero([sample.loop.states[index].startswith("controller.estimator.") for index in sample.kept])
+    state[:, sample.kept[estimator]] = following[:, estimator]
+    return state
+
+
+def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
+    """Initial guess with law and estimator at their solution without tension limits.
+
+    A law whose integrals are far off would start at its limits, where its slope is zero.
+    """
+    unlimited = replace(start, parameters=_with_values(sample, start.parameters, UNLIMITED))
+    loose = _newton(sample, unlimited, UNLIMITED_ITERATIONS, damped=True).state
+    return replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
+
+
+def _consistent(sample: _OpenSample, state: Floats, outside: Floats, parameters: Floats) -> Floats:
+    """States (s, states) with the values to which learnt ones converge while all others are held, by Newton's method.
+
+    There the estimator expects what it measures. Samples at one place do not tell all its constants apart: it takes the
+    most likely ones that explain them. States that learn nothing, such as a speed wheel's scale at rest, are kept.
+    """
+    state, learnt, going = state.copy(), sample.learnt, np.arange(len(state))
+    for _ in range(LEARNING_ITERATIONS):
+        if not (len(going) and len(learnt)):
+            break
+        values, slopes = sample.learn(state[going], outside[going], parameters[going])
+        known = state[np.ix_(going, learnt)]
+        matrix = slopes.reshape(*known.shape, len(learnt)) - np.eye(len(learnt))
+        learning = np.abs(np.diagonal(matrix, axis1=1, axis2=2)) > STANDSTILL
+        step = _step(matrix, values.reshape(known.shape) - known, learning, least_squares=False)
+        state[np.ix_(going, learnt)] += step
+        going = going[(np.abs(step) >= STEP * np.maximum(np.abs(known), 1.0)).any(axis=1)]
+    return state
+
+
+def _newton(
+    sample: _OpenSample,
+    start: LoopOperatingPoints,
+    iterations: int,
+    *,
+    damped: bool = False,
+    least_squares: bool = False,
+) -> LoopOperatingPoints:
+    """Newton's method at all points; points that have converged or diverged are no longer iterated.
+
+    `damped` shortens steps such that the next one is smaller (`_damping`). `least_squares` takes the shortest possible
+    step where it is not unique, as at rest with a law that leaves a state undetermined.
+
+    Before each step, learnt states become consistent with the others, and are held during it. After two small steps
+    they stay as they are: their rounding would move the point by more than the tolerance.
+    """
+    points = start[np.arange(len(start.state))]
+    count = len(points.state)
+    excess, left, held = np.full(count, np.inf), np.full(count, np.inf), np.full(count, not sample.learnt.size)
+    active = np.arange(count)
+    for _ in range(iterations):
+        learning = active[~held[active]]
+        points.state[learning] = _consistent(
+            sample, points.state[learning], points.outside[learning], points.parameters[learning]
+        )
+        at = points[active]
+        found, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
+        values = np.hstack([at.state[:, sample.kept], at.leaving])
+        rest, matrix, counted, unknown = _equations(sample, found, values, at)
+        sizes, last = np.maximum(np.abs(values), 1.0), excess[active]
+        rounding = np.finfo(float).eps * np.einsum("aij,aj->ai", np.abs(matrix), np.abs(values))
+        at.residual = np.where(counted, np.abs(rest) / sizes, 0.0).max(axis=1)
+        with np.errstate(invalid="ignore"):  # both are infinite for diverging points, and so is `excess`
+            beyond = np.where(counted, (np.abs(rest) - rounding) / sizes, 0.0).max(axis=1)
+        excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
+        points[active] = at
+        going = np.isfinite(excess[active])
+        going &= ~(held[active] & (last < RESIDUAL) & (excess[active] >= last / 2) & (left[active] < STEP))
+        active = active[going]
+        if not len(active):
+            break
+        at, matrix, unknown, sizes = points[active], matrix[going], unknown[going], sizes[going]
+        sizes[:, sample.x] = np.maximum(np.abs(at.outside[:, sample.reference]), 1.0)
+
+        def solved(rest: Floats, matrix: Floats = matrix, unknown: Flags = unknown) -> Floats:
+            return _step(matrix, rest, unknown, least_squares=least_squares)
+
+        step = solved(rest[going])
+        held[active] |= left[active] < STEP
+        left[active] = (np.abs(step) / sizes).max(axis=1)
+        points[active] = _moved(sample, at, _damping(sample, at, step, sizes, solved) * step if damped else step)
+    points.repeats = (excess < RESIDUAL) & (left < STEP)
+    return points
+
+
+def _moved(sample: _OpenSample, points: LoopOperatingPoints, step: Floats) -> LoopOperatingPoints:
+    """Points after a step of the unknowns, in which the reference replaces the vehicle's position."""
+    n, state, outside = len(sample.kept), points.state.copy(), points.outside.copy()
+    outside[:, sample.reference] += step[:, sample.x]
+    state[:, sample.kept] += np.where(np.arange(n) == sample.x, 0.0, step[:, :n])
+    return replace(points, state=state, outside=outside, leaving=points.leaving + step[:, n:])
+
+
+def _damping(
+    sample: _OpenSample, at: LoopOperatingPoints, step: Floats, sizes: Floats, solved: Callable[[Floats], Floats]
+) -> Floats:
+    """Damping factors (a, 1) of Newton steps, such that the next simplified Newton step is smaller.
+
+    This is the natural monotonicity test, which does not depend on the equations' units (Deuflhard, *Newton Methods
+    for Nonlinear Problems*, 3.3): a smooth sign function has almost no slope outside its boundary layer, so that full
+    steps would oscillate across it.
+    """
+    share, whole = np.ones((len(step), 1)), (np.abs(step) / sizes).max(axis=1, keepdims=True)
+    for _ in range(DAMPINGS):
+        moved = _moved(sample, at, share * step)
+        found, _, moved.slopes = sample.evaluate(moved.state, moved.outside, moved.parameters, moved.leaving)
+        rest, *_ = _equations(sample, found, np.hstack([moved.state[:, sample.kept], moved.leaving]), moved)
+        following = solved(rest)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            size = (np.abs(following) / sizes).max(axis=1, keepdims=True)
+            bent = (np.abs(following - (1 - share) * step) / sizes).max(axis=1, keepdims=True)
+            too_far = ~(size <= (1 - share / 4) * whole) & (whole > STEP) & np.isfinite(whole)
+            next_share = np.clip(share**2 * whole / (2 * bent), share / 10, share / 2)
+        if not too_far.any():
+            break
+        share = np.where(too_far, np.where(np.isfinite(next_share), next_share, share / 10), share)
+    return share
+
+
+DAMPINGS = 8
+"""Maximum number of reductions of a Newton step."""
+
+
+def _equations(
+    sample: _OpenSample, found: Floats, values: Floats, at: LoopOperatingPoints
+) -> tuple[Floats, Floats, Flags, Flags]:
+    """Equations for the n kept states and the signals injected at the openings.
+
+    The vehicle's position is given; the reference position is unknown in its place.
+
+    Returns:
+        Residuals (a, n + 3), Jacobians (a, n + 3, n + 3), which values any equation depends on, and which are unknown.
+    """
+    n, strained, moving = len(sample.kept), sample.strained, np.append(sample.moving, [False] * 3)
+    units = np.where(moving, POSITION_UNIT, 1.0)
+    rest = (found[:, : n + 3] - values - np.where(moving, at.carried[:, None], 0.0)) * units
+    rest[:, strained] = found[:, n + 3 :] * ROPE_UNIT
+    every = at.slopes[:, : n + 3].copy()
+    every[:, :n, :n] -= np.eye(n)
+    every[:, n:, n + 1 :] -= np.eye(3)
+    every *= units[:, None]
+    every[:, strained] = at.slopes[:, n + 3 :] * ROPE_UNIT
+    matrix = np.delete(every, n, axis=2)
+    # a state that nothing depends on may grow without limit; one that nothing moves, such as an integral without a
+    # gain, keeps its initial value
+    counted, moved = (matrix != 0).any(axis=1), (matrix != 0).any(axis=2)
+    counted[:, n:] = True
+    unknown = counted & moved
+    matrix[:, :, sample.x], unknown[:, sample.x] = every[:, :, n], True
+    return rest, matrix, counted, unknown
+
+
+@np.errstate(over="ignore", invalid="ignore")  # diverging points
+def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) -> Floats:
+    """Newton steps, solved with scaled rows and columns: zero for known values, NaN for singular matrices."""
+    step, some = np.zeros(rest.shape), np.flatnonzero(unknown.any(axis=0))
+    if not len(some):
+        return step
+    matrix, rest, unknown = matrix[:, some][:, :, some], rest[:, some], unknown[:, some]
+    matrix = np.where(unknown[:, :, None] & unknown[:, None, :], matrix, 0.0)
+    columns = np.abs(matrix).max(axis=1)
+    columns = np.where(columns > 0, columns, 1.0)
+    matrix /= columns[:, None, :]
+    rows = np.abs(matrix).max(axis=2)
+    rows = np.where(rows > 0, rows, 1.0)
+    matrix /= rows[:, :, None]
+    index = np.arange(matrix.shape[1])
+    matrix[:, index, index] += ~unknown
+    right = np.where(unknown, -rest / rows, 0.0)
+    if least_squares:
+        pairs = zip(matrix, right, strict=True)
+        step[:, some] = np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
+        return step
+    try:
+        solved = np.linalg.solve(matrix, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # a law at its limits has no slope
+        singular = np.linalg.slogdet(matrix)[0] == 0
+        matrix[singular] = np.eye(matrix.shape[1])
+        solved = np.linalg.solve(matrix, right[..., None])[..., 0]
+        solved[singular] = np.nan
+    step[:, some] = solved / columns
+    return step
