@@ -300,6 +300,7 @@ def calibrate(
     The estimates are updated where that is `due`.
     """
     deviation, gathered = reading.deviation, known.gathered
+    variance = maximum(gathered.variance, 0.0)  # negative only on the way of a solver for steady motion
     row = regressors(drum, gains, deviation)
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
     counts = reading.alive * drum.taut
@@ -307,7 +308,7 @@ def calibrate(
     odds = fault_odds(known.residual, 0.0)
     fault = odds / (1 + odds)
     innovation = (says - drum.direction * reading.x) / deviation - dot(row, _estimates(known.errors.estimate, row))
-    bound = trusting.gate * sqrt(1 + gathered.variance)
+    bound = trusting.gate * sqrt(1 + variance)
     within = absolute(innovation) <= bound
     limited = clip(innovation, -bound, bound)
     # of a suspect encoder the gate opens: apparent outliers show the new errors
@@ -334,7 +335,7 @@ def calibrate(
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
-        odds=fault_odds(residual, gathered.variance),
+        odds=fault_odds(residual, variance),
         used=counts * within,
     )
     return replace(following, residual=residual), position
