@@ -102,6 +102,22 @@ class Estimator(ControllerPart, Part):
     def step(self, state: Any, measurement: Measurement, setpoint: Setpoint, context: Context) -> tuple[Any, Estimate]:
         """One sample: the next state, and the estimate from this sample's sensor values."""
 
+    def informed(
+        self, state: Any, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
+    ) -> Any:
+        """The state if everything that the estimator learns (`Mark.LEARNT`) were known, for analysis of the loop.
+
+        An estimator that learns constants of the machine overrides this; by default they stay as they are.
+
+        Args:
+            state: a state of the estimator.
+            measurement: sensor values at the same instant, without noise.
+            plant: the machine, with its true constants; those of its data sheet are in ``context.nominal``.
+            speed_error: share by which the speed sensor reads too much.
+            context: nominal plant, limits and sample time.
+        """
+        return state
+
 
 class PositionLaw(ControllerPart, Part):
     """From estimated motion and setpoint to a force on the vehicle: a frozen dataclass of the law's gains."""

@@ -16,9 +16,10 @@ from typing import Annotated, ClassVar
 
 from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
 from dualwinch.controllers.parts import Context, Estimator, Measurement
+from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes import Rope, RopeLaw, kelvin_voigt, rope_lengths, stiffness
+from dualwinch.model.ropes import Rope, RopeLaw, kelvin_voigt, rope_lengths, stiffness, tangent_rope
 from dualwinch.model.scalar import Scalar, clip, exp, where
 
 
@@ -54,6 +55,9 @@ class CalibratingState:
     rope_1: RopeKnowledge = field(default_factory=RopeKnowledge)
     rope_2: RopeKnowledge = field(default_factory=RopeKnowledge)
 
+
+INFORMED = 1e18
+"""Information on a rope's compliance that makes further samples insignificant."""
 
 LARGEST_EXCESS = 0.5
 """Bound of the excess compliance in either direction."""
@@ -127,6 +131,23 @@ class CalibratingKalman(Estimator):
         motion, estimate = filter_motion(state.motion, measurement, self.kalman, replace(nominal, **ropes), context)
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
         return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
+
+    def informed(
+        self,
+        state: CalibratingState,
+        measurement: Measurement,
+        plant: Plant,
+        speed_error: Scalar,
+        context: Context,
+    ) -> CalibratingState:
+        """The state with the ropes' true compliances."""
+        found, lengths = [], rope_lengths(state.motion.x, plant.track)
+        pulls = measurement.F1, measurement.F2
+        for side, sheet, length, F in zip(plant.sides, context.nominal.sides, lengths, pulls, strict=True):
+            rope, nominal = tangent_rope(side.rope, F, length), kelvin_voigt(sheet.rope)
+            excess = nominal.modulus * nominal.area / (rope.modulus * rope.area) - 1
+            found.append(RopeKnowledge(excess, INFORMED))
+        return replace(state, rope_1=found[0], rope_2=found[1])
 
 
 def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:

@@ -26,7 +26,7 @@ the readings of `DrumGains.interval` samples, in which the machine moves by mill
 weight.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -300,7 +300,6 @@ def calibrate(
     The estimates are updated where that is `due`.
     """
     deviation, gathered = reading.deviation, known.gathered
-    variance = maximum(gathered.variance, 0.0)  # negative only on the way of a solver for steady motion
     row = regressors(drum, gains, deviation)
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
     counts = reading.alive * drum.taut
@@ -308,7 +307,7 @@ def calibrate(
     odds = fault_odds(known.residual, 0.0)
     fault = odds / (1 + odds)
     innovation = (says - drum.direction * reading.x) / deviation - dot(row, _estimates(known.errors.estimate, row))
-    bound = trusting.gate * sqrt(1 + variance)
+    bound = trusting.gate * sqrt(1 + gathered.variance)
     within = absolute(innovation) <= bound
     limited = clip(innovation, -bound, bound)
     # of a suspect encoder the gate opens: apparent outliers show the new errors
@@ -335,7 +334,7 @@ def calibrate(
     position = EncoderPosition(
         x=drum.direction * (says - after * deviation),
         shift=-drum.direction * (after - before) * deviation,
-        odds=fault_odds(residual, variance),
+        odds=fault_odds(residual, gathered.variance),
         used=counts * within,
     )
     return replace(following, residual=residual), position
@@ -370,6 +369,33 @@ def tared(known: EncoderKnowledge, drum: Drum, x: Scalar, gains: DrumGains, rest
     zero = drum.wound - (drum.stretch - drum.sag) - drum.direction * x
     none = gains.tare + 2 * (gains.compliance * drum.stretch + gains.give * drum.pull + gains.sag * drum.sag)
     return replace(known, tare=where(resting, where(absolute(zero) > none, zero, 0.0), known.tare))
+
+
+INFORMED = 1e12
+"""Information on every error of an encoder, in units of the prior's, that makes further readings insignificant."""
+
+
+def informed_errors(
+    known: EncoderKnowledge, drum: Drum, true: Mapping[str, Scalar], reading: Reading, gains: DrumGains
+) -> EncoderKnowledge:
+    """What is known of an encoder whose errors have their true values.
+
+    Args:
+        known: the estimates of this encoder, for its tare.
+        drum: the drum now.
+        true: true values of the errors but the zero, by name; a missing one is 0. The zero explains the rest.
+        reading: the position now, without noise.
+        gains: prior deviations.
+    """
+    names, sizes, row = learnt_names(gains), deviations(gains), regressors(drum, gains, reading.deviation)
+    estimate = {name: true.get(name, 0.0) / sizes[name] for name in names}
+    says = drum.wound - (drum.stretch - drum.sag) - known.tare
+    explained = dot(row, [estimate[name] if name != "zero" else 0.0 for name in names])
+    estimate["zero"] = ((says - drum.direction * reading.x) / reading.deviation - explained) / row[names.index("zero")]
+    information = np.concatenate([np.append(np.zeros(i), INFORMED) for i in range(len(names))])
+    errors = Knowledge(vector([estimate[name] for name in names]), information)
+    shrunken = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
+    return replace(known, errors=errors, gathered=Gathered(vector(shrunken), 0.0))
 
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> dict[str, tuple[Scalar, Scalar]]:

@@ -18,6 +18,7 @@ from typing import Annotated, Any, ClassVar
 
 from dualwinch.codegen.block import NO_READING
 from dualwinch.controllers.estimators.encoder_calibration import (
+    INFORMED,
     Drum,
     DrumGains,
     EncoderKnowledge,
@@ -25,6 +26,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     Reading,
     TrustGains,
     calibrate,
+    informed_errors,
     learnt_errors,
     tared,
     unknown_errors,
@@ -40,12 +42,13 @@ from dualwinch.controllers.estimators.kalman import (
 from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.heavy_ropes import sag_shortening
 from dualwinch.model.matrix import Matrix
+from dualwinch.model.plant import Plant, Side
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
-from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
+from dualwinch.model.ropes import Track, compliance, kelvin_voigt, rope_lengths, tangent_rope
 from dualwinch.model.scalar import Scalar, absolute, both, clip, either, exp, maximum, present, where
-from dualwinch.model.winch import winding
+from dualwinch.model.winch import base_radius, winding
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,9 @@ class SiteEstimate(SelfCalibratingEstimate):
 
 PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
 """Estimated errors of an encoder that are part of the output."""
+
+TINY = 1e-12
+"""In m, less than any sag's shortening."""
 
 FIRST = 0.5
 """Threshold of `SensorWatch.started`, 0 at the first sample and then 1: a steady-state solver may leave round-off."""
@@ -252,6 +258,29 @@ class SelfCalibratingKalman(Estimator):
         estimated = SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate
         return following, estimated(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
+    def informed(
+        self,
+        state: SelfCalibratingState,
+        measurement: Measurement,
+        plant: Plant,
+        speed_error: Scalar,
+        context: Context,
+    ) -> SelfCalibratingState:
+        """The state with the machine's true constants; the encoders' zeros agree with the measurement."""
+        drums = _drums(measurement, state.motion.x, context)
+        reading = Reading(measurement.x, 1.0, self.kalman.position_noise)
+        lengths = rope_lengths(state.motion.x, plant.track)
+        encoder_1, encoder_2 = (
+            informed_errors(known, drum, _true_errors(side, sheet, drum, length, plant.track), reading, self.drums)
+            for known, side, sheet, drum, length in zip(
+                (state.encoder_1, state.encoder_2), plant.sides, context.nominal.sides, drums, lengths, strict=True
+            )
+        )
+        wheel = state.wheel
+        if isinstance(wheel, WheelKnowledge):
+            wheel = replace(wheel, error=speed_error, information=INFORMED / self.drums.wheel**2)
+        return replace(state, encoder_1=encoder_1, encoder_2=encoder_2, wheel=wheel)
+
     def _rolled(self, known: Any, reading: Scalar, x: Scalar, sample_time: Scalar) -> tuple[Any, Scalar]:
         """Updated estimate of the wheel's scale error, and the corrected speed in m/s.
 
@@ -295,6 +324,20 @@ class SelfCalibratingKalman(Estimator):
                     found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
             found[f"fault_{number}"] = position.odds / (1 + position.odds)
         return found
+
+
+def _true_errors(side: Side, sheet: Side, drum: Drum, length: Scalar, track: Track) -> dict[str, Scalar]:
+    """Errors of a side's encoder by name, as its parts differ from those of the data sheet; without run-out."""
+    winch, nominal = side.winch, sheet.winch
+    rope, assumed = tangent_rope(side.rope, drum.pull, length), kelvin_voigt(sheet.rope)
+    sag = sag_shortening(side.rope, drum.pull, length, track)
+    return {
+        "scale": base_radius(winch) / base_radius(nominal) - 1,
+        "layers": winch.layer_thickness / winch.layer_laps - nominal.layer_thickness / nominal.layer_laps,
+        "excess": assumed.modulus * assumed.area / (rope.modulus * rope.area) - 1,
+        "give": base_radius(winch) ** 2 / winch.gear_stiffness if present(winch.gear_stiffness) else 0.0,
+        "sag_excess": where(drum.sag > 0, sag / maximum(drum.sag, TINY) - 1, 0.0),
+    }
 
 
 def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:

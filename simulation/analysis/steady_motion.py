@@ -6,10 +6,9 @@ parallel; a single point is a batch of one. The unknowns are the states and the 
 so that the derivatives at a point are those of the loop opened at all of `LOOP_OPENINGS`: closing all but one gives
 the loop opened there, closing all gives the closed loop.
 
-Constants of the machine that an estimator learns (`Mark.LEARNT`) converge over thousands of samples. They are held at
-the values to which they converge at the point, in a run that began at rest there, and are no states of the linearised
-loop: the separation of time scales that is usual for slow adaptation (Sastry and Bodson, *Adaptive Control*, 1989,
-Chapter 4).
+Constants of the machine that an estimator learns (`Mark.LEARNT`) converge over thousands of samples. Here the estimator
+knows their true values (`Estimator.informed`), and they are no states of the linearised loop: the separation of time
+scales that is usual for slow adaptation (Sastry and Bodson, *Adaptive Control*, 1989, Chapter 4).
 """
 
 from collections.abc import Callable, Mapping
@@ -22,12 +21,22 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen import native
 from dualwinch.codegen.source.expressions import built_once
+from dualwinch.controllers.nominal import nominal_structure
+from dualwinch.controllers.parts import Context
 from dualwinch.model.linear.operating_point import operating_point_law
-from dualwinch.model.plant import blank_state, inner_forces
+from dualwinch.model.plant import blank_state, inner_forces, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, ClosedLoop, closed_loop, start_function
+from dualwinch.simulation.loop.closed_loop import (
+    LOOP_OPENINGS,
+    ClosedLoop,
+    closed_loop,
+    initial_loop_state,
+    start_function,
+)
+from dualwinch.simulation.loop.structure import symbolic_parts
+from dualwinch.simulation.sensors import Noise, measure
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -41,18 +50,12 @@ Rounding is one unit in the last place of each value in the residual (the compon
 Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
 """
 
-ITERATIONS, DAMPED_ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS, LEARNING_ITERATIONS = 16, 40, 6, 24, 8
+ITERATIONS, DAMPED_ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 40, 6, 24
 """Maximum Newton steps: of the first search; of damped ones; of those without limits, for a new start; of those by
-least squares; for learnt states."""
+least squares."""
 
 AMID = 0.2
 """Share of half the track: positions further from the middle are solved for by continuation if necessary."""
-
-STANDSTILL = 1e-10
-"""Rate per sample below which a learnt state stands still: at 1 ms, it would converge within a hundred days.
-
-At rest nothing but the rounding of positions determines the scale of a speed wheel.
-"""
 
 NEIGHBOUR = 1e-9
 """Relative distance of the neighbours of a point at which its derivatives are checked for round-off."""
@@ -75,8 +78,8 @@ PRESSED = 1.0
 ROPE_UNIT, POSITION_UNIT = 1e-3, 1e3
 """Units of residuals: kN for changes of inner forces, mm for changes of position beyond ``v Ts``."""
 
-PLANT = "motion.plant."
-"""Prefix of the plant's states."""
+PLANT, LOAD_CELLS, ESTIMATOR = "motion.plant.", "readings.load_cells.", "controller.estimator."
+"""Prefixes of the states of plant, load cells and estimator."""
 
 QUICK_BUILD = ("-O1",)
 """Compiler flags: the function is long straight-line code, for which more optimisation only costs compile time."""
@@ -226,6 +229,7 @@ def _shifted(sample: "_OpenSample", found: LoopOperatingPoints, start: LoopOpera
     state = np.where(sample.controller, found.state + way * sample.loop.marked(Mark.POSITION), start.state)
     outside = start.outside.copy()
     outside[:, sample.reference] = found.outside[:, sample.reference] + way[:, 0]
+    state = _informed(sample, state, start.parameters)
     return replace(start, state=state, outside=outside, leaving=found.leaving.copy())
 
 
@@ -300,12 +304,11 @@ class _OpenSample:
             kept states a sample later, the signals returned to the openings, and the changes of the inner forces over
             the sample, (n + 3 + f,); facts as in `LoopOperatingPoints`; slopes are derivatives of the values with
             respect to kept states, reference position and injected signals, (n + 3 + f, n + 4).
-        learn: ``(state, exogenous, parameters) -> (values, slopes)`` for many points: the learnt states a sample later,
-            (l,), and their derivatives with respect to them, (l, l).
+        inform: ``(state, parameters) -> learnt`` for many points in columns: the learnt states if the estimator knew
+            the machine (`Estimator.informed`).
     """
 
     evaluate: Callable[..., tuple[Floats, ...]]
-    learn: Callable[..., tuple[Floats, ...]]
 
     def __init__(self, structure: Experiment, *, compiled: bool) -> None:
         self.loop = closed_loop(structure)
@@ -325,9 +328,7 @@ class _OpenSample:
         self.controller = np.array([name.startswith("controller.") for name in self.loop.states])
         self.reference = self.loop.exogenous.index("reference.x")
         self.evaluate = _vectorised(_open_function(structure, compiled), compiled)
-        self.learn = lambda *_: ()
-        if self.learnt.size:
-            self.learn = _vectorised(_learning_function(structure, compiled), compiled)
+        self.inform = _informing_function(structure)
 
 
 def _is_kept(loop: ClosedLoop) -> Flags:
@@ -384,15 +385,22 @@ def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
 
 
 @built_once
-def _learning_function(structure: Experiment, compiled: bool) -> ca.Function:
-    """A sample's update of the learnt states, and its derivatives."""
-    loop = closed_loop(structure)
-    arguments = [ca.SX.sym(name, loop.step.size1_in(name)) for name in loop.step.name_in()]
-    learnt = np.flatnonzero(loop.marked(Mark.LEARNT)).tolist()
-    values = loop.step(*arguments)[0][learnt]
-    slopes = ca.jacobian(values, arguments[0])[:, learnt]
-    names = loop.step.name_in(), ["values", "slopes"]
-    return ca.Function("learning", arguments, [ca.densify(values), ca.densify(slopes)], *names, {"cse": compiled})
+def _informing_function(structure: Experiment) -> ca.Function:
+    """``informing(state, parameters) -> learnt``: the learnt states if the estimator knew the machine."""
+    loop, start = closed_loop(structure), initial_loop_state(structure)
+    state, parameters = ca.SX.sym("state", len(loop.states)), ca.SX.sym("parameters", len(loop.parameters))
+    values = dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True))
+    parts = symbolic_parts(structure, values)
+    now = with_leaves(start, dict(zip(loop.states, ca.vertsplit(state), strict=True)))
+    nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
+    sample_time, plant = values["simulation.sample_time"], parts.plant
+    pulls = tensions(now.motion.plant, plant, 0.0)
+    _, measurement = measure(now.motion.plant, pulls, Noise(), now.readings, plant, parts.sensors, sample_time)
+    context = Context(nominal, parts.controller.limits, sample_time)
+    estimator, error = parts.controller.estimator, parts.sensors.speed_error
+    known = leaves(estimator.informed(now.controller.estimator, measurement, plant, error, context), ESTIMATOR)
+    learnt = [known[name] for name, there in zip(loop.states, loop.marked(Mark.LEARNT), strict=True) if there]
+    return ca.Function("informing", [state, parameters], [ca.vertcat(*learnt)], ["state", "parameters"], ["learnt"])
 
 
 def _first_guesses(
@@ -405,10 +413,7 @@ def _first_guesses(
     upper, calm = given[f"{LIMITS}tension_max"] - given[f"{LIMITS}reserve"], np.zeros_like(x)
     of_plant = np.array([values for name, values in given.items() if name.startswith("plant.")])
     point = operating_point_law(structure.plant)(np.array([x, v, preload, calm, calm, lower, upper]), of_plant).full()
-    if sample.learnt.size:  # what is learnt is relative to the zeros that are set at rest
-        state = _begun_there(structure, sample, parameters, x)
-    else:
-        state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
+    state = start_function(structure)(parameters.T, calm[np.newaxis]).full().T
     state[:, sample.plant] = point[:-4].T
     state[:, loop.marked(Mark.POSITION)], state[:, loop.marked(Mark.SPEED)] = x[:, None], v[:, None]
     if near is not None:
@@ -418,8 +423,11 @@ def _first_guesses(
     *_, tau_1, tau_2, F1, F2 = point
     force = F1 - F2
     leaving = np.array([force, tau_1, tau_2]).T
-    state = _consistent(sample, state, outside, parameters)
+    for name, tension in ((f"{LOAD_CELLS}F1", F1), (f"{LOAD_CELLS}F2", F2)):
+        if name in loop.states:
+            state[:, loop.states.index(name)] = tension
     for _ in range(2):  # states that remember the last sample, or whether there was one, are consistent after two
+        state = _informed(sample, state, parameters)
         following = sample.evaluate(state, outside, parameters, leaving)[0][:, :n]
         state[:, sample.kept[sample.remembers]] = following[:, sample.remembers]
     # torque and tension command have the same limit: with the command at its limit, the torque is exactly at its own,
@@ -445,20 +453,6 @@ def _first_guesses(
     )
 
 
-def _begun_there(structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats) -> Floats:
-    """States (s, states) of runs that begin at rest at x, with the estimator's after the first sample.
-
-    In that sample an estimator may set the zeros of the encoders.
-    """
-    state = start_function(structure)(parameters.T, x[np.newaxis]).full().T
-    outside = np.zeros((len(x), len(sample.loop.exogenous)))
-    outside[:, sample.reference] = x
-    following = sample.evaluate(state, outside, parameters, np.zeros((len(x), len(LOOP_OPENINGS))))[0]
-    estimator = np.flatnonzero([sample.loop.states[index].startswith("controller.estimator.") for index in sample.kept])
-    state[:, sample.kept[estimator]] = following[:, estimator]
-    return state
-
-
 def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOperatingPoints:
     """Initial guess with law and estimator at their solution without tension limits.
 
@@ -469,23 +463,11 @@ def _without_limits(sample: _OpenSample, start: LoopOperatingPoints) -> LoopOper
     return replace(start, state=np.where(sample.adapting & np.isfinite(loose), loose, start.state))
 
 
-def _consistent(sample: _OpenSample, state: Floats, outside: Floats, parameters: Floats) -> Floats:
-    """States (s, states) with the values to which learnt ones converge while all others are held, by Newton's method.
-
-    There the estimator expects what it measures. Samples at one place do not tell all its constants apart: it takes the
-    most likely ones that explain them. States that learn nothing, such as a speed wheel's scale at rest, are kept.
-    """
-    state, learnt, going = state.copy(), sample.learnt, np.arange(len(state))
-    for _ in range(LEARNING_ITERATIONS):
-        if not (len(going) and len(learnt)):
-            break
-        values, slopes = sample.learn(state[going], outside[going], parameters[going])
-        known = state[np.ix_(going, learnt)]
-        matrix = slopes.reshape(*known.shape, len(learnt)) - np.eye(len(learnt))
-        learning = np.abs(np.diagonal(matrix, axis1=1, axis2=2)) > STANDSTILL
-        step = _step(matrix, values.reshape(known.shape) - known, learning, least_squares=False)
-        state[np.ix_(going, learnt)] += step
-        going = going[(np.abs(step) >= STEP * np.maximum(np.abs(known), 1.0)).any(axis=1)]
+def _informed(sample: _OpenSample, state: Floats, parameters: Floats) -> Floats:
+    """States (s, states) with what the estimator learns of the machine known."""
+    state = state.copy()
+    if sample.learnt.size:
+        state[:, sample.learnt] = sample.inform(state.T, parameters.T).full().T
     return state
 
 
@@ -502,18 +484,12 @@ def _newton(
     `damped` shortens steps such that the next one is smaller (`_damping`). `least_squares` takes the shortest possible
     step where it is not unique, as at rest with a law that leaves a state undetermined.
 
-    Before each step, learnt states become consistent with the others, and are held during it. After two small steps
-    they stay as they are: their rounding would move the point by more than the tolerance.
     """
     points = start[np.arange(len(start.state))]
     count = len(points.state)
-    excess, left, held = np.full(count, np.inf), np.full(count, np.inf), np.full(count, not sample.learnt.size)
+    excess, left = np.full(count, np.inf), np.full(count, np.inf)
     active = np.arange(count)
     for _ in range(iterations):
-        learning = active[~held[active]]
-        points.state[learning] = _consistent(
-            sample, points.state[learning], points.outside[learning], points.parameters[learning]
-        )
         at = points[active]
         found, at.facts, at.slopes = sample.evaluate(at.state, at.outside, at.parameters, at.leaving)
         values = np.hstack([at.state[:, sample.kept], at.leaving])
@@ -526,7 +502,7 @@ def _newton(
         excess[active] = np.where(np.isfinite(matrix).all(axis=(1, 2)), beyond, np.inf)
         points[active] = at
         going = np.isfinite(excess[active])
-        going &= ~(held[active] & (last < RESIDUAL) & (excess[active] >= last / 2) & (left[active] < STEP))
+        going &= ~((last < RESIDUAL) & (excess[active] >= last / 2) & (left[active] < STEP))
         active = active[going]
         if not len(active):
             break
@@ -537,7 +513,6 @@ def _newton(
             return _step(matrix, rest, unknown, least_squares=least_squares)
 
         step = solved(rest[going])
-        held[active] |= left[active] < STEP
         left[active] = (np.abs(step) / sizes).max(axis=1)
         points[active] = _moved(sample, at, _damping(sample, at, step, sizes, solved) * step if damped else step)
     points.repeats = (excess < RESIDUAL) & (left < STEP)
