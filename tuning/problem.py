@@ -160,13 +160,8 @@ class TuningProblem:
     def margin_amplitudes(self) -> tuple[float, ...]:
         """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small."""
         config = self.selection
-        usual = config.margin_amplitudes if self.margins_at_speed else config.margin_amplitudes_at_rest
+        usual = config.margin_amplitudes_swinging if swings(self.experiment.plant) else config.margin_amplitudes
         return tuple(sorted({self.experiment.sensors.speed_noise, *usual}))
-
-    @property
-    def margins_at_speed(self) -> bool:
-        """Whether margins are computed at the reference's largest speed, too; where drums swing, only at rest."""
-        return not swings(self.experiment.plant)
 
     @property
     def bounds_loop_margins(self) -> bool:
@@ -180,8 +175,7 @@ class TuningProblem:
             return ""
         sizes = [f"{100 * amplitude:.3g}" for amplitude in self.margin_amplitudes]
         listed = " and ".join(filter(None, (", ".join(sizes[:-1]), sizes[-1])))
-        where = "at rest and at the reference's largest speed" if self.margins_at_speed else "at rest"
-        return f"margins are those {where}, for speed errors of {listed} cm/s"
+        return f"margins are those at rest and at the reference's largest speed, for speed errors of {listed} cm/s"
 
     def margin(self, constraint: Constraint) -> float:
         """Back-off of a constraint in training, as a share of its bound."""

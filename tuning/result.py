@@ -116,7 +116,7 @@ class TuningResult:
     def instabilities(self) -> tuple[str, ...]:
         """Instabilities of the best's loop on the nominal machine; also of its motion, if no margin is bounded.
 
-        The advice to bound a margin is left out where drums swing: there, it is bounded for small motions at rest only.
+        The advice to bound a margin is left out where drums swing: there, it is bounded for small speed errors only.
         """
         found = list(loop_remarks(self.best))
         if amplitudes := self._amplitudes:

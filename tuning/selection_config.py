@@ -73,11 +73,12 @@ class SelectionConfig:
         share_vertices: of the hard training scenarios.
         margin_machines, margin_machines_validated: number of drawn machines on which stability margins are computed in
             training (the start's margins are smallest there), and in validation and test.
+        margin_machines_active: number of those in training, besides one, on which they are computed for all candidates:
+            at each amplitude those with the least margins so far.
         margin_machines_screened: number of machines in the second stage of their selection; the first compares the
             start's margins only at the points where the nominal machine's are smallest.
-        margin_amplitudes, margin_amplitudes_at_rest: amplitudes of the speed error in m/s at which margins are
-            computed, besides that of the speed sensor's noise; the latter where drums swing on their ropes, and margins
-            are computed at rest only.
+        margin_amplitudes, margin_amplitudes_swinging: amplitudes of the speed error in m/s at which margins are
+            computed, besides that of the speed sensor's noise; the latter where drums swing on their ropes.
         loop_range: largest ratio of a loop's margin to the least of its machine and amplitude; larger ones are clipped
             to it when active loops are determined.
         back_off: distance from bounds on the worst case, kept in training and by a repair, because more scenarios have
@@ -115,11 +116,12 @@ class SelectionConfig:
     demand_among: int = 600
     largest_lag: float = 0.01
     share_vertices: float = 1 / 6
-    margin_machines: int = 2
-    margin_machines_validated: int = 8
-    margin_machines_screened: int = 8
+    margin_machines: int = 8
+    margin_machines_active: int = 2
+    margin_machines_validated: int = 16
+    margin_machines_screened: int = 16
     margin_amplitudes: tuple[float, ...] = (0.01, 0.1)
-    margin_amplitudes_at_rest: tuple[float, ...] = (0.01,)
+    margin_amplitudes_swinging: tuple[float, ...] = (0.01,)
     loop_range: float = 3.0
     back_off: float = 0.005
     pool_size: int = 16

@@ -70,16 +70,15 @@ class WorstMargin:
     amplitude: float = 0.0
 
 
-def survey_points(experiment: Experiment, *, at_speed: bool = True) -> list[tuple[float, float]]:
+def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
     """Positions in m and speeds in m/s of a survey: `SHARES` of the track, at rest and at speed in either direction.
 
-    The speed is the largest of the reference; it is left out where it requires more force than the machine has, and
-    without `at_speed`.
+    The speed is the largest of the reference; it is left out where it requires more force than the machine has.
     """
     t = np.linspace(0, experiment.duration, INSTANTS)
     fastest = float(np.abs(setpoint(t, experiment.reference).v).max())
     needed = float(resistance(fastest, DisturbanceInputs(), experiment.plant, experiment.plant.track.length / 2))
-    steady = at_speed and fastest > 0 and abs(needed) < experiment.controller.limits.force
+    steady = fastest > 0 and abs(needed) < experiment.controller.limits.force
     speeds = (-fastest, 0.0, fastest) if steady else (0.0,)
     return [(share * experiment.plant.track.length, v) for share in SHARES for v in speeds]
 
@@ -107,8 +106,6 @@ class MarginSurvey:
         threads: int | None = None,
         openings: Collection[str] = (*LOOP_OPENINGS, BOTH),
         amplitudes: Collection[float] = (0.0,),
-        *,
-        at_speed: bool = True,
     ) -> None:
         """Set up a survey.
 
@@ -119,7 +116,6 @@ class MarginSurvey:
             openings: one at a time; `margins.BOTH`: both torques change alike.
             amplitudes: of the speed error in m/s; 0: infinitesimal motions. Ignored for laws without odd powers of
                 it, whose margins do not depend on the amplitude.
-            at_speed: whether there are points at the reference's largest speed besides those at rest.
         """
         self.machines, self._threads, self._openings = tuple(machines), threads, openings
         calm = [in_calm(given.experiment if isinstance(given, Scenario) else given) for given in machines]
@@ -134,7 +130,7 @@ class MarginSurvey:
         self._length = loop.parameters.index("plant.track.length")
         self._powers = [loop.parameters.index(key) for key in ODD_POWERS if key in loop.parameters]
         self._amplitudes = tuple(amplitudes) if self._powers else (0.0,)
-        self._points = [np.array(survey_points(experiment, at_speed=at_speed)) for experiment in calm]
+        self._points = [np.array(survey_points(experiment)) for experiment in calm]
         self.loops = np.array(
             [
                 (machine, point, amplitude)

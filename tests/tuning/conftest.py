@@ -19,7 +19,11 @@ FEW = SelectionConfig(demand_among=80, sizes=SampleSizes(6, 100, 12, 4, 20, 24))
 
 
 FEWEST = SelectionConfig(
-    demand_among=20, margin_machines_screened=2, margin_machines_validated=2, sizes=SampleSizes(2, 10, 4, 2, 8, 8)
+    demand_among=20,
+    margin_machines=2,
+    margin_machines_screened=2,
+    margin_machines_validated=2,
+    sizes=SampleSizes(2, 10, 4, 2, 8, 8),
 )
 """Each of its steps in next to no scenarios, for tests of what comes before or after it."""
 

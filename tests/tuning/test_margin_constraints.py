@@ -124,17 +124,16 @@ def test_in_an_ensemble_margins_are_bounded_by_default_at_the_noise_and_at_large
     assert not tuning_problem(ensemble="sea", constraints=["none"]).margins
 
 
-def test_where_drums_swing_margins_are_bounded_at_rest_for_small_speed_errors() -> None:
+def test_where_drums_swing_margins_are_bounded_for_small_speed_errors() -> None:
     problem = tuning_problem(ensemble="site")
     labels = [constraint.label for constraint in problem.constraints]
     assert {"worst.disk_margin >= 0.4", "worst.delay_margin >= 0.001 s"} <= set(labels)
     assert problem.margin_amplitudes == (problem.experiment.sensors.speed_noise, 0.01)
-    assert problem.margin_conditions == "margins are those at rest, for speed errors of 0.2 and 1 cm/s"
+    assert problem.margin_conditions.endswith("largest speed, for speed errors of 0.2 and 1 cm/s")
     surveyed = survey(problem, problem.drawn(2, 5))
     assert surveyed is not None
-    assert len(surveyed.loops) == 3 * 3 * 2, "machines, points and amplitudes"
+    assert len(surveyed.loops) == 3 * 9 * 2, "machines, points and amplitudes"
     (worst,) = surveyed.worst([problem.space.parameters(problem.start)], ["disk", "delay"])
-    assert all(each.v == 0 for each in worst.values())
     assert worst["disk"].value > 0.4
     assert worst["delay"].value > 1e-3
 
@@ -166,7 +165,7 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert prepared.margins is not None
     nominal, *machines = prepared.margins.machines
     assert nominal == bounded.experiment
-    assert len(machines) == SelectionConfig.margin_machines
+    assert len(machines) == bounded.selection.margin_machines
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
     every = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
     amplitudes = bounded.margin_amplitudes

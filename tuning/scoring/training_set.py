@@ -45,6 +45,9 @@ from dualwinch.tuning.selection_config import SelectionConfig
 AnyScenario = TypeVar("AnyScenario", bound=Experiment | Scenario)
 
 
+Floats = NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class ScenarioChoice:
     """Number of a draw, or of a vertex of the box of draws.
@@ -216,7 +219,7 @@ def _survey_of(
 ) -> MarginSurvey:
     """Survey of machines at a problem's points; at its amplitudes, unless others are given."""
     sizes = problem.margin_amplitudes if amplitudes is None else amplitudes
-    return MarginSurvey(machines, keys, threads_of(workers), amplitudes=sizes, at_speed=problem.margins_at_speed)
+    return MarginSurvey(machines, keys, threads_of(workers), amplitudes=sizes)
 
 
 def hardest_machines(
@@ -401,10 +404,11 @@ class ActiveScenarios:
 
 
 class ActiveLoops:
-    """The active loops of a margin survey (active set): the points of least margin for each machine and amplitude.
+    """The active loops of a margin survey (active set): the points of least margin of the machines of least margin.
 
-    Margins at neighbouring points are similar, and the point of least margin hardly depends on the gains. The ratio of
-    each loop's margin to the least, of each kind, is smoothed exponentially over gains with margins known in all loops.
+    Margins at neighbouring points are similar, and the point of least margin hardly depends on the gains; nor do, less
+    so, the machines. Two ratios are smoothed exponentially over gains with margins known in all loops, for each kind of
+    margin: of each loop's margin to the least of its machine and amplitude, and of that to the least of all.
     """
 
     def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
@@ -416,24 +420,31 @@ class ActiveLoops:
             config: hyper-parameters.
         """
         self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
-        self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)[1].ravel()
+        groups, self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)
+        self._groups = self._groups.ravel()
+        self._active = (1 + config.margin_machines_active) * len(np.unique(groups[:, 1]))
         self._nearness: NDArray[np.float64] | None = None
+        self._nearness_of_groups: NDArray[np.float64] | None = None
 
     def learn(self, margins: Sequence[Mapping[str, WorstMargin]]) -> None:
         """Update from the margins of every loop with given gains."""
         values = np.nan_to_num([[of_loop[kind].value for kind in self._kinds] for of_loop in margins])  # some infinite
         least = np.array([values[self._groups == group].min(axis=0) for group in range(int(self._groups.max()) + 1)])
-        nearness = np.minimum(values / np.maximum(least, np.finfo(float).tiny)[self._groups], self._largest)
-        known = nearness if self._nearness is None else self._nearness
-        self._nearness = self._memory * known + (1 - self._memory) * nearness
+        self._nearness = self._smoothed(values, least[self._groups], self._nearness)
+        self._nearness_of_groups = self._smoothed(least, least.min(axis=0), self._nearness_of_groups)
+
+    def _smoothed(self, values: Floats, least: Floats, before: Floats | None) -> Floats:
+        """Ratios of values to the least ones, clipped and smoothed."""
+        ratios = np.minimum(values / np.maximum(least, np.finfo(float).tiny), self._largest)
+        return ratios if before is None else self._memory * before + (1 - self._memory) * ratios
 
     @property
     def indices(self) -> NDArray[np.intp]:
         """Indices of the active loops, in ascending order."""
-        nearness, chosen = self._nearness, set[int]()
-        if nearness is None:
+        nearness, of_groups, chosen = self._nearness, self._nearness_of_groups, set[int]()
+        if nearness is None or of_groups is None:
             return np.arange(len(self._groups))
-        for group in range(int(self._groups.max()) + 1):
+        for group in of_groups.min(axis=1).argsort(kind="stable")[: self._active]:
             mine = np.flatnonzero(self._groups == group)
             chosen.update(mine[nearness[mine].argmin(axis=0)].tolist())
         return np.array(sorted(chosen), dtype=np.intp)
