@@ -73,8 +73,8 @@ class SelectionConfig:
         share_vertices: of the hard training scenarios.
         margin_machines, margin_machines_validated: number of drawn machines on which stability margins are computed in
             training (the start's margins are smallest there), and in validation and test.
-        margin_machines_active: number of those in training, besides one, on which they are computed for all candidates:
-            at each amplitude those with the least margins so far.
+        margin_machines_active: number of machines, besides one, whose margins are computed for all candidates: as many
+            pairs of a machine and an amplitude, those with the least margins so far.
         margin_machines_screened: number of machines in the second stage of their selection; the first compares the
             start's margins only at the points where the nominal machine's are smallest.
         margin_amplitudes, margin_amplitudes_swinging: amplitudes of the speed error in m/s at which margins are

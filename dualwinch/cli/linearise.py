@@ -105,7 +105,7 @@ def linearise(
     The closed loop maps the states of plant and controller over one sample. The open loop is the same, opened at
     a signal: its gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed
     error. With either loop, the rule for the drums' resonance on their ropes is checked, and constants of the machine
-    that the estimator learns are held at the values to which they converge there.
+    that the estimator learns are held at their true values.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer
@@ -133,7 +133,7 @@ def linearise(
     else:
         tables = print_sweep(systems, points, experiment.plant, swept)
     if loop != "plant" and learns(experiment):
-        terminal().print("what the estimator learns of the machine is held at the values to which it converges here")
+        terminal().print("what the estimator learns of the machine is held, at its true values")
     if loop != "plant" and swept is None:
         resonance = resonance_tables(_with_preload(experiment, values["preload"][0]), values["x"][0])
         print_resonance(resonance)

@@ -208,6 +208,20 @@ def test_active_loops_are_the_points_of_least_margin_of_each_machine_and_amplitu
         assert worst.value == pytest.approx(min(of[kind].value for of in margins), rel=1e-9)
 
 
+def test_active_machines_are_those_of_least_margin() -> None:
+    masses = [4000.0, 12000.0, 1500.0, 8000.0]
+    machines = [override(case(4), {"plant.vehicle.mass": mass}) for mass in masses]
+    survey = MarginSurvey(machines, amplitudes=[0.01, 0.1])
+    pool = ActiveLoops(survey, ["disk"], replace(SelectionConfig(), margin_machines_active=0))
+    margins = survey.of_loops([[]], ["disk"])[0]
+    pool.learn(margins)
+    values = np.array([of_loop["disk"].value for of_loop in margins])
+    assert len(pool.indices) == 2, "as many as amplitudes"
+    assert values.argmin() in pool.indices
+    least = sorted(values[(survey.loops[:, [0, 2]] == group).all(axis=1)].min() for group in np.ndindex(4, 2))
+    assert sorted(values[pool.indices]) == pytest.approx(least[:2])
+
+
 def test_of_a_leader_margins_are_known_in_all_loops(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     surveyed = prepared.margins

@@ -14,6 +14,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     TrustGains,
     calibrate,
     fault_odds,
+    informed_errors,
     learnt_errors,
     learnt_names,
     regressors,
@@ -192,3 +193,18 @@ def test_regressors_are_in_deviations_of_a_reading() -> None:
     sizes = np.array([2e-3 * -8.0, 5e-6 * -(100 / (4 * np.pi)), 2e-3, 0.06 * 3e-3, 1e-4 * np.sin(10), -1e-4])
     sizes[-1] *= 1 - np.cos(10)
     assert np.array(row) == pytest.approx(sizes / SIGMA)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_an_encoder_whose_errors_are_known_has_the_exact_position_everywhere(direction: float) -> None:
+    errors = TRUE | {"give": 4e-7, "sag_excess": 0.4}
+    here = Reading(12.0, 1.0, SIGMA)
+    known = informed_errors(unknown(ALL), drum(12.0, direction, 3e-3, errors), errors, here, ALL)
+    for x, stretch in ((12.0, 3e-3), (3.0, 4e-3), (40.0, 2e-3)):
+        _, position = calibrate(known, drum(x, direction, stretch, errors), Reading(x, 1.0, SIGMA), ALL, TRUST, T)
+        assert position.x == pytest.approx(x, abs=5e-6), "second order in the errors"
+        assert abs(position.shift) < 1e-9
+        assert position.odds == 0
+    found = learnt_errors(known, ALL)
+    assert found["zero"][0] == pytest.approx(errors["zero"], abs=5e-6)
+    assert all(spread < 1e-5 * ALL.compliance for name, (_, spread) in found.items() if name == "excess")
