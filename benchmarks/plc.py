@@ -21,7 +21,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package, prepared
 from dualwinch.codegen.export.plc import identifier
-from dualwinch.codegen.export.structured_text import OperationCount, operation_count, st_package
+from dualwinch.codegen.export.structured_text import operation_count, st_package
 from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.config.experiment_file import load
 from dualwinch.simulation.blocks import block
@@ -70,15 +70,12 @@ class Comparison:
 
     Attributes:
         run: which one, and its precision.
-        step, prepare: operations of a sample, and of preparing.
         samples, numbers: what was compared.
         different: how many of the numbers differ in a bit.
         largest: the largest difference, as a share of the largest value of its output.
     """
 
     run: str
-    step: OperationCount
-    prepare: OperationCount
     samples: int
     numbers: int
     different: int
@@ -133,12 +130,9 @@ def compare(name: str, experiment: Experiment, precision: Precision, iec2c: Path
         for given, output in zip(inputs, outputs, strict=True):
             st.st_step(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(output.ctypes.data))
         expected = host.run(inputs)
-        apart = prepared(controller, precision)
     apart_by = np.abs(outputs - expected).max(axis=0) / np.maximum(np.abs(expected).max(axis=0), np.finfo(kind).tiny)
     return Comparison(
         run=f"{name}, {precision}",
-        step=operation_count(apart.step),
-        prepare=operation_count(apart.derive),
         samples=len(inputs),
         numbers=outputs.size,
         different=int((outputs != expected).sum()),
@@ -156,19 +150,23 @@ LOAD = (
 )
 
 
-def report(iec2c: Path) -> dict[str, str]:
-    """The tables in Markdown, by the marks between which they stand in a document.
-
-    Raises:
-        RuntimeError: a compiler refuses its input.
-    """
-    experiments = {
+def experiments() -> dict[str, Experiment]:
+    """The experiments whose controllers are compared, by their names in the tables."""
+    return {
         "Case 4": case(4),
         "Case 4, Kalman filter": override(case(4), {"controller.estimator": "kalman"}),
         "Case 4, MPC": override(case(4), {"controller.kind": "mpc"}),
         "`site`, tuned gains": override(load(SITE), {"simulation.duration": 50.0}),
     }
-    made = [compare(name, each, precision, iec2c) for name, each in experiments.items() for precision in PRECISIONS]
+
+
+def comparisons(iec2c: Path) -> str:
+    """The table of comparisons in Markdown.
+
+    Raises:
+        RuntimeError: a compiler refuses its input.
+    """
+    made = [compare(name, each, precision, iec2c) for name, each in experiments().items() for precision in PRECISIONS]
     rows = [
         [
             got.run,
@@ -181,30 +179,40 @@ def report(iec2c: Path) -> dict[str, str]:
         subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout.partition("\n")[0]
         for command in ([iec2c, "-v"], find_compiler().command)
     ]
-    load_rows = [_load(got) for got in made if got.run.endswith("double")]
-    compared = f"{markdown(COMPARED, rows)}\n\n*{' · '.join(filter(None, compilers))}*"
-    return {"plc": compared, "plc load": markdown(LOAD, load_rows)}
+    return f"{markdown(COMPARED, rows)}\n\n*{' · '.join(filter(None, compilers))}*"
 
 
-def _load(got: Comparison) -> list[str]:
-    """A controller's operations, and what they take on each CPU."""
-    calls = sum(count for kind, count in got.step.kinds.items() if kind in CALLS)
-    worth = got.step.total + (CALL - 1) * calls
-    times = [f"{worth * ns * 1e-6:.2g} ms" for ns in CPUS.values()]
-    counts = (f"{count:,}".replace(",", " ") for count in (got.step.total, calls, got.prepare.total))
-    return [got.run.removesuffix(", double"), *counts, *times]
+def loads() -> str:
+    """The table of operations, and what they take on each CPU, in Markdown."""
+    rows = list[list[str]]()
+    for name, experiment in experiments().items():
+        apart = prepared(block("controller", experiment), "double")
+        step, prepare = operation_count(apart.step), operation_count(apart.derive)
+        calls = sum(count for kind, count in step.kinds.items() if kind in CALLS)
+        worth = step.total + (CALL - 1) * calls
+        times = [f"{worth * ns * 1e-6:.2g} ms" for ns in CPUS.values()]
+        counts = (f"{count:,}".replace(",", " ") for count in (step.total, calls, prepare.total))
+        rows.append([name, *counts, *times])
+    return markdown(LOAD, rows)
 
 
 def main() -> int:
     """Run the command line; 0 done, 1 where a compiler is missing or refuses its input."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.plc", description=__doc__)
-    parser.add_argument("iec2c", type=Path, metavar="IEC2C", help="matiec's compiler, in its own folder beside lib/")
+    parser.add_argument(
+        "iec2c",
+        type=Path,
+        nargs="?",
+        metavar="IEC2C",
+        help="matiec's compiler, in its own folder beside lib/; without it only the operations of a sample are counted",
+    )
     parser.add_argument("--write", type=Path, metavar="FILE", help="put the tables between the marks of a document")
     chosen = parser.parse_args()
-    if not chosen.iec2c.is_file():
+    if chosen.iec2c and not chosen.iec2c.is_file():
         parser.error(f"{chosen.iec2c}: there is no such file")
     try:
-        for mark, text in report(chosen.iec2c).items():
+        tables = {"plc load": loads()} | ({"plc": comparisons(chosen.iec2c)} if chosen.iec2c else {})
+        for mark, text in tables.items():
             print(f"{text}\n")
             if chosen.write:
                 put(chosen.write, mark, text)
