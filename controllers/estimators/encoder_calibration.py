@@ -164,9 +164,7 @@ class Gathered:
     estimate: Annotated[Any, Quantity("1", "shrunk estimates over their prior deviations"), Mark.LEARNT]
     variance: Annotated[Scalar, Quantity("1", "variance of an expected reading over its noise's"), Mark.LEARNT] = 1e6
     weight: Annotated[Scalar, Quantity("1", "total weight of the readings"), Mark.LEARNT] = 0.0
-    innovation: Annotated[Scalar, Quantity("1", "weighted sum of their innovations over their noise"), Mark.LEARNT] = (
-        0.0
-    )
+    innovation: Annotated[Scalar, Quantity("1", "weighted sum of their innovations"), Mark.LEARNT] = 0.0
     fade: Annotated[Scalar, Quantity("1", "factor on the information of earlier readings"), Mark.LEARNT] = 1.0
 
 
@@ -342,16 +340,20 @@ def calibrate(
 
 def updated(known: EncoderKnowledge, row: Sequence[Scalar], gains: DrumGains, due: Scalar) -> EncoderKnowledge:
     """The estimates updated by the gathered readings, with the regressors of the last, where that is `due`."""
-    gathered, names = known.gathered, learnt_names(gains)
+    gathered = known.gathered
     expectation = expected(known.errors, row, gathered.fade)
     # the innovations are relative to the estimates before these faded
     faded = dot(row, _estimates(known.errors.estimate, row)) - expectation.value
     pull = gathered.innovation + gathered.weight * faded
     errors = learnt(known.errors, row, expectation, pull, gathered.weight, gathered.fade)
-    estimate = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
-    variance = expectation.variance / (1 + gathered.weight * expectation.variance)
-    following = Gathered(vector(estimate), variance)
+    following = Gathered(_shrunk(errors, gains), expectation.variance / (1 + gathered.weight * expectation.variance))
     return replace(known, errors=either_of(due, errors, known.errors), gathered=either_of(due, following, gathered))
+
+
+def _shrunk(errors: Knowledge, gains: DrumGains) -> Any:
+    """Vector of the shrunk estimates."""
+    names = learnt_names(gains)
+    return vector(shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names]))
 
 
 def _estimates(estimate: Any, row: Sequence[Scalar]) -> list[Scalar]:
@@ -394,8 +396,7 @@ def informed_errors(
     estimate["zero"] = ((says - drum.direction * reading.x) / reading.deviation - explained) / row[names.index("zero")]
     information = np.concatenate([np.append(np.zeros(i), INFORMED) for i in range(len(names))])
     errors = Knowledge(vector([estimate[name] for name in names]), information)
-    shrunken = shrunk(errors, len(names), [names.index(name) for name in UNSHRUNK if name in names])
-    return replace(known, errors=errors, gathered=Gathered(vector(shrunken), 0.0))
+    return replace(known, errors=errors, gathered=Gathered(_shrunk(errors, gains), 0.0))
 
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> dict[str, tuple[Scalar, Scalar]]:

@@ -93,7 +93,7 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
 
     The states are those of plant and controller that affect anything; see `INPUTS` and `OUTPUTS`. The matrices are
     exact Jacobians of the simulated step, with perfect sensors and without disturbances; noises are inputs. Constants
-    of the machine that the estimator learns are held at the values to which they converge there.
+    of the machine that the estimator learns are held at their true values.
 
     Args:
         experiment: plant, gains, sample time and delay.
