@@ -164,6 +164,12 @@ class TuningProblem:
         return tuple(sorted({self.experiment.sensors.speed_noise, *usual}))
 
     @property
+    def margin_machines(self) -> int:
+        """Number of drawn machines on which margins are computed in training."""
+        config = self.selection
+        return config.margin_machines_swinging if swings(self.experiment.plant) else config.margin_machines
+
+    @property
     def bounds_loop_margins(self) -> bool:
         """Whether any margin but that of the drums' resonance, which needs no linearised loop, is bounded."""
         return any(statistic.margin != RESONANCE for statistic in self.margins)

@@ -71,8 +71,9 @@ class SelectionConfig:
         demand_among: number of draws from which the hard ones are selected.
         largest_lag: largest distance in m by which the vehicle may fall behind in hard draws for lack of force.
         share_vertices: of the hard training scenarios.
-        margin_machines, margin_machines_validated: number of drawn machines on which stability margins are computed in
-            training (the start's margins are smallest there), and in validation and test.
+        margin_machines, margin_machines_swinging, margin_machines_validated: number of drawn machines on which
+            stability margins are computed in training (the start's margins are smallest there), more where drums swing
+            on their ropes, as the worst machine depends on the gains there; and in validation and test.
         margin_machines_active: number of machines, besides one, whose margins are computed for all candidates: as many
             pairs of a machine and an amplitude, those with the least margins so far.
         margin_machines_screened: number of machines in the second stage of their selection; the first compares the
@@ -116,7 +117,8 @@ class SelectionConfig:
     demand_among: int = 600
     largest_lag: float = 0.01
     share_vertices: float = 1 / 6
-    margin_machines: int = 8
+    margin_machines: int = 2
+    margin_machines_swinging: int = 8
     margin_machines_active: int = 2
     margin_machines_validated: int = 16
     margin_machines_screened: int = 16

@@ -50,9 +50,8 @@ Rounding is one unit in the last place of each value in the residual (the compon
 Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amounts to some 1e-7 N.
 """
 
-ITERATIONS, DAMPED_ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 40, 6, 24
-"""Maximum Newton steps: of the first search; of damped ones; of those without limits, for a new start; of those by
-least squares."""
+ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
+"""Maximum Newton steps: of the first search; of those without limits, for a new start; of those by least squares."""
 
 AMID = 0.2
 """Share of half the track: positions further from the middle are solved for by continuation if necessary."""
@@ -152,14 +151,12 @@ def loop_operating_points(
 
     1. Newton's method from the state of a perfect controller: no errors, tensions as commanded; with law and estimator
        as in `near`.
-    2. If an estimator learns, where that fails: damped Newton's method without `near`, first with tension limits, then
-       without and from there with them.
-    3. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
+    2. Where that fails: numerical continuation in the position, from mid-track, where both ropes are long and soft
        (Allgower and Georg, *Introduction to Numerical Continuation Methods*).
-    4. Where that fails too, and at mid-track: damped least-squares steps, first from the solution of law and estimator
+    3. Where that fails too, and at mid-track: damped least-squares steps, first from the solution of law and estimator
        without limits, then from the perfect controller's state.
-    5. So far an estimator that gates measurements accepts all of them. Newton's method from there, with its gates.
-    6. Derivatives that are round-off are set to zero (`without_round_off`).
+    4. So far an estimator that gates measurements accepts all of them. Newton's method from there, with its gates.
+    5. Derivatives that are round-off are set to zero (`without_round_off`).
 
     Args:
         structure: of the closed loop, with ropes that never go slack.
@@ -183,14 +180,6 @@ def loop_operating_points(
             known = None if near is None else near[cold]
             start[cold] = _first_guesses(structure, sample, accepting[cold], x[cold], v[cold], known)
     found = _newton(sample, start, ITERATIONS)
-    for limits in ({}, UNLIMITED) if sample.learnt.size else ():
-        again = np.flatnonzero(~found.steady)
-        if not len(again):
-            break
-        cold = _first_guesses(structure, sample, accepting[again], x[again], v[again], None)
-        close = replace(cold, parameters=_with_values(sample, cold.parameters, limits))
-        close = _newton(sample, close, DAMPED_ITERATIONS, damped=True)
-        found[again] = _newton(sample, replace(close, parameters=cold.parameters), ITERATIONS)
     away = np.flatnonzero(~found.steady & (np.abs(2 * x / _lengths(sample, parameters) - 1) > AMID))
     if len(away):
         known, mid_track = None if near is None else near[away], _lengths(sample, parameters[away]) / 2

@@ -165,7 +165,7 @@ def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(b
     assert prepared.margins is not None
     nominal, *machines = prepared.margins.machines
     assert nominal == bounded.experiment
-    assert len(machines) == bounded.selection.margin_machines
+    assert len(machines) == bounded.margin_machines
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
     every = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
     amplitudes = bounded.margin_amplitudes

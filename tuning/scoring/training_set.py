@@ -244,7 +244,7 @@ def hardest_machines(
     chosen = _least_first(surveyed, kinds, start, np.flatnonzero(looked_at & (surveyed.loops[:, 0] > 0)))
     some = np.isin(surveyed.loops[:, 0], chosen[: problem.selection.margin_machines_screened])
     chosen = _least_first(surveyed, kinds, start, np.flatnonzero(some))
-    return [drawn[machine - 1] for machine in chosen[: problem.selection.margin_machines]]
+    return [drawn[machine - 1] for machine in chosen[: problem.margin_machines]]
 
 
 def _least_first(
