@@ -89,9 +89,17 @@ def compensated(step: ca.Function) -> ca.Function:
 def _sum(after: ca.SX, state: ca.SX) -> tuple[ca.SX, ca.SX] | None:
     """A state's next value as a sum of its last value and a change; None where it is no such sum."""
     own, others = _terms(after, state)
+    with_state, added = {_condition(term) for term in own}, {_condition(term) for term in others}
     if not own or not others:
         return None
+    if None not in with_state | added and with_state.isdisjoint(added):
+        return None  # the state is chosen, not summed: it stays where nothing is added
     return sum(own[1:], own[0]), sum(others[1:], others[0])
+
+
+def _condition(term: ca.SX) -> int | None:
+    """The condition of a term, by its hash; None without one."""
+    return term.dep(0).element_hash() if term.is_op(ca.OP_IF_ELSE_ZERO) else None
 
 
 def _terms(value: ca.SX, state: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:

@@ -53,6 +53,20 @@ def test_states_that_are_sums_keep_what_rounding_takes_and_others_do_not() -> No
     assert prepared(odometer(), "double").lost == 0
 
 
+def test_a_state_that_is_chosen_is_no_sum() -> None:
+    state, value, due = ca.SX.sym("state", 3), ca.SX.sym("value"), ca.SX.sym("due")
+    held, summed, both = ca.vertsplit(state)
+    following = ca.vertcat(
+        where(due > 0, value, held), where(due > 0, summed + value, 0.0), where(due > 0, both, 1) + value
+    )
+    step = ca.Function("step", [state, value, due], [following], ["state", "value", "due"], ["next_state"])
+    given = [ca.DM([1.0, 2.0, 3.0]), ca.DM(0.5), ca.DM(1.0)]
+    summing = compensated(step)
+    assert summing.numel_in("lost") == 2, "the second and the third"
+    found = summing.call([*given, ca.DM.zeros(2)])[0]
+    assert np.array(found).ravel() == pytest.approx([0.5, 2.5, 3.5])
+
+
 def test_a_distance_is_not_lost_between_two_numbers(tmp_path: Path) -> None:
     made = odometer()
     files = c_package(made, made.name, ABOUT, "float")
