@@ -193,14 +193,14 @@ class Constraint:
 
         Args:
             value: of the statistic. NaN, a statistic that no run has, is a violation of 1; infinity is one of 1 or -1.
-            margin: distance to keep from the bound, as a share of it.
+            margin: distance to keep from the bound, as a share of it; none from 0.
         """
         if not math.isfinite(value):
             return -1.0 if value == (math.inf if self.at_least else -math.inf) else 1.0
         if math.isinf(self.bound):
             return -1.0 if self.unbounded else 1.0
         beyond = self.bound - value if self.at_least else value - self.bound
-        return beyond / (abs(self.bound) or 1.0) + margin
+        return beyond / abs(self.bound) + margin if self.bound else beyond
 
     @property
     def label(self) -> str:

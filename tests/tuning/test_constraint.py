@@ -92,6 +92,8 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
     assert bound("worst.peak_tension<=6000").violation(6600) == pytest.approx(0.1)
     assert bound("worst.peak_tension<=6000").violation(6000) == 0
     assert bound("worst.min_tension>=100").violation(50) == pytest.approx(0.5)
+    assert bound("worst.min_tension>=100").violation(100, 0.005) == 0.005
+    assert bound("worst.disk_margin>=0").violation(0.0, 0.005) == 0, "a share of nothing: every margin satisfies it"
     assert bound("worst.slack_share<=0").violation(0.02) == pytest.approx(0.02)
 
 
