@@ -89,6 +89,15 @@ class Compiler:
         return OPTIMISE + finite + native + SHARED
 
     @property
+    def pairs(self) -> bool:
+        """Whether code in lanes processes two vectors at a time, to hide the latency of instructions.
+
+        Twice the values need the 32 registers of AVX-512 and AArch64. With the 16 of AVX2 half the code is as fast,
+        and compiles in half the time. clang interleaves by itself.
+        """
+        return not self.is_clang and not {"__AVX512F__", "__aarch64__"}.isdisjoint(_macros(self.command, self.flags))
+
+    @property
     def identity(self) -> str:
         """Everything besides the source that affects a build: compiler, version, flags, processor."""
         words = ("exact",) if self.exact else ()
@@ -126,6 +135,17 @@ class Compiler:
         if done.returncode != 0:
             complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
             raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")
+
+
+@cache
+def _macros(command: tuple[str, ...], flags: tuple[str, ...]) -> frozenset[str]:
+    """Names of the macros that a compiler defines with some flags."""
+    asked = [*command, *flags, "-dM", "-E", "-x", "c", os.devnull]
+    try:
+        answer = subprocess.run(asked, capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return frozenset()
+    return frozenset(re.findall(r"^#define (\w+)", answer.stdout, re.MULTILINE))
 
 
 def _takes_native() -> bool:

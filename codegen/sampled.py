@@ -24,8 +24,7 @@ class Sampled:
             interval in one step, cheaper than all parts and used wherever ``valid > 0``; or None.
         fast_sample: ``fast_sample(state, exogenous, parameters) -> (discrete, hold)``: the same as `sample` wherever
             the state `phase` is not 0, without the code that has no effect there; or None.
-        phase: index of the state that is 0 in every `interval`-th sample of a run.
-        interval: in samples.
+        phase: index of that state.
     """
 
     sample: ca.Function
@@ -35,7 +34,6 @@ class Sampled:
     one_step: ca.Function | None
     fast_sample: ca.Function | None = field(default=None, kw_only=True)
     phase: int = field(default=0, kw_only=True)
-    interval: int = field(default=1, kw_only=True)
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
@@ -58,7 +56,6 @@ class Sampled:
             "HAS_ONE_STEP": int(self.one_step is not None),
             "HAS_FAST_SAMPLE": int(self.fast_sample is not None),
             "PHASE": self.phase,
-            "INTERVAL": self.interval,
         }
 
 

@@ -30,7 +30,7 @@ def batch_source(system: Sampled, compiler: Compiler) -> str:
     read, used = all_read(functions, "exogenous"), all_read(often, "parameters")
     lanes = {
         function.name(): LaneLayout(
-            paired=not compiler.is_clang,
+            paired=compiler.pairs,
             shared=("part",),
             packed={"exogenous": read} | ({"parameters": used} if function in often else {}),
         )

@@ -9,6 +9,8 @@
 #define EACH_CALL_OF(count) EACH_OF(count)
 #elif PAIRED
 #define EACH_CALL_OF(count) EACH_OF((count) / 2)
+#elif !defined(__clang__)
+#define EACH_CALL_OF(count) EACH_OF(count)
 #else
 #define EACH_CALL_OF(count) _Pragma("clang loop vectorize(enable) interleave_count(2)") EACH_OF(count)
 #endif

@@ -226,11 +226,11 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     linear = [_linear(functions[name], product) for name, product in (by_state | {"move": by_parts}).items()]
     sloped = [product.slopes for product in fitted.values()]
     hoisted = hoisted_all([*functions.values(), *linear, *sloped])
-    lanes = {each.name(): LaneLayout(not compiler.is_clang, shared=("parameters", "derived")) for each in sloped}
+    lanes = {each.name(): LaneLayout(compiler.pairs, shared=("parameters", "derived")) for each in sloped}
     macros = {f"{name}_BY_STATE": product for name, product in by_state.items()} | {"MOVE_BY_ALL": by_parts}
     macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
     defines = [f"#define {name.upper()} {' '.join(product.statements)}" for name, product in macros.items()]
-    sizes = {"ONE_STEP_DERIVED": 0, "LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
+    sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
     sizes |= {"VECTOR": VECTOR, "COLUMNS": _whole_vectors(sizes["STATES"]), "WAYS": _whole_vectors(sizes["FITTED"] + 1)}

@@ -1,6 +1,7 @@
-/* The functions of codegen/sampled.py over LANES lanes, with arrays of stride LANES. Comes after lanes.h, the sizes and
-   the functions. Each loop over the lanes needs a function of its own with restrict pointers, or compilers do not see
-   that lanes do not mix. */
+/* The functions of codegen/sampled.py over LANES lanes, with arrays of stride LANES, and
+   derive(parameters, derived) for expressions of the parameters alone. Comes after lanes.h, the sizes and the
+   functions. Each loop over the lanes needs a function of its own with restrict pointers, or compilers do not see that
+   lanes do not mix. */
 
 IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
                        const double *restrict derived, double *restrict row) {
@@ -26,26 +27,31 @@ static void move_on(const double *now, const double *hold, const double *p, cons
   }
 }
 
+/* NAME_lanes: the sample `NAME`, and the one-step update if there is one, in the same loop, as it need not wait for
+   values that only the next sample reads. */
 #if HAS_ONE_STEP
-/* A sample and the one-step update in one loop: the update need not wait for values that only the next sample reads. */
-IN_LANES sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
-                                   const double *restrict p, const double *restrict for_sample,
-                                   const double *restrict for_one_step, double *restrict discrete,
-                                   double *restrict hold, double *restrict next, double *restrict margin,
-                                   double *restrict valid) {
-  EACH_CALL {
-    sample(state + l, exogenous + l, p + l, for_sample + l, discrete + l, hold + l);
-    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
+#define SAMPLE_LANES(NAME)                                                                                           \
+  IN_LANES NAME##_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,    \
+                        const double *restrict derived, double *restrict discrete, double *restrict hold,            \
+                        double *restrict next, double *restrict margin, double *restrict valid) {                    \
+    EACH_CALL {                                                                                                      \
+      NAME(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);                                    \
+      one_step(state + l, hold + l, p + l, derived + l, next + l, margin + l, valid + l);                            \
+    }                                                                                                                \
   }
-}
 #else
-IN_LANES sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                      const double *restrict derived, double *restrict discrete, double *restrict hold) {
-  EACH_CALL sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
-}
+#define SAMPLE_LANES(NAME)                                                                                           \
+  IN_LANES NAME##_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,    \
+                        const double *restrict derived, double *restrict discrete, double *restrict hold) {          \
+    EACH_CALL NAME(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);                            \
+  }
 #endif
 
+SAMPLE_LANES(sample)
+
 #if HAS_FAST_SAMPLE
+SAMPLE_LANES(fast_sample)
+
 /* Whether no lane's phase is 0. */
 static __attribute__((noinline)) int all_fast(const double *restrict phase) {
   int64_t due = 0;
@@ -53,25 +59,15 @@ static __attribute__((noinline)) int all_fast(const double *restrict phase) {
   return due == 0;
 }
 
-#if HAS_ONE_STEP
-/* As sample_and_one_step_lanes. */
-IN_LANES fast_sample_and_one_step_lanes(const double *restrict state, const double *restrict exogenous,
-                                        const double *restrict p, const double *restrict for_fast_sample,
-                                        const double *restrict for_one_step, double *restrict discrete,
-                                        double *restrict hold, double *restrict next, double *restrict margin,
-                                        double *restrict valid) {
-  EACH_CALL {
-    fast_sample(state + l, exogenous + l, p + l, for_fast_sample + l, discrete + l, hold + l);
-    one_step(state + l, hold + l, p + l, for_one_step + l, next + l, margin + l, valid + l);
-  }
-}
+#define SAMPLE_BY_PHASE(now, ...) \
+  (all_fast((now) + PHASE * LANES) ? fast_sample_lanes(now, __VA_ARGS__) : sample_lanes(now, __VA_ARGS__))
 #else
-IN_LANES fast_sample_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                           const double *restrict derived, double *restrict discrete, double *restrict hold) {
-  EACH_CALL fast_sample(state + l, exogenous + l, p + l, derived + l, discrete + l, hold + l);
+#define SAMPLE_BY_PHASE(...) sample_lanes(__VA_ARGS__)
+#endif
+
+IN_LANES derive_lanes(const double *restrict p, double *restrict derived) {
+  EACH_LANE derive(p + l, derived + l);
 }
-#endif
-#endif
 
 /* Copies `from` to `into` in lanes with a positive choice. */
 IN_LANES take_over(const double *restrict choice, double *restrict into, const double *restrict from, int count) {

@@ -2,7 +2,7 @@
    LANES samples are stepped, then their slopes computed in parallel, a sample in each lane, then the tangents propagated
    through these samples in sequence, a direction in each lane.
    Comes after driver.h, elementary.h, the sizes and the functions of codegen/drivers/sensitivity.py: those of
-   codegen/sampled.py, each with its derive_NAME(parameters, derived), and over arrays of stride LANES
+   codegen/sampled.py with derive(parameters, derived), and over arrays of stride LANES
      sample_slopes(state, exogenous, parameters, derived, slopes)
      one_step_slopes(motion, hold, parameters, derived, slopes)
      observe_slopes(state, exogenous, parameters, derived, slopes)
@@ -93,18 +93,15 @@ IN_LANES along_move_lanes(const double *restrict motion, const double *restrict 
 }
 
 /* One rollout with its sensitivities.
-   for_sample_slopes, for_one_step_slopes and for_observe_slopes hold the values derived from the parameters alone; null
-   without such slopes. direction (VARIED, DIRECTIONS) holds the directions, signals (samples, SIGNALS, DIRECTIONS) the
+   for_slopes holds the values that the slopes derive from the parameters alone. direction (VARIED, DIRECTIONS) holds the directions, signals (samples, SIGNALS, DIRECTIONS) the
    tangents of exogenous signals; state (STATES) and its tangent (STATES, DIRECTIONS) are initial values, and then the
    final ones. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS),
    columns to rows (kept, ROW) and their tangents to row_tangents (kept, ROW, DIRECTIONS); all four may be null. Returns
    the outcome as in rollout.c; *done is the number of samples stepped. Tangents do not affect the outcome. */
-EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes, const double *for_one_step_slopes,
-                       const double *for_observe_slopes, const double *direction, const double *exogenous,
+EXPORT int sensitivity(const double *parameters, const double *for_slopes, const double *direction, const double *exogenous,
                        const double *signals, double *state, double *tangent, int64_t samples, int64_t stride,
                        double *values, double *tangents, double *rows, double *row_tangents, int64_t *done) {
-  double for_sample[SAMPLE_DERIVED + 1], for_move[MOVE_DERIVED + 1];
-  double hold[HOLD], now[STATES], next[STATES], moved[MOTION], margin = 0;
+  double derived[DERIVED + 1], hold[HOLD], now[STATES], next[STATES], moved[MOTION], margin = 0;
   LANE_ARRAY seeds[(VARIED + 1) * DIRECTIONS], ours[STATES * DIRECTIONS], theirs[STATES * DIRECTIONS];
   LANE_ARRAY hold_tangent[HOLD * DIRECTIONS];
   Stretch of;
@@ -115,21 +112,11 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
   memcpy(seeds, direction, VARIED * DIRECTIONS * sizeof *seeds);
   memcpy(now, state, sizeof now);
   memcpy(now_tangent, tangent, sizeof ours);
-  derive_sample(parameters, for_sample);
-#if HAS_FAST_SAMPLE
-  double for_fast_sample[FAST_SAMPLE_DERIVED + 1];
-  derive_fast_sample(parameters, for_fast_sample);
-#endif
-  derive_move(parameters, for_move);
-  (void)for_one_step_slopes, (void)for_observe_slopes, (void)rows, (void)row_tangents;
-#if ROW
-  double for_observe[OBSERVE_DERIVED + 1];
-  derive_observe(parameters, for_observe);
-#endif
+  (void)rows, (void)row_tangents;
 #if HAS_ONE_STEP
-  double for_one_step[ONE_STEP_DERIVED + 1], valid = 0;
-  derive_one_step(parameters, for_one_step);
+  double valid = 0;
 #endif
+  derive(parameters, derived);
   while (k < samples && outcome == COMPLETED) {
     int stepped = 0;
     for (; stepped < LANES && k + stepped < samples && outcome == COMPLETED; ++stepped, exogenous += EXOGENOUS) {
@@ -137,37 +124,37 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
       put(of.exogenous + stepped, exogenous, EXOGENOUS);
 #if ROW
       if (rows && (k + stepped) % stride == 0) {
-        observe(now, exogenous, parameters, for_observe, rows);
+        observe(now, exogenous, parameters, derived, rows);
         rows += ROW;
       }
 #endif
 #if HAS_FAST_SAMPLE
-      if (now[PHASE] != 0) fast_sample(now, exogenous, parameters, for_fast_sample, next + MOTION, hold);
+      if (now[PHASE] != 0) fast_sample(now, exogenous, parameters, derived, next + MOTION, hold);
       else
 #endif
-        sample(now, exogenous, parameters, for_sample, next + MOTION, hold);
+        sample(now, exogenous, parameters, derived, next + MOTION, hold);
       put(of.hold + stepped, hold, HOLD);
       of.in_one_step[stepped] = 0;
 #if HAS_ONE_STEP
-      one_step(now, hold, parameters, for_one_step, next, &margin, &valid);
+      one_step(now, hold, parameters, derived, next, &margin, &valid);
       of.in_one_step[stepped] = valid > 0;
       if (!of.in_one_step[stepped])
 #endif
         for (int part = 0; part < PARTS; ++part) {
           const double number = part;
-          move(part ? moved : now, hold, &number, parameters, for_move, next, &margin);
+          move(part ? moved : now, hold, &number, parameters, derived, next, &margin);
           memcpy(moved, next, sizeof moved);
         }
       if (!all_finite(next, STATES)) outcome = DIVERGED;
       else if (margin < 0) outcome = LEFT;
       memcpy(now, next, sizeof now);
     }
-    sample_slopes_lanes(of.state, of.exogenous, parameters, for_sample_slopes, of.sample_slopes);
+    sample_slopes_lanes(of.state, of.exogenous, parameters, for_slopes, of.sample_slopes);
 #if HAS_ONE_STEP
-    one_step_slopes_lanes(of.state, of.hold, parameters, for_one_step_slopes, of.one_step_slopes);
+    one_step_slopes_lanes(of.state, of.hold, parameters, for_slopes, of.one_step_slopes);
 #endif
 #if ROW
-    if (rows) observe_slopes_lanes(of.state, of.exogenous, parameters, for_observe_slopes, of.observe_slopes);
+    if (rows) observe_slopes_lanes(of.state, of.exogenous, parameters, for_slopes, of.observe_slopes);
 #endif
     for (int t = 0; t < stepped; ++t, ++k, signals += SIGNALS * DIRECTIONS) {
       if (values && k % stride == 0) {
@@ -194,7 +181,7 @@ EXPORT int sensitivity(const double *parameters, const double *for_sample_slopes
           const double number = part;
           along_move_lanes(moved, hold, &number, parameters, now_tangent, hold_tangent, seeds, next_tangent);
           if (part == PARTS - 1) break;
-          move(moved, hold, &number, parameters, for_move, next, &margin);
+          move(moved, hold, &number, parameters, derived, next, &margin);
           memcpy(moved, next, sizeof moved);
           memcpy(now_tangent, next_tangent, MOTION * DIRECTIONS * sizeof *now_tangent);
         }

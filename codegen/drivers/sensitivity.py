@@ -18,17 +18,13 @@ from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import GRAPHS, as_written
-from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.source.hoist import hoisted_together
 from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
 
-PRODUCTS = "SAMPLE_PRODUCT", "ONE_STEP_PRODUCT", "OBSERVE_PRODUCT"
-"""Macros of sensitivity.c, in the order of its arguments for their derived values."""
-
-
-DERIVE = "derive_"
-"""Prefix, before the macro of a product, of the name of the C text that holds its function of the parameters."""
+DERIVE = "derive_for_slopes"
+"""Name of the C text that holds the slopes' function of the parameters."""
 
 MOST_DIRECTIONS = 2 * LANES
 """Largest number of directions per call: tangents of the state along more would not fit into the first-level cache."""
@@ -56,9 +52,13 @@ class Varied:
         return quarter * math.ceil(max(numbers, 1) / (quarter * calls))
 
 
+WITHOUT = ("-fno-tree-loop-distribution", "-fno-ivopts", "-fno-predictive-commoning")
+"""Passes of gcc that find next to nothing in these loops, in half the time of a build."""
+
+
 def _flags(compiler: Compiler) -> tuple[str, ...]:
-    """Flags of a build; without gcc's division of loops, which finds next to nothing in a third of the time."""
-    return lane_flags(compiler) if compiler.is_clang else (*lane_flags(compiler), "-fno-tree-loop-distribution")
+    """Flags of a build."""
+    return lane_flags(compiler) if compiler.is_clang else (*lane_flags(compiler), *WITHOUT)
 
 
 def _along(move: ca.Function, varied: Varied) -> ca.Function:
@@ -118,18 +118,17 @@ def sensitivity_source(
     """
     functions = [function for function in system.functions if function is not system.observe]
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
-    sloped, along = [hoisted(product.slopes)[1] for product in products.values()], _along(smooth.move, varied)
-    paired = not compiler.is_clang
-    lanes = {slopes.name(): LaneLayout(paired, shared=("parameters", "derived")) for slopes in sloped}
-    lanes[along.name()] = LaneLayout(paired, shared=smooth.move.name_in(), apart="DIRECTIONS")
+    derive, sloped = hoisted_together(tuple(product.slopes for product in products.values()))
+    along = _along(smooth.move, varied)
+    lanes = {slopes.name(): LaneLayout(compiler.pairs, shared=("parameters", "derived")) for slopes in sloped}
+    lanes[along.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
-    derives = {name: hoisted(product.slopes)[0].serialize() for name, product in products.items()}
-    texts = [f'EXPORT const char {DERIVE}{name}[] = "{text}";' for name, text in derives.items()]
+    text = f'EXPORT const char {DERIVE}[] = "{derive.serialize()}";'
     sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
     sizes |= {"VARIED": len(varied.parameters), "SIGNALS": len(varied.signals), "ROW": len(varied.columns)}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
-    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join([*defines, *texts, ""]), "sensitivity.c")
+    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join([*defines, text, ""]), "sensitivity.c")
 
 
 class Kept(NamedTuple):
@@ -158,7 +157,7 @@ class Sensitivity:
     """
 
     varied: Varied
-    _derive: Mapping[str, ca.Function]
+    _derive: ca.Function
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -186,10 +185,9 @@ class Sensitivity:
         kept, done = kept_rows(samples, stride), ctypes.c_int64()
         arrays = [np.empty((kept, *shape)) for shape in ((), (width,), (columns,), (columns, width))]
         moved = np.empty((samples, len(self.varied.signals), width)) if signals is None else signals
-        derived = {name: np.array(derive(parameters), order="C") for name, derive in self._derive.items()}
         outcome = self._call(
             parameters,
-            *(derived.get(name) for name in PRODUCTS),
+            np.array(self._derive(parameters), order="C"),
             *(directions, exogenous, moved, state, tangent, samples, max(stride, 1)),
             *(array if stride else None for array in arrays),
             ctypes.byref(done),
@@ -220,11 +218,7 @@ def compile_sensitivity(
         chosen,
         _flags(chosen),
         recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),
-        sensitivity="pppppppppnnppppp -> int",
+        sensitivity="pppppppnnppppp -> int",
     )
-    needed = zip(PRODUCTS, (True, smooth.one_step is not None, bool(varied.columns)), strict=True)
-    texts = {name: ctypes.c_char.in_dll(driver, f"{DERIVE}{name}") for name, there in needed if there}
-    derive = {
-        name: ca.Function.deserialize(ctypes.string_at(ctypes.addressof(text)).decode()) for name, text in texts.items()
-    }
-    return Sensitivity(varied, derive, driver.sensitivity)
+    text = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(driver, DERIVE)))
+    return Sensitivity(varied, ca.Function.deserialize(text.decode()), driver.sensitivity)

@@ -1,22 +1,14 @@
 /* Steps runs of a sampled system by a few samples per call, under external commands; a block consists of LANES runs.
-   Comes after driver.h, lanes.h, the sizes, the functions of codegen/sampled.py, sampled_lanes.h, and
-   sense(state, exogenous, parameters, derived, observation), each with its derive_NAME(parameters, derived), over arrays
-   of stride LANES. READ_EXOGENOUS lists the exogenous signals in use. Commands are elements of the state: COMMAND_OF
-   lists commands, COMMANDED_STATES the states that they set.
+   Comes after driver.h, lanes.h, the sizes, the functions of codegen/sampled.py with derive(parameters, derived),
+   sampled_lanes.h, and sense(state, exogenous, parameters, derived, observation), over arrays of stride LANES.
+   READ_EXOGENOUS lists the exogenous signals in use. Commands are elements of the state: COMMAND_OF lists commands,
+   COMMANDED_STATES the states that they set.
 
    The result of a run depends on its own numbers alone. An ended run does not change. */
 
 /* Values derived from a block's parameters, constant over all samples. */
 typedef struct {
-  LANE_ARRAY p[PARAMETERS * LANES], for_sample[(SAMPLE_DERIVED + 1) * LANES];
-  LANE_ARRAY for_observe[(OBSERVE_DERIVED + 1) * LANES], for_sense[(SENSE_DERIVED + 1) * LANES];
-  LANE_ARRAY for_move[(MOVE_DERIVED + 1) * LANES];
-#if HAS_ONE_STEP
-  LANE_ARRAY for_one_step[(ONE_STEP_DERIVED + 1) * LANES];
-#endif
-#if HAS_FAST_SAMPLE
-  LANE_ARRAY for_fast_sample[(FAST_SAMPLE_DERIVED + 1) * LANES];
-#endif
+  LANE_ARRAY p[PARAMETERS * LANES], derived[(DERIVED + 1) * LANES];
 } Constants;
 
 EXPORT const int64_t constants_size = sizeof(Constants) / sizeof(double);
@@ -35,18 +27,7 @@ typedef struct {
 
 EXPORT void prepare(const double *parameters, Constants *constants) {
   EACH_LANE for (int i = 0; i < PARAMETERS; ++i) constants->p[i * LANES + l] = parameters[l * PARAMETERS + i];
-  EACH_CALL {
-    derive_sample(constants->p + l, constants->for_sample + l);
-    derive_observe(constants->p + l, constants->for_observe + l);
-    derive_sense(constants->p + l, constants->for_sense + l);
-    derive_move(constants->p + l, constants->for_move + l);
-#if HAS_ONE_STEP
-    derive_one_step(constants->p + l, constants->for_one_step + l);
-#endif
-#if HAS_FAST_SAMPLE
-    derive_fast_sample(constants->p + l, constants->for_fast_sample + l);
-#endif
-  }
+  derive_lanes(constants->p, constants->derived);
 }
 
 IN_LANES sense_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
@@ -58,37 +39,23 @@ IN_LANES sense_lanes(const double *restrict state, const double *restrict exogen
 static void advance(const double *now, const double *w, const double *live, const Constants *constants, double *next,
                     double *margin) {
   LANE_ARRAY hold[HOLD * LANES];
-#if HAS_FAST_SAMPLE
-  const int fast = all_fast(now + PHASE * LANES);
-#endif
 #if HAS_ONE_STEP
   LANE_ARRAY valid[LANES], moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
-#if HAS_FAST_SAMPLE
-  if (fast)
-    fast_sample_and_one_step_lanes(now, w, constants->p, constants->for_fast_sample, constants->for_one_step,
-                                   next + MOTION * LANES, hold, next, margin, valid);
-  else
-#endif
-    sample_and_one_step_lanes(now, w, constants->p, constants->for_sample, constants->for_one_step,
-                              next + MOTION * LANES, hold, next, margin, valid);
+  SAMPLE_BY_PHASE(now, w, constants->p, constants->derived, next + MOTION * LANES, hold, next, margin, valid);
   int any = 0;
   EACH_LANE {
     missing[l] = valid[l] > 0 ? 0 : 1;
     any += live[l] > 0 && missing[l] > 0;
   }
   if (any) {
-    move_on(now, hold, constants->p, constants->for_move, moved, moved_margin);
+    move_on(now, hold, constants->p, constants->derived, moved, moved_margin);
     take_over(missing, next, moved, MOTION);
     take_over(missing, margin, moved_margin, 1);
   }
 #else
   (void)live;
-#if HAS_FAST_SAMPLE
-  if (fast) fast_sample_lanes(now, w, constants->p, constants->for_fast_sample, next + MOTION * LANES, hold);
-  else
-#endif
-    sample_lanes(now, w, constants->p, constants->for_sample, next + MOTION * LANES, hold);
-  move_on(now, hold, constants->p, constants->for_move, next, margin);
+  SAMPLE_BY_PHASE(now, w, constants->p, constants->derived, next + MOTION * LANES, hold);
+  move_on(now, hold, constants->p, constants->derived, next, margin);
 #endif
 }
 
@@ -124,7 +91,7 @@ static void look_at(const Runs *runs, int64_t block) {
   const int64_t first = block * LANES, *outcome = runs->outcome + first;
   LANE_ARRAY w[EXOGENOUS * LANES], observed[OBSERVED * LANES];
   gather(runs->lines + first, w);
-  sense_lanes(runs->state + first * STATES, w, constants->p, constants->for_sense, observed);
+  sense_lanes(runs->state + first * STATES, w, constants->p, constants->derived, observed);
   const int64_t busy = runs->runs - first < LANES ? runs->runs - first : LANES;
   for (int i = 0; i < OBSERVED; ++i)
     for (int64_t l = 0; l < busy; ++l)
@@ -149,7 +116,7 @@ static int step_block(const Runs *runs, int64_t block, int64_t samples, double *
   for (int64_t k = 0; k < samples && running; ++k) {
     gather(lines, w);
     if (row) {
-      observe_lanes(now, w, constants->p, constants->for_observe, kept);
+      observe_lanes(now, w, constants->p, constants->derived, kept);
       for (int i = 0; i < COLUMNS; ++i) *row++ = kept[i * LANES];
     }
     advance(now, w, live, constants, next, margin);

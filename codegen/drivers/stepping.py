@@ -55,7 +55,7 @@ def stepping_source(commanded: Commanded, compiler: Compiler, *, exact: bool) ->
     if exact:
         sizes = commanded.sizes | {"LANES": 1, "PAIRED": 0}
         return unit(sizes, functions, "lanes.h", c_source(functions), listed, *DRIVER)
-    lanes = {function.name(): LaneLayout(paired=not compiler.is_clang, shared=("part",)) for function in functions}
+    lanes = {function.name(): LaneLayout(paired=compiler.pairs, shared=("part",)) for function in functions}
     source, sizes = c_source(functions, lanes=lanes), commanded.sizes | lane_sizes(compiler)
     return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, *DRIVER)
 

@@ -10,13 +10,14 @@ import casadi as ca
 from dualwinch.codegen.compiler import fingerprint
 from dualwinch.codegen.source.casadi_c import lacking
 from dualwinch.codegen.source.expressions import BUILDING, elements_read
-from dualwinch.codegen.source.hoist import hoisted
+from dualwinch.codegen.source.hoist import hoisted_together
 from dualwinch.codegen.source.operations import Generator
 
 
 def hoisted_all(functions: Iterable[ca.Function], generator: Generator = "dualwinch") -> list[ca.Function]:
-    """``derive_NAME`` and the function that uses its values, for each function (`codegen.source.hoist`)."""
-    return [part for function in functions for part in hoisted(function, generator=generator)]
+    """``derive``, and the functions that use its values (`hoisted_together`)."""
+    derive, lean = hoisted_together(tuple(functions), generator=generator)
+    return [derive, *lean]
 
 
 def unit(sizes: Mapping[str, int], functions: Iterable[ca.Function], *texts: str) -> str:
@@ -24,13 +25,14 @@ def unit(sizes: Mapping[str, int], functions: Iterable[ca.Function], *texts: str
 
     Args:
         sizes: macro name → value.
-        functions: result of `hoisted_all`; the number of values of ``derive_NAME`` becomes ``NAME_DERIVED``.
+        functions: result of `hoisted_all`; the number of values of ``derive`` becomes ``DERIVED``, that of
+            ``derive_NAME`` ``NAME_DERIVED``.
         texts: C text, or names of C files in this folder, in order; ``driver.h`` comes before them.
     """
     derived = {
-        function.name().removeprefix("derive_").upper() + "_DERIVED": function.numel_out("derived")
+        "_".join([*function.name().upper().split("_")[1:], "DERIVED"]): function.numel_out("derived")
         for function in functions
-        if function.name().startswith("derive_")
+        if function.name_out() == ["derived"]
     }
     lines = [f"#define {name} {size}" for name, size in (dict(sizes) | derived).items()]
     return "\n".join([*lines, *(_text(part) for part in ("driver.h", *texts))])

@@ -68,7 +68,7 @@ static Instance *create(const char *instance_name, const char *token, void *envi
 
 /* Update the values derived from the parameters alone: once after changes of parameters, not at every sample. */
 static void prepare(Memory *memory) {
-  if (memory->unprepared) derive_step(memory->value + FIRST_PARAMETER, memory->derived);
+  if (memory->unprepared) derive(memory->value + FIRST_PARAMETER, memory->derived);
   memory->unprepared = 0;
 }
 

@@ -36,13 +36,15 @@ def lane_flags(compiler: Compiler) -> tuple[str, ...]:
 
 
 def lane_sizes(compiler: Compiler) -> dict[str, int]:
-    """``LANES``, and ``PAIRED``: whether functions process two lanes per call (clang interleaves by itself)."""
-    return {"LANES": LANES, "PAIRED": int(not compiler.is_clang)}
+    """``LANES``, and ``PAIRED``: whether functions process two lanes per call."""
+    return {"LANES": LANES, "PAIRED": int(compiler.pairs)}
 
 
 @dataclass(frozen=True)
 class LaneLayout:
     """Layout of a function in lanes: arrays have the stride `apart`, and functions of `elementary.h` are inlined.
+
+    A function of the parameters alone is called for one lane at a time, and not inlined.
 
     Attributes:
         paired: whether a call processes a lane and the one lanes/2 further on, statement by statement, to hide the
@@ -118,13 +120,15 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     arguments = ",\n    ".join(_arguments(function, style))
     unused = [name for name in inputs if not elements_read(function, name)]
     unused += [name for name in outputs if not function.numel_out(name)]
-    strands = lanes.strands if lanes else (Strand(optional=True),)
     once = inputs == ["parameters"]  # runs once per run: size matters, not speed
+    strands = lanes.strands[: 1 if once else None] if lanes else (Strand(optional=True),)
     own = replace(lanes.style, generator=style.generator) if lanes else style
     lines = (rolled_statements if once else statements)(function, own, strands)
     lines += [f"  (void){name};" for name in unused]
-    attribute = "__attribute__((always_inline)) " if lanes else ""
-    return "\n".join([f"static inline {attribute}void {function.name()}(\n    {arguments}) {{", *lines, "}"])
+    kind = "static inline"
+    if lanes:
+        kind = "static __attribute__((noinline))" if once else f"{kind} __attribute__((always_inline))"
+    return "\n".join([f"{kind} void {function.name()}(\n    {arguments}) {{", *lines, "}"])
 
 
 def _in_parts(function: ca.Function, style: Style, length: int) -> str:

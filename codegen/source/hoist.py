@@ -131,18 +131,18 @@ def _column(values: Sequence[ca.SX]) -> ca.SX:
 
 
 def hoisted(step: ca.Function, *, generator: Generator = "dualwinch") -> tuple[ca.Function, ca.Function]:
-    """`hoisted_together` of a single function.
-
-    Returns:
-        ``derive_NAME(parameters) -> derived``, and the function again with ``derived`` as its last input.
-    """
-    derive, (lean,) = hoisted_together((step,), generator=generator)
+    """`hoisted_together` of a single function, with ``derive_NAME`` for ``derive``."""
+    derive, (lean,) = hoisted_together((step,), name=f"derive_{step.name()}", generator=generator)
     return derive, lean
 
 
 @GRAPHS.cached
 def hoisted_together(
-    functions: tuple[ca.Function, ...], *, exact: bool = False, generator: Generator = "dualwinch"
+    functions: tuple[ca.Function, ...],
+    *,
+    name: str = "derive",
+    exact: bool = False,
+    generator: Generator = "dualwinch",
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
     """Split functions so that expressions of their parameters alone are computed once, for all of them (cached).
 
@@ -152,12 +152,12 @@ def hoisted_together(
     Args:
         functions: functions of dense SX expressions; inputs of one name are identical. Those that depend on parameters
             have an input ``parameters``.
+        name: name of the function of the parameters.
         exact: leave products and divisions unchanged, so that every result is the same to the last bit.
         generator: generator of their C.
 
     Returns:
-        ``derive_NAME(parameters) -> derived`` with the first function's name, and the functions again with ``derived``
-        as their last input.
+        ``derive(parameters) -> derived``, and the functions again with ``derived`` as their last input.
     """
     sizes = {name: function.size1_in(name) for function in functions for name in function.name_in()}
     inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
@@ -171,7 +171,7 @@ def hoisted_together(
             kept = exact or untouched
             outputs.append(function.call(given) if kept else Rewriting(function, given, reciprocals).outputs)
         taken = [results for results, untouched in zip(outputs, whole, strict=True) if not untouched]
-        derive, derived, split = _split(functions[0].name(), parameters, taken, reciprocals)
+        derive, derived, split = _split(name, parameters, taken, reciprocals)
         parts = iter(split)
         outputs = [
             [ca.densify(result) for result in results] if untouched else next(parts)
@@ -202,8 +202,6 @@ def _split(
     symbol, value = _column(reciprocals.symbols), _column(reciprocals.values)
     values = ca.substitute(_column(values), symbol, value)
     derived = ca.vertcat(symbol, *symbols)
-    derive = ca.Function(
-        f"derive_{name}", [parameters], [ca.cse(ca.vertcat(value, values))], ["parameters"], ["derived"]
-    )
+    derive = ca.Function(name, [parameters], [ca.cse(ca.vertcat(value, values))], ["parameters"], ["derived"])
     parts = iter(ca.vertsplit(ca.densify(ca.cse(rest)), ends))
     return derive, derived, [[next(parts) for _ in results] for results in outputs]

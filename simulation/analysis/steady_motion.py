@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen import native
+from dualwinch.codegen.drivers.tangents import accumulated_jacobian
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.parts import Context
@@ -52,6 +53,9 @@ Prager, Numer. Math. 6, 1964): with a stiff rope, rounding of the drum angle amo
 
 ITERATIONS, UNLIMITED_ITERATIONS, LEAST_SQUARES_ITERATIONS = 16, 6, 24
 """Maximum Newton steps: of the first search; of those without limits, for a new start; of those by least squares."""
+
+SINGULAR = 1e-13
+"""Singular values of scaled equations below this share of the largest count as zero."""
 
 AMID = 0.2
 """Share of half the track: positions further from the middle are solved for by continuation if necessary."""
@@ -348,7 +352,7 @@ def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
     """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
     loop, opened = closed_loop(structure), closed_loop(structure, openings=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
-    state, exogenous, parameters, leaving = arguments
+    state, _, parameters, leaving = arguments
     following, row, _ = opened.step(*arguments)
     returned = opened.sample(*arguments)[opened.sample.name_out().index("returned")]
     kept = np.flatnonzero(_is_kept(loop)).tolist()
@@ -361,16 +365,13 @@ def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
 
     values = ca.vertcat(following[kept], returned, forces(following) - forces(state))
     facts = row[[loop.columns.index(name) for name in ("u", "u_sat", "F1", "F2")]]
-    by_state, by_outside, by_leaving = (ca.jacobian(values, vector) for vector in (state, exogenous, leaving))
-    slopes = ca.horzcat(by_state[:, kept], by_outside[:, loop.exogenous.index("reference.x")], by_leaving)
-    return ca.Function(
-        "open_sample",
-        arguments,
-        [ca.densify(value) for value in (values, facts, slopes)],
-        ["state", "exogenous", "parameters", "leaving"],
-        ["values", "facts", "slopes"],
-        {"cse": compiled},
-    )
+    names = ["state", "exogenous", "parameters", "leaving"]
+    columns = [*(("state", index) for index in kept), ("exogenous", loop.exogenous.index("reference.x"))]
+    columns += [("leaving", index) for index in range(leaving.numel())]
+    merged = ca.Function("values", arguments, [ca.densify(values)], names, ["values"], {"cse": True})
+    slopes = accumulated_jacobian(merged, dict(zip(names, arguments, strict=True)), columns, "values")
+    results = [ca.densify(value) for value in (values, facts, slopes)]
+    return ca.Function("open_sample", arguments, results, names, ["values", "facts", "slopes"], {"cse": compiled})
 
 
 @built_once
@@ -594,7 +595,7 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
     right = np.where(unknown, -rest / rows, 0.0)
     if least_squares:
         pairs = zip(matrix, right, strict=True)
-        step[:, some] = np.array([np.linalg.lstsq(*pair, rcond=1e-13)[0] for pair in pairs]) / columns
+        step[:, some] = np.array([np.linalg.lstsq(*pair, rcond=SINGULAR)[0] for pair in pairs]) / columns
         return step
     try:
         solved = np.linalg.solve(matrix, right[..., None])[..., 0]
@@ -603,5 +604,7 @@ def _step(matrix: Floats, rest: Floats, unknown: Flags, *, least_squares: bool) 
         matrix[singular] = np.eye(matrix.shape[1])
         solved = np.linalg.solve(matrix, right[..., None])[..., 0]
         solved[singular] = np.nan
+    # where rounding alone keeps a matrix from being singular, its solution is as large as that is small
+    solved[np.abs(solved).max(axis=1) * SINGULAR > np.abs(right).max(axis=1)] = np.nan
     step[:, some] = solved / columns
     return step

@@ -395,7 +395,6 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
         one_step=one_step,
         fast_sample=_fast_sample(sample_function, phase) if interval > 1 else None,
         phase=phase,
-        interval=interval,
         states=vectors["state"],
         exogenous=vectors["exogenous"],
         parameters=vectors["parameters"],

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.codegen.compiler import find_compiler, vector_features
+from dualwinch.codegen.compiler import Compiler, find_compiler, vector_features
 from dualwinch.codegen.errors import CompileError, CompilerNotFoundError
 
 ANSWER = "int answer(void) { return 42; }\n"
@@ -50,6 +50,18 @@ def test_a_complaint_of_the_compiler_is_passed_on(tmp_path: Path) -> None:
 def test_build_leaves_nothing_but_the_library(tmp_path: Path) -> None:
     find_compiler().build(ANSWER, tmp_path / "answer.so")
     assert [file.name for file in tmp_path.iterdir()] == ["answer.so"]
+
+
+def test_two_vectors_at_a_time_need_32_registers(tmp_path: Path) -> None:
+    def compiler(macro: str, version: str = "gcc 12") -> Compiler:
+        command = tmp_path / f"{macro}-cc"
+        command.write_text(f"#!/bin/sh\necho '#define {macro} 1'\n")
+        command.chmod(0o755)
+        return Compiler("cc", (str(command),), version)
+
+    assert [compiler(macro).pairs for macro in ("__AVX512F__", "__aarch64__", "__AVX2__")] == [True, True, False]
+    assert not compiler("__AVX512F__", "clang version 19").pairs
+    assert not Compiler("cc", (str(tmp_path / "none"),), "gcc 12").pairs
 
 
 def test_identity_names_compiler_flags_and_processor() -> None:

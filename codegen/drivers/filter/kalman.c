@@ -75,20 +75,20 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
                  const double *start, const double *first_covariance, const double *walk, const double *variances,
                  double outlier, double *gains, double *whitening, double *sums, double *states, double *deviations,
                  int64_t watched, double *covariances, int64_t *done) {
-  Derived derived;
+  double derived[DERIVED + 1];
   Slopes slopes;
   double state[STATES], next[STATES], corrected[STATES], expected[READINGS], innovation[READINGS], margin = 0;
   double by_state[LINEAR_SENSE_SLOPES + 1];
   LANE_ARRAY covariance[STATES * COLUMNS], h[READINGS * COLUMNS], identity[STATES * COLUMNS];
   put_identity(identity);
-  derive_to_filter(parameters, &derived);
+  derive(parameters, derived);
   memcpy(state, start, sizeof state);
   memset(sums, 0, 4 * READINGS * sizeof *sums);
   memset(covariance, 0, sizeof covariance);
   for (int i = 0; i < STATES; ++i)
     memcpy(covariance + i * COLUMNS, first_covariance + i * STATES, STATES * sizeof *covariance);
   for (int64_t k = 0; k < samples; ++k) {
-    linear_sense(state, inputs, parameters, derived.linear_sense, expected, by_state);
+    linear_sense(state, inputs, parameters, derived, expected, by_state);
     sense_columns(by_state, identity, h);
     for (int i = 0; i < READINGS; ++i) innovation[i] = readings[i] - expected[i];
     measurement_update(covariance, innovation, h, variances, outlier, gains ? gains + k * GAINS : NULL,
@@ -100,7 +100,7 @@ EXPORT int filter(const double *parameters, const double *inputs, const double *
     }
     for (int64_t i = STATES - watched; covariances && i < STATES; ++i)
       memcpy(covariances, covariance + i * COLUMNS, STATES * sizeof *covariances), covariances += STATES;
-    linearise(state, inputs, parameters, &derived, next, &margin, &slopes);
+    linearise(state, inputs, parameters, derived, next, &margin, &slopes);
     memcpy(state, next, sizeof state);
     spread(covariance, &slopes, walk);
     *done = k + 1;

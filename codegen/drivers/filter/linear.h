@@ -1,5 +1,5 @@
 /* The system of codegen/sampled.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
-   functions of codegen/drivers/prediction.py, each with its derive_NAME(parameters, derived):
+   functions of codegen/drivers/prediction.py with derive(parameters, derived):
      NAME           sense, prepare, move, one_step
      linear_NAME    the same with slopes by the state, for `move` also by the fitted parameters
      NAME_slopes    slopes by the state and by the fitted parameters, over arrays of stride LANES; not of `move`
@@ -10,46 +10,12 @@
 
 typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias));
 
-/* Values derived from the parameters alone. */
-typedef struct {
-  double sense[SENSE_DERIVED + 1], prepare[PREPARE_DERIVED + 1], move[MOVE_DERIVED + 1];
-  double linear_sense[LINEAR_SENSE_DERIVED + 1], linear_prepare[LINEAR_PREPARE_DERIVED + 1];
-  double linear_move[LINEAR_MOVE_DERIVED + 1], sense_slopes[SENSE_SLOPES_DERIVED + 1];
-  double prepare_slopes[PREPARE_SLOPES_DERIVED + 1];
-#if HAS_ONE_STEP
-  double one_step[ONE_STEP_DERIVED + 1], linear_one_step[LINEAR_ONE_STEP_DERIVED + 1];
-  double one_step_slopes[ONE_STEP_SLOPES_DERIVED + 1];
-#endif
-} Derived;
-
 /* Slopes of the transition from a sample to the next. */
 typedef struct {
   int in_one_step; /* whether by the one-step update, else part by part */
   double prepare[LINEAR_PREPARE_SLOPES + 1], one_step[LINEAR_ONE_STEP_SLOPES + 1];
   double move[PARTS * LINEAR_MOVE_SLOPES + 1];
 } Slopes;
-
-static void derive_to_filter(const double *parameters, Derived *derived) {
-  derive_linear_sense(parameters, derived->linear_sense);
-  derive_linear_prepare(parameters, derived->linear_prepare);
-  derive_linear_move(parameters, derived->linear_move);
-#if HAS_ONE_STEP
-  derive_linear_one_step(parameters, derived->linear_one_step);
-#endif
-}
-
-static void derive_to_predict(const double *parameters, Derived *derived) {
-  derive_sense(parameters, derived->sense);
-  derive_prepare(parameters, derived->prepare);
-  derive_move(parameters, derived->move);
-  derive_linear_move(parameters, derived->linear_move);
-  derive_sense_slopes(parameters, derived->sense_slopes);
-  derive_prepare_slopes(parameters, derived->prepare_slopes);
-#if HAS_ONE_STEP
-  derive_one_step(parameters, derived->one_step);
-  derive_one_step_slopes(parameters, derived->one_step_slopes);
-#endif
-}
 
 /* a += factor * b, `count` numbers */
 static inline void add(double *restrict a, double factor, const double *restrict b, int count) {
@@ -120,19 +86,19 @@ IN_LANES one_step_columns(const double *restrict slopes, const double *restrict 
 #endif
 
 /* The state at the next sample, in one step if that is valid, else part by part, and the slopes of the transition. */
-static void linearise(const double *state, const double *input, const double *parameters, const Derived *derived,
+static void linearise(const double *state, const double *input, const double *parameters, const double *derived,
                       double *next, double *margin, Slopes *slopes) {
   double hold[HOLD], motion[MOTION], valid = 0;
-  linear_prepare(state, input, parameters, derived->linear_prepare, next + MOTION, hold, slopes->prepare);
+  linear_prepare(state, input, parameters, derived, next + MOTION, hold, slopes->prepare);
 #if HAS_ONE_STEP
-  linear_one_step(state, hold, parameters, derived->linear_one_step, next, margin, &valid, slopes->one_step);
+  linear_one_step(state, hold, parameters, derived, next, margin, &valid, slopes->one_step);
 #endif
   slopes->in_one_step = valid > 0;
   if (slopes->in_one_step) return;
   memcpy(motion, state, sizeof motion);
   for (int part = 0; part < PARTS; ++part) {
     const double number = part;
-    linear_move(motion, hold, &number, parameters, derived->linear_move, next, margin,
+    linear_move(motion, hold, &number, parameters, derived, next, margin,
                 slopes->move + part * LINEAR_MOVE_SLOPES);
     memcpy(motion, next, sizeof motion);
   }

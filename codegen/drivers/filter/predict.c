@@ -85,24 +85,24 @@ IN_LANES one_step_ways(const double *restrict slopes, const double *restrict mot
 #endif
 
 /* The state at the next sample; returns whether the one-step update was valid. */
-static int advance(const double *state, const double *hold, const double *parameters, const Derived *derived, double *next,
+static int advance(const double *state, const double *hold, const double *parameters, const double *derived, double *next,
                    double *margin) {
   double motion[MOTION], valid = 0;
 #if HAS_ONE_STEP
-  one_step(state, hold, parameters, derived->one_step, next, margin, &valid);
+  one_step(state, hold, parameters, derived, next, margin, &valid);
   if (valid > 0) return 1;
 #endif
   memcpy(motion, state, sizeof motion);
   for (int part = 0; part < PARTS; ++part) {
     const double number = part;
-    move(motion, hold, &number, parameters, derived->move, next, margin);
+    move(motion, hold, &number, parameters, derived, next, margin);
     memcpy(motion, next, sizeof motion);
   }
   return 0;
 }
 
 /* Tangents of the motion at the next sample, part by part. */
-static void carry_by_parts(const Stretch *of, int t, const double *parameters, const Derived *derived,
+static void carry_by_parts(const Stretch *of, int t, const double *parameters, const double *derived,
                            const double *directions, const double *tangents, const double *held, double *next) {
   double motion[MOTION], hold[HOLD], there[MOTION], slopes[LINEAR_MOVE_SLOPES + 1], margin;
   LANE_ARRAY moved[MOTION * WAYS];
@@ -111,7 +111,7 @@ static void carry_by_parts(const Stretch *of, int t, const double *parameters, c
   memcpy(moved, tangents, sizeof moved);
   for (int part = 0; part < PARTS; ++part) {
     const double number = part;
-    linear_move(motion, hold, &number, parameters, derived->linear_move, there, &margin, slopes);
+    linear_move(motion, hold, &number, parameters, derived, there, &margin, slopes);
     move_ways(slopes, moved, held, directions, next);
     memcpy(motion, there, sizeof motion);
     memcpy(moved, next, sizeof moved);
@@ -124,7 +124,7 @@ static void carry_by_parts(const Stretch *of, int t, const double *parameters, c
 EXPORT int predict(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                    const double *start, const double *gains, const double *whitening, double *normal,
                    double *innovations, int64_t *done) {
-  Derived derived;
+  double derived[DERIVED + 1];
   Stretch of;
   double state[STATES], next[STATES], expected[READINGS], hold[HOLD], margin = 0;
   LANE_ARRAY ours[STATES * WAYS] = {0}, theirs[STATES * WAYS], held[HOLD * WAYS], raw[READINGS * WAYS], white[WAYS];
@@ -134,7 +134,7 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
   int64_t k = 0;
   memset(&of, 0, sizeof of);
   for (int j = 0; j < FITTED; ++j) directions[j * WAYS + j] = 1;
-  derive_to_predict(parameters, &derived);
+  derive(parameters, derived);
   memcpy(state, start, sizeof state);
   while (k < samples && outcome == COMPLETED) {
     int stepped = 0;
@@ -142,24 +142,24 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
       const double *input = inputs + (k + stepped) * INPUTS, *gain = gains + (k + stepped) * GAINS;
       put(of.before + stepped, state, STATES);
       put(of.input + stepped, input, INPUTS);
-      sense(state, input, parameters, derived.sense, expected);
+      sense(state, input, parameters, derived, expected);
       for (int i = 0; i < READINGS; ++i) {
         const double innovation = readings[(k + stepped) * READINGS + i] - expected[i];
         of.innovation[stepped * READINGS + i] = innovation;
         if (!absent(innovation)) add(state, innovation, gain + i * STATES, STATES);
       }
       put(of.after + stepped, state, STATES);
-      prepare(state, input, parameters, derived.prepare, next + MOTION, hold);
+      prepare(state, input, parameters, derived, next + MOTION, hold);
       put(of.hold + stepped, hold, HOLD);
-      of.in_one_step[stepped] = advance(state, hold, parameters, &derived, next, &margin);
+      of.in_one_step[stepped] = advance(state, hold, parameters, derived, next, &margin);
       memcpy(state, next, sizeof state);
       if (!all_finite(state, STATES)) outcome = DIVERGED;
       else if (margin < 0) outcome = LEFT;
     }
-    sense_slopes_lanes(of.before, of.input, parameters, derived.sense_slopes, of.sense);
-    prepare_slopes_lanes(of.after, of.input, parameters, derived.prepare_slopes, of.prepare);
+    sense_slopes_lanes(of.before, of.input, parameters, derived, of.sense);
+    prepare_slopes_lanes(of.after, of.input, parameters, derived, of.prepare);
 #if HAS_ONE_STEP
-    one_step_slopes_lanes(of.after, of.hold, parameters, derived.one_step_slopes, of.one_step);
+    one_step_slopes_lanes(of.after, of.hold, parameters, derived, of.one_step);
 #endif
     for (int t = 0; t < stepped; ++t, ++k) {
       const double *gain = gains + k * GAINS, *by = whitening + k * WHITENING, *innovation = of.innovation + t * READINGS;
@@ -183,7 +183,7 @@ EXPORT int predict(const double *parameters, const double *inputs, const double 
       if (of.in_one_step[t]) one_step_ways(of.one_step + t, tangents, held, directions, next_tangents);
       else
 #endif
-        carry_by_parts(&of, t, parameters, &derived, directions, tangents, held, next_tangents);
+        carry_by_parts(&of, t, parameters, derived, directions, tangents, held, next_tangents);
       double *last = tangents;
       tangents = next_tangents;
       next_tangents = last;

@@ -11,7 +11,7 @@ static inline void take_columns(double *to, const double *from, int rows) {
 EXPORT int smooth(const double *parameters, const double *inputs, const double *readings, int64_t samples,
                   const double *states, const double *gains, const double *whitening, int64_t watched,
                   const double *covariances, double *smoothed, double *spreads) {
-  Derived derived;
+  double derived[DERIVED + 1];
   Slopes slopes;
   double pull[STATES] = {0}, certainty[STATES * STATES] = {0}; /* adjoint state and its covariance, from later readings */
   double turned[STATES], product[STATES * STATES], kept[STATES * STATES], expected[READINGS], h[READINGS * STATES];
@@ -19,7 +19,7 @@ EXPORT int smooth(const double *parameters, const double *inputs, const double *
   double margin, sense_by_state[LINEAR_SENSE_SLOPES + 1];
   LANE_ARRAY identity[STATES * COLUMNS], columns[STATES * COLUMNS], sensed[READINGS * COLUMNS];
   put_identity(identity);
-  derive_to_filter(parameters, &derived);
+  derive(parameters, derived);
   for (int64_t k = samples - 1; k >= 0; --k) {
     for (int64_t i = 0; i < watched; ++i) {
       const double *row = covariances + (k * watched + i) * STATES;
@@ -35,9 +35,9 @@ EXPORT int smooth(const double *parameters, const double *inputs, const double *
       }
     }
     if (k == 0) break;
-    linearise(states + (k - 1) * STATES, inputs + (k - 1) * INPUTS, parameters, &derived, moved, &margin, &slopes);
+    linearise(states + (k - 1) * STATES, inputs + (k - 1) * INPUTS, parameters, derived, moved, &margin, &slopes);
     carry(&slopes, identity, columns);
-    linear_sense(moved, inputs + k * INPUTS, parameters, derived.linear_sense, expected, sense_by_state);
+    linear_sense(moved, inputs + k * INPUTS, parameters, derived, expected, sense_by_state);
     sense_columns(sense_by_state, identity, sensed);
     take_columns(by_state, columns, STATES);
     take_columns(h, sensed, READINGS);

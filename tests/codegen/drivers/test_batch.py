@@ -139,7 +139,7 @@ def left_scalar(compiler: Compiler, source: str, folder: Path) -> list[str]:
         if lines[number - 1].lstrip().startswith("EACH_CALL ")
     }
     loops = {
-        number: text for number, text in loops.items() if "derive_" not in text
+        number: text for number, text in loops.items() if "derive(" not in text
     }  # once a run, and has loops inside
     said = (folder / "said").read_text().splitlines()
     done, left = (

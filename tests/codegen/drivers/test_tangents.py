@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.codegen.drivers.tangents import JacobianProduct, LinearisedGraph, Tangents, jacobian_product
+from dualwinch.codegen.drivers.tangents import (
+    JacobianProduct,
+    LinearisedGraph,
+    Tangents,
+    accumulated_jacobian,
+    jacobian_product,
+)
 
 ALONG = {"state": Tangents("state_tangent"), "gains": Tangents("direction", (0, 2))}
 numbers = st.floats(0.1, 2.0)
@@ -46,6 +52,16 @@ def test_the_statements_are_the_jacobian(drawn: list[float]) -> None:
     jacobian = np.array(ca.Function("jacobian", symbols, [ca.jacobian(following, by)])(state, gains))
     moved = carried_out(jacobian_product(law, ALONG, ["following"]), state, gains, along, seeds)
     assert moved == pytest.approx(jacobian @ np.concatenate([along, seeds]), rel=1e-11, abs=1e-14)
+
+
+@given(st.lists(numbers, min_size=6, max_size=6))
+def test_accumulated_partial_derivatives_are_the_jacobian(drawn: list[float]) -> None:
+    law, symbols = function(), [ca.SX.sym("state", 3), ca.SX.sym("gains", 3)]
+    columns = [("gains", 2), ("state", 0), ("state", 1), ("state", 2)]
+    ours = accumulated_jacobian(law, dict(zip(law.name_in(), symbols, strict=True)), columns, "following")
+    theirs = ca.jacobian(law.call(symbols)[0], ca.vertcat(symbols[1][2], symbols[0]))
+    both = ca.Function("both", symbols, [ours, theirs])(drawn[:3], drawn[3:])
+    assert np.array(both[0]) == pytest.approx(np.array(both[1]), rel=1e-12, abs=1e-14)
 
 
 def test_a_bottleneck_stays_and_saves_products() -> None:
