@@ -39,7 +39,7 @@ class Quoted:
 
 BLOCKS = (
     Quoted("README.md", "what reproduces", paper_gains.reproduces),
-    Quoted("README.md", "what tuning gains", tuned.tuning, 8),
+    Quoted("README.md", "what tuning gains", tuned.tuning, 2),
     Quoted("docs/machine.md", "forces", paper_gains.forces),
     Quoted("docs/linear-analysis.md", "modes", paper_gains.modes),
     Quoted("docs/sensitivities.md", "derivatives", paper_gains.derivatives),
@@ -55,7 +55,7 @@ BLOCKS = (
     Quoted("docs/ensembles.md", "speed noise", sea.noise),
     Quoted("docs/rig.md", "tuned in rig", tuned.rig, 8),
     Quoted("docs/rig.md", "exact drums", tuned.exact_drums, 8),
-    Quoted("docs/rig.md", "stability margins", tuned.margins, 6),
+    Quoted("docs/rig.md", "stability margins", tuned.margins, 3),
     Quoted("docs/stress.md", "breakdown", tuned.breakdown, 2),
     Quoted("docs/stress.md", "heavy machines", tuned.heavy_breakdown, 8),
     Quoted("docs/site.md", "resonance", heavy.resonance),
