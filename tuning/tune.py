@@ -1,6 +1,7 @@
 """Tune in one call: prepare, search, select and score."""
 
 from dataclasses import replace
+from functools import partial
 
 from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.arguments import instance, whole_number
@@ -84,9 +85,8 @@ def tune(
     check_method(method, len(problem.objectives))
     quiet()
     began, allowed, built = clock.now(), clock.without_compiling(), build_seconds()
-    training = prepare(problem, workers, watch)
-    if seconds is not None and seconds >= WORTH_COMPILING:
-        compile_ahead(method, training)
+    worth = seconds is not None and seconds >= WORTH_COMPILING
+    training = prepare(problem, workers, watch, partial(compile_ahead, method, problem) if worth else None)
     store = store or MemoryStorage()
     evaluator = Evaluator(training, workers=workers)
     proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))

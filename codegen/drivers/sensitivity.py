@@ -17,7 +17,7 @@ from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobi
 from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
-from dualwinch.codegen.source.expressions import GRAPHS, as_written
+from dualwinch.codegen.source.expressions import BUILDING, GRAPHS, as_written
 from dualwinch.codegen.source.hoist import hoisted_together
 from dualwinch.codegen.source.operations import Style
 
@@ -213,8 +213,13 @@ def compile_sensitivity(
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
     chosen = compiler or find_compiler()
+
+    def source() -> str:
+        with BUILDING:
+            return sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, chosen)
+
     driver = loaded(
-        lambda: sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, chosen),
+        source,
         chosen,
         _flags(chosen),
         recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),

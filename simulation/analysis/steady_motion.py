@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen import native
 from dualwinch.codegen.drivers.tangents import accumulated_jacobian
-from dualwinch.codegen.source.expressions import built_once
+from dualwinch.codegen.source.expressions import GRAPHS, built_once
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.parts import Context
 from dualwinch.model.linear.operating_point import operating_point_law
@@ -342,9 +342,18 @@ def _vectorised(function: ca.Function, compiled: bool) -> Callable[..., tuple[Fl
     return interpreted
 
 
-@built_once
+@GRAPHS.cached
 def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
     return _OpenSample(structure, compiled=compiled)
+
+
+def compile_ahead(structure: Experiment) -> None:
+    """Compile what `loop_operating_points` calls, so that its first call takes no longer.
+
+    Raises:
+        DualwinchError: no compiler or no usable cache folder.
+    """
+    _open_sample(structure, compiled=True)
 
 
 @built_once

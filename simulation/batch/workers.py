@@ -27,6 +27,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import partial
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import islice
@@ -74,7 +75,7 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
         False if interrupted.
     """
     pool = ThreadPoolExecutor(threads or cores())
-    waiting: set[Future[None]] = {pool.submit(job) for job in jobs}
+    waiting: set[Future[None]] = {pool.submit(copy_context().run, job) for job in jobs}
     try:
         while waiting:
             finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)

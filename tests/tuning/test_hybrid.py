@@ -65,7 +65,7 @@ def test_a_gradient_is_taken_once_at_a_point(make_problem: MakeProblem, monkeypa
 @pytest.mark.parametrize("ensemble", ["sea", None])
 def test_a_space_without_derivatives_is_searched_without_steps(ensemble: str | None, make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem(ensemble=ensemble, space=["controller.nftsm.p/q"]))
-    compile_ahead("hybrid", prepared)
+    compile_ahead("hybrid", prepared.problem, prepared.scenarios[0])
     method, evaluator = HybridSearch(prepared, 1), Evaluator(prepared)
     for _ in range(10):
         method.tell(evaluator.evaluate([Candidate(point, "") for point in method.ask(BATCH)]))

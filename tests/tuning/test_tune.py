@@ -395,7 +395,7 @@ def test_a_search_that_is_worth_it_has_all_compiled_before(
 ) -> None:
     compiled: list[str] = []
     monkeypatch.setattr(tuning, "WORTH_COMPILING", worth)
-    monkeypatch.setattr(tuning, "compile_ahead", lambda method, _: compiled.append(method))
+    monkeypatch.setattr(tuning, "compile_ahead", lambda method, *_: compiled.append(method))
     tune(make_problem(), seconds=0.1, test_scenarios=6)
     assert compiled == ahead
 

@@ -6,11 +6,14 @@ from typing import Protocol
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import linearise
 from dualwinch.tuning.optimisers.cma import CmaSearch
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.optimisers.hybrid import HybridSearch
 from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, SamplerSearch
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
@@ -70,14 +73,14 @@ def check_method(method: str, objectives: int) -> None:
         raise ConfigurationError(f"--method {method}: takes a single objective; use nsga2, nsga3 or tpe for several")
 
 
-def compile_ahead(method: str, prepared: TrainingSet) -> None:
+def compile_ahead(method: str, problem: TuningProblem, scenario: Experiment | Scenario) -> None:
     """Compile the functions that a method calls besides rollouts; else they are compiled at their first call.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
-    if method == "gradient" or (method == "hybrid" and linearise.gradients_guide(prepared.problem)):
-        linearise.compile_ahead(prepared)
+    if method == "gradient" or (method == "hybrid" and linearise.gradients_guide(problem)):
+        linearise.compile_ahead(problem, scenario)
 
 
 def optimiser(method: str, prepared: TrainingSet, seed: int) -> Optimiser:

@@ -143,15 +143,15 @@ STEEPEST = 1e6
 """Slope of a logarithm over a gain's range above which it is ignored: it grows without limit in an unstable run."""
 
 
-def compile_ahead(prepared: TrainingSet) -> None:
-    """Compile the functions of `linearise`, which its first call would do; nothing if no dimension has a derivative.
+def compile_ahead(problem: TuningProblem, scenario: Experiment | Scenario) -> None:
+    """Compile the functions of `linearise` for scenarios like this one; nothing if no dimension has a derivative.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
     """
-    keys, values = _smooth_keys(prepared.problem, prepared.problem.start)
+    keys, values = _smooth_keys(problem, problem.start)
     if keys:
-        sensitivities_ahead(keys, values, prepared.scenarios[0])
+        sensitivities_ahead(keys, values, scenario)
 
 
 def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario], point: Point) -> LocalModel:

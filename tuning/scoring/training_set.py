@@ -15,11 +15,11 @@ Every candidate is run in the same scenarios (Shapiro, Dentcheva and Ruszczyńsk
 Every candidate is run in a few of the hard scenarios, the active ones (`ActiveScenarios`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.analysis.authority import ForceDemand, force_demands
 from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.batch.workers import Workers, threads_of
+from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
@@ -293,15 +293,21 @@ class TrainingSet:
     pace: float = 0.0
 
 
-def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgress = NO_PROGRESS) -> TrainingSet:
+def prepare(
+    problem: TuningProblem,
+    workers: Workers = None,
+    watch: TuningProgress = NO_PROGRESS,
+    ahead: Callable[[Experiment | Scenario], None] | None = None,
+) -> TrainingSet:
     """Draw the training scenarios of a problem, and run the baseline controller and the start in them.
 
-    This also compiles the rollouts of a search.
+    This also compiles the rollouts and the margins of a search, in parallel.
 
     Args:
         problem: the tuning problem.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         watch: gets both phases.
+        ahead: compiles what else the search calls, for scenarios like the given one.
 
     Raises:
         DualwinchError: no compiler, or no usable cache folder.
@@ -314,9 +320,13 @@ def prepare(problem: TuningProblem, workers: Workers = None, watch: TuningProgre
         choices, more = training_choices(ensemble, problem.scenarios, problem.stream(TRAINING), problem.selection)
     scenarios = _drawn(problem, choices, problem.experiment)
     watch.phase(REFERENCES)
-    paper = run_pairs([], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
+    run_paper = partial(run_pairs, [], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
     run_start = partial(run_pairs, problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
-    start, began = run_start(), clock.without_compiling()
+    compiling: list[Callable[[], Any]] = [partial(ahead, scenarios[0])] if ahead else []  # takes longest
+    if problem.bounds_loop_margins:
+        compiling.append(_survey_of([problem.experiment], (), problem, workers).compile)
+    *_, start, paper = map_all(lambda call: call(), [*compiling, run_start, run_paper], threads_of(workers))
+    began = clock.without_compiling()
     run_start()  # timed; the first call also loads libraries
     pace = (clock.without_compiling() - began) / len(scenarios)
     hard = _drawn(problem, more, problem.experiment) if more else ()
