@@ -117,7 +117,7 @@ def tuning() -> str:
   where the motors can deliver the force the reference needs; a second simulation, written by hand around the exported
   C, [says the same](docs/site.md#judged-by-another-machine). On ropes without mass and light drums, as in the paper,
   tuning [gains more](docs/rig.md), but on an independent plant with ropes of 2.36 kg/m, ropes go slack for long on 12
-  of 12 machines and 3 are lost; with 20 kg m² more on the drums 10 are lost, with 30 kg m² all 12."""
+  of 12 machines and 2 are lost; with 10 kg m² more on the drums 10 are lost, with 20 kg m² all 12."""
 
 
 def rig() -> str:
