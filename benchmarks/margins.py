@@ -59,7 +59,7 @@ def row(name: str, rollouts: int) -> list[str]:
     """An ensemble: its rates, and what margins take of the search and of a candidate."""
     problem = tuning_problem(ensemble=name, seed=SEED)
     training, method = prepare(problem), default_method(1)
-    compile_ahead(method, training)
+    compile_ahead(method, problem, training.scenarios[0])
     evaluator, proposer, store = Evaluator(training), optimiser(method, training, SEED), MemoryStorage()
     store.set_budget(SearchBudget(None, None, rollouts))
     with (
