@@ -130,9 +130,9 @@ def _column(values: Sequence[ca.SX]) -> ca.SX:
     return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 
-def hoisted(step: ca.Function, *, generator: Generator = "dualwinch") -> tuple[ca.Function, ca.Function]:
+def hoisted(step: ca.Function) -> tuple[ca.Function, ca.Function]:
     """`hoisted_together` of a single function, with ``derive_NAME`` for ``derive``."""
-    derive, (lean,) = hoisted_together((step,), name=f"derive_{step.name()}", generator=generator)
+    derive, (lean,) = hoisted_together((step,), name=f"derive_{step.name()}")
     return derive, lean
 
 
