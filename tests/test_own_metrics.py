@@ -266,6 +266,7 @@ def test_commands_print_them(config: Path, capsys: pytest.CaptureFixture[str]) -
     assert set(second["over_first"]) >= set(NAMES)
 
 
+@pytest.mark.slow
 def test_studies_keep_them(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = config.with_name("tuned")
     words = ("--space", "controller.observer.l0", "--trials", "3", "--out", str(out), "--config", str(config))

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.codegen.drivers.batch import batch_source
+from dualwinch.codegen.drivers.batch import batch_source, rows_source
 from dualwinch.codegen.drivers.rollout import rollout_source
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
@@ -325,7 +325,8 @@ def test_a_copy_of_a_built_in_law_compiles_to_the_same_code() -> None:
     sources = []
     for law in (FandoNftsm(), Copy()):
         loop = closed_loop(structure_of(case(4, law=law)))
-        sources.append((rollout_source(loop), batch_source(loop, find_compiler())))
+        in_lanes = (source(loop, find_compiler()) for source in (batch_source, rows_source))
+        sources.append((rollout_source(loop), *in_lanes))
     assert sources[0] == sources[1]
 
 

@@ -14,6 +14,13 @@ EXPORT const int64_t signals_read_count = READ;
 /* Fills a table (samples, READ, LANES) with signals from the sample `first` on: `fill` of fill.c. */
 typedef void (*Fill)(const void *sources, int64_t first, int64_t samples, double *table);
 
+/* What keeps rows: functions and memory of rows.c. */
+typedef struct {
+  void (*begin)(const double *p, double *derived);
+  void (*at)(const double *state, const double *exogenous, const double *p, const double *derived, double *row);
+  double *derived;
+} Recorder;
+
 static __attribute__((noinline)) int any_at_most_zero(const double *restrict values, const double *restrict others) {
   int64_t found = 0;
   EACH_LANE found |= (values[l] <= 0) | (others[l] <= 0) ? -1 : 0;
@@ -34,13 +41,14 @@ typedef struct {
 /* One block of LANES rollouts.
    parameters (LANES, PARAMETERS) and state (LANES, STATES) are rows; state is overwritten with the final states.
    `fill` fills tables with the lanes' signals from `sources`, which changes, LOOK_EVERY samples ahead, so that memory
-   does not grow with the samples. Every stride-th sample writes a row of each lane to rows (LANES, kept, COLUMNS); rows
-   may be null; rows from sample done[l] on are meaningless. outcome and done have LANES elements.
+   does not grow with the samples. Every stride-th sample writes a row of each lane to rows (LANES, kept, COLUMNS) by
+   `recorder`, which may be null; rows from sample done[l] on are meaningless. outcome and done have LANES elements.
 
    All states are checked to be finite every LOOK_EVERY samples. If one is not, these samples are repeated with a check
    at each. At the same interval, lanes whose state `watched` exceeds `most` are stopped, as their result is not needed. */
-EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples, int64_t stride,
-                  double *rows, int64_t kept, int64_t watched, double most, int64_t *outcome, int64_t *done) {
+EXPORT void batch(const double *parameters, Fill fill, const void *sources, double *state, int64_t samples,
+                  const Recorder *recorder, int64_t stride, double *rows, int64_t kept, int64_t watched, double most,
+                  int64_t *outcome, int64_t *done) {
   static const int used[] = USED_PARAMETERS;
   Often often;
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES];
@@ -64,14 +72,15 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
   }
   memcpy(kept_state, now, sizeof kept_state);
   derive_lanes(p, often.derived);
+  if (recorder) recorder->begin(p, recorder->derived);
   for (int64_t k = 0; k < samples && running > 0; ++k) {
     if (k == filled) {
       filled = k + LOOK_EVERY < samples ? k + LOOK_EVERY : samples;
       fill(sources, k, filled - k, ahead);
     }
     const double *w = ahead + k % LOOK_EVERY * READ * LANES;
-    if (rows && k % stride == 0) {
-      observe_lanes(now, w, p, often.derived, row);
+    if (recorder && k % stride == 0) {
+      recorder->at(now, w, p, recorder->derived, row);
       EACH_LANE
         if (done[l] == samples)
           for (int i = 0; i < COLUMNS; ++i) rows[(l * kept + k / stride) * COLUMNS + i] = row[i * LANES + l];

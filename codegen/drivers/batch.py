@@ -1,14 +1,16 @@
 """Many rollouts at once in compiled C: one set of parameters in each vector lane."""
 
 import ctypes
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.cache import loaded
-from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
+from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import CompiledFill, Signals, compile_fill
 from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
@@ -25,21 +27,44 @@ EVERY_SAMPLE = ("sample", "fast_sample", "one_step")
 def batch_source(system: Sampled, compiler: Compiler) -> str:
     """C99 translation unit for rollouts of a sampled system in LANES vector lanes, for a compiler."""
     with BUILDING:
-        functions = hoisted_all(system.functions)
+        functions = hoisted_all([function for function in system.functions if function is not system.observe])
     often = [function for function in functions if function.name() in EVERY_SAMPLE]
-    read, used = all_read(functions, "exogenous"), all_read(often, "parameters")
-    lanes = {
-        function.name(): LaneLayout(
-            paired=compiler.pairs,
-            shared=("part",),
-            packed={"exogenous": read} | ({"parameters": used} if function in often else {}),
-        )
-        for function in functions
-    }
-    sizes = system.sizes | lane_sizes(compiler) | {"READ": len(read)}
+    read, used = all_read(system.functions, "exogenous"), all_read(often, "parameters")
     listed = macros_of_lists(USED_PARAMETERS=used, READ_EXOGENOUS=read)
+    sizes = system.sizes | {"READ": len(read)}
+    packed = {function.name(): {"parameters": used} for function in often}
+    return _in_lanes(sizes, functions, compiler, read, packed, listed, "sampled_lanes.h", "batch.c")
+
+
+def rows_source(system: Sampled, compiler: Compiler) -> str:
+    """C99 translation unit for the rows of these rollouts: a third of the code, and most rollouts keep none."""
+    with BUILDING:
+        functions = hoisted_all([system.observe])
+    return _in_lanes(system.sizes, functions, compiler, all_read(system.functions, "exogenous"), {}, "rows.c")
+
+
+def _in_lanes(
+    sizes: Mapping[str, int],
+    functions: Sequence[ca.Function],
+    compiler: Compiler,
+    read: Sequence[int],
+    packed: Mapping[str, Mapping[str, Sequence[int]]],
+    *driver: str,
+) -> str:
+    """A unit of functions in lanes that takes the exogenous signals `read`, and further inputs packed by function."""
+    lanes = {
+        name: LaneLayout(paired=compiler.pairs, shared=("part",), packed={"exogenous": read, **packed.get(name, {})})
+        for name in (function.name() for function in functions)
+    }
     source = c_source(functions, lanes=lanes)
-    return unit(sizes, functions, "elementary.h", "lanes.h", source, listed, "sampled_lanes.h", "batch.c")
+    return unit(dict(sizes) | lane_sizes(compiler), functions, "elementary.h", "lanes.h", source, *driver)
+
+
+class Recorder(ctypes.Structure):
+    """``Recorder`` of batch.c."""
+
+    alive: Floats
+    _fields_ = (("begin", ctypes.c_void_p), ("at", ctypes.c_void_p), ("derived", ctypes.c_void_p))
 
 
 @dataclass(frozen=True)
@@ -50,11 +75,13 @@ class Batch:
         columns: number of values in a row.
         read: indices of the exogenous signals in use.
         fill: their generator.
+        recording: the library of `rows_source`; or None, where no rows can be kept.
     """
 
     columns: int
     read: tuple[int, ...]
     fill: CompiledFill
+    recording: ctypes.CDLL | None
     _call: "ctypes._NamedFuncPointer"
 
     def __call__(
@@ -75,7 +102,7 @@ class Batch:
             signals: LANES signals, with their given parts; not changed. Lanes may share an object.
             state: (LANES, states); overwritten with the final states.
             samples: number of samples of the runs.
-            stride: every `stride`-th sample keeps a row; 0: none.
+            stride: every `stride`-th sample keeps a row, if compiled with rows; 0: none.
             watched: index of a state.
             most: a run in which that state exceeds this is stopped (`Outcome.GIVEN_UP`); checked from time to time.
 
@@ -89,20 +116,54 @@ class Batch:
         records = np.array([source.records[list(self.read)] for source in distinct])
         sources = self.fill.prepared(records, np.array([distinct.index(lane) for lane in signals]))
         receiving = self.fill.address, ctypes.byref(sources)
-        writing = max(stride, 1), rows if stride else None, kept
+        recorder = self._recorder() if stride else None
+        writing = recorder and ctypes.byref(recorder), stride, rows, kept
         self._call(parameters, *receiving, state, samples, *writing, watched, most, outcome, done)
         for lane in np.flatnonzero(outcome != Outcome.COMPLETED):
             rows[lane, kept_rows(done[lane], stride) :] = np.nan
         return outcome, done, rows
 
+    def _recorder(self) -> Recorder:
+        """What a block of runs needs to keep rows."""
+        if self.recording is None:
+            raise ValueError("compiled without rows")
+        derived = np.empty(ctypes.c_int64.in_dll(self.recording, "derived_size").value)
+        functions = (
+            ctypes.cast(function, ctypes.c_void_p) for function in (self.recording.begin_rows, self.recording.row_at)
+        )
+        recorder = Recorder(*functions, derived.ctypes.data)
+        recorder.alive = derived
+        return recorder
 
-@with_compiler
-@GRAPHS.cached
-def compile_batch(system: Sampled, compiler: Compiler | None = None) -> Batch:
-    """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`."""
+
+def compile_batch(system: Sampled, *, rows: bool = False, compiler: Compiler | None = None) -> Batch:
+    """Compile (or find in the cache) and load the batch rollout of a sampled system; see `compile_rollout`.
+
+    Args:
+        system: the system.
+        rows: whether it can keep rows; their code is compiled beside that of the rollout.
+        compiler: default: that of `find_compiler`.
+    """
     chosen = compiler or find_compiler()
+    if not rows:
+        return _compile_batch(system, chosen)
+    with ThreadPoolExecutor(1) as beside:
+        recording = beside.submit(_compile_rows, system, chosen)
+        return replace(_compile_batch(system, chosen), recording=recording.result())
+
+
+@GRAPHS.cached
+def _compile_batch(system: Sampled, compiler: Compiler) -> Batch:
     made_of = recipe(system.functions, "batch", system.parts)
-    driver = loaded(lambda: batch_source(system, chosen), chosen, lane_flags(chosen), made_of, batch="ppppnnpnnxpp")
+    source, flags = (lambda: batch_source(system, compiler)), lane_flags(compiler)
+    driver = loaded(source, compiler, flags, made_of, batch="ppppnpnpnnxpp")
     count = ctypes.c_int64.in_dll(driver, "signals_read_count").value
     read = tuple((ctypes.c_int * count).in_dll(driver, "signals_read"))
-    return Batch(system.observe.numel_out("row"), read, compile_fill(chosen), driver.batch)
+    return Batch(system.observe.numel_out("row"), read, compile_fill(compiler), None, driver.batch)
+
+
+@GRAPHS.cached
+def _compile_rows(system: Sampled, compiler: Compiler) -> ctypes.CDLL:
+    made_of = recipe(system.functions, "rows", system.parts)
+    source, flags = (lambda: rows_source(system, compiler)), lane_flags(compiler)
+    return loaded(source, compiler, flags, made_of, begin_rows="pp", row_at="ppppp")

@@ -1,12 +1,7 @@
-/* The functions of codegen/sampled.py over LANES lanes, with arrays of stride LANES, and
+/* The functions of codegen/sampled.py but `observe` over LANES lanes, with arrays of stride LANES, and
    derive(parameters, derived) for expressions of the parameters alone. Comes after lanes.h, the sizes and the
    functions. Each loop over the lanes needs a function of its own with restrict pointers, or compilers do not see that
    lanes do not mix. */
-
-IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
-                       const double *restrict derived, double *restrict row) {
-  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
-}
 
 IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
                     const double *restrict p, const double *restrict derived, double *restrict next,

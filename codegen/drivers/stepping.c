@@ -30,6 +30,11 @@ EXPORT void prepare(const double *parameters, Constants *constants) {
   derive_lanes(constants->p, constants->derived);
 }
 
+IN_LANES observe_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
+                       const double *restrict derived, double *restrict row) {
+  EACH_CALL observe(state + l, exogenous + l, p + l, derived + l, row + l);
+}
+
 IN_LANES sense_lanes(const double *restrict state, const double *restrict exogenous, const double *restrict p,
                      const double *restrict derived, double *restrict observation) {
   EACH_CALL sense(state + l, exogenous + l, p + l, derived + l, observation + l);

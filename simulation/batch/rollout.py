@@ -342,7 +342,7 @@ def _rollout(
     slack = loop.states.index("metrics.slack")
     most = np.inf if max_slack is None else max_slack * samples
     compiled = simulation.engine == "compiled"
-    run = compile_batch(loop) if compiled else partial(_single_run, engine_of(loop, simulation.engine))
+    run = compile_batch(loop, rows=stride > 0) if compiled else partial(_single_run, engine_of(loop, simulation.engine))
     kept_states = final_states(pairs.structure.metrics)
     final = np.full((len(kept_states), *pairs.shape), np.nan)
     summed = [loop.states.index(name) for name in kept_states]

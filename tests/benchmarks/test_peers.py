@@ -14,6 +14,7 @@ from benchmarks.peers.compiled import prepare_call
 from benchmarks.peers.peer import Answer, Peer, Run, UnavailableError
 from dualwinch.simulation.experiment import Experiment, Simulation
 from dualwinch.simulation.paper import case
+from tests.tiers import all_but
 
 SHORT = 0.5
 """Duration in s."""
@@ -77,7 +78,9 @@ def test_the_adaptive_limit_follows_slack_ropes(substeps: int) -> None:
     np.testing.assert_allclose(astuple(limit.metrics), astuple(ours.metrics), rtol=1e-6)
 
 
-@pytest.mark.parametrize("key", ["numba-batch-1", "casadi-map-1", "jax", "diffrax"])
+@pytest.mark.parametrize(
+    "key", all_but(["numba-batch-1", "casadi-map-1"], ["numba-batch-1", "casadi-map-1", "jax", "diffrax"])
+)
 def test_batches_give_every_candidates_rollout(rows: dict[str, Peer], expected: Answer, key: str) -> None:
     """diffrax takes a method of its own, exact to its order."""
     answer, ours = _answer(rows[key]), rows["batch-1"].prepare(rows[OURS].case)(keep=True)
@@ -145,7 +148,7 @@ def test_missing_peer_is_a_row_that_says_so(rows: dict[str, Peer]) -> None:
     assert timings[1].missing == "nothing for 0.5 s"
 
 
-@pytest.mark.parametrize("key", ["sea-1", "rig-1", "sea-kernel", "rig-ensemble"])
+@pytest.mark.parametrize("key", all_but(["sea-1", "sea-kernel"], ["sea-1", "rig-1", "sea-kernel", "rig-ensemble"]))
 def test_ensembles_are_checked_against_a_scalar_rollout_of_a_scenario(key: str, rows: dict[str, Peer]) -> None:
     peer = rows[key]
     assert peer.expected is not None

@@ -37,6 +37,7 @@ def recorded(file: Path, *, pulses: bool) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_known_drive_is_found(tmp_path: Path) -> None:
     run = drive(recorded(tmp_path / "a.mat", pulses=True))
     found = fitted(run, lag=True)

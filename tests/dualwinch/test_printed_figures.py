@@ -117,7 +117,10 @@ AS_JSON = [
     ["sensitivities", "plant.vehicle.mass", "sensors.position_bias", "--case", "4", "--column", "F1", *SHORT],
     ["sweep", "controller.observer.l0=5:15:5", "--case", "4", "--metric", "mae", *SHORT],
     ["sweep", "controller.observer.l0=5,10", "plant.vehicle.mass=9e3,1e4", "--case", "4", *SHORT],
-    ["identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4", "--hold-out", "20%"],
+    pytest.param(
+        ["identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4", "--hold-out", "20%"],
+        marks=pytest.mark.slow,
+    ),
     pytest.param(
         [
             *("identify", "log.parquet", "--fit", "plant.vehicle.mass", "--case", "4"),

@@ -69,6 +69,7 @@ def test_numbers_are_found_and_known_as_well_as_is_said() -> None:
     assert leaves(found.experiment)["plant.vehicle.mass"] == pytest.approx(found.values[0])
 
 
+@pytest.mark.slow
 def test_noise_that_is_known_need_not_be_found_out() -> None:
     right = machine(sensors__speed_noise=5e-4)  # ropes stay taut: where one is slack, likelihoods have steps
     nominal = override(right, NOMINAL)
@@ -132,6 +133,7 @@ def test_what_is_held_out_is_predicted() -> None:
     assert next(test for test in found.held_out if test.name == "F1").variance == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_ensemble_draws_the_estimates_errors() -> None:
     right = machine()
     found = identify([logged(right)], KEYS, right)

@@ -137,6 +137,7 @@ def test_a_log_cut_out_of_a_run_is_fitted_by_encoders_alone() -> None:
     assert any("begins under way" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_log_with_a_gap_is_fitted_in_parts() -> None:
     whole = logged(machine())
     torques = {name: np.where(abs(whole.t - 8.0) < 1.0, np.nan, whole.columns[name]) for name in ("tau_1", "tau_2")}

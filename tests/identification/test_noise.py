@@ -19,6 +19,7 @@ from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.identification.conftest import SEA, logged, machine
+from tests.tiers import all_but
 
 T = np.linspace(0, 20, 2001)
 
@@ -114,7 +115,7 @@ def test_the_size_of_a_disturbance_is_no_information_on_its_coefficient() -> Non
     assert noise.process_of(more.plant.vehicle)["current"].deviation == pytest.approx(0.05 * 0.3 / 0.6)
 
 
-@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+@pytest.mark.parametrize("factor", all_but([3.0], [1 / 3, 3.0]))
 def test_the_size_of_the_sea_is_found_where_another_is_described(factor: float) -> None:
     right = machine(simulation__duration=40.0)
     other = {key: factor * size for key, size in SEA.items()}
@@ -149,6 +150,7 @@ def test_what_disturbances_did_is_no_noise_of_nearly_perfect_sensors() -> None:
     assert found.noise["v"] < 1e-4
 
 
+@pytest.mark.slow
 def test_a_search_that_begins_with_a_far_larger_sea_ends_where_others_do(monkeypatch: pytest.MonkeyPatch) -> None:
     right = machine(simulation__duration=6.0)
     _, fitting = search(right, right)

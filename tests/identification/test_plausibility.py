@@ -99,6 +99,7 @@ WORDS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("truth", "duration"),
     [

@@ -26,6 +26,7 @@ def found() -> IdentificationResult:
     return identify([logged(right)], KEYS, nominal, profiles=["plant.vehicle.mass"], starts=3, seed=4)
 
 
+@pytest.mark.slow
 def test_where_a_log_tells_enough_a_profile_is_the_parabola_of_the_deviation(found: IdentificationResult) -> None:
     (profile,) = found.profiles
     expected = ((profile.values - found.values[0]) / found.deviations[0]) ** 2

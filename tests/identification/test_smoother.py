@@ -50,6 +50,7 @@ def test_a_file_of_it_is_a_disturbance(found: IdentificationResult, tmp_path: Pa
         assert np.abs(run["e"] - simulate(CALM)["e"]).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_current_and_rail_load_count_as_force() -> None:
     """What the sea did by changing drag and friction, as one force: what the nominal model leaves unexplained."""
     right = machine(disturbance__vortex=False)

@@ -123,6 +123,7 @@ def test_linear_steps_end_in_a_corner_and_keep_what_constraints_they_can() -> No
     assert linear_step(beyond, centre, 0.2) == pytest.approx([-0.2, 0.2])
 
 
+@pytest.mark.slow
 def test_steps_go_on_along_a_curved_constraint(make_problem: MakeProblem) -> None:
     """Chatter is curved over the gains: from 5.3e-6 m² to where a thousand trials of other methods end."""
     gains = [f"controller.nftsm.{name}" for name in ("beta", "eta", "k", "phi")]

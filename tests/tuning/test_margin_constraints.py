@@ -124,6 +124,7 @@ def test_in_an_ensemble_margins_are_bounded_by_default_at_the_noise_and_at_large
     assert not tuning_problem(ensemble="sea", constraints=["none"]).margins
 
 
+@pytest.mark.slow
 def test_where_drums_swing_margins_are_bounded_for_small_speed_errors() -> None:
     problem = tuning_problem(ensemble="site")
     labels = [constraint.label for constraint in problem.constraints]
@@ -234,6 +235,7 @@ def test_of_a_leader_margins_are_known_in_all_loops(bounded: TuningProblem) -> N
     assert leader.statistics["worst.disk_margin"] == pytest.approx(worst["disk"].value, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_problem: MakeProblem) -> None:
     problem = make_problem(constraints=["none", "worst.disk_margin>=0.5*paper"], ensemble=None, space=[BETA])
     survey = MarginSurvey([problem.paper_experiment], amplitudes=problem.margin_amplitudes)
@@ -241,6 +243,7 @@ def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_pr
     assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     assert prepared.margins is not None

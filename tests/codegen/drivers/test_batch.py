@@ -1,6 +1,7 @@
 """Rollouts in lanes: signals are those of `Signals.fill`, bit for bit; lanes may be given up; loops are vectorised."""
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.drivers.batch import LANES, Batch, batch_source, compile_batch
+from dualwinch.codegen.drivers.batch import LANES, Batch, batch_source, compile_batch, rows_source
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.signals.signals import OutageSignal, RandomSignal, Signals, UniformSignal
 from dualwinch.codegen.sampled import Sampled
@@ -16,6 +17,7 @@ from dualwinch.codegen.source.c_source import lane_flags
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.tuning.tuning_problem import tuning_problem
+from tests.codegen.toy import oscillator
 
 SAMPLES = 64 * 3 + 17
 COUNT = 7
@@ -37,8 +39,17 @@ def recorder() -> Batch:
             move=ca.Function("move", [motion, hold, part, factor], moved, of_move, ["next_motion", "margin"]),
             parts=1,
             one_step=None,
-        )
+        ),
+        rows=True,
     )
+
+
+def test_a_rollout_without_rows_is_compiled_without_their_code(recorder: Batch) -> None:
+    system = oscillator()
+    assert "void observe(" not in batch_source(system, find_compiler())
+    assert "void observe(" in rows_source(system, find_compiler())
+    with pytest.raises(ValueError, match="compiled without rows"):
+        run(replace(recorder, recording=None), [source(0)] * LANES, np.ones(LANES))
 
 
 def source(seed: int) -> Signals:
@@ -158,4 +169,5 @@ def test_gcc_vectorises_every_loop(ensemble: str, tmp_path: Path) -> None:
     if compiler.is_clang:
         pytest.skip("clang says what it does in other words")
     loop = closed_loop(structure_of(tuning_problem(ensemble=ensemble).experiment))
-    assert left_scalar(compiler, batch_source(loop, compiler), tmp_path) == []
+    for source_of in (batch_source, rows_source):
+        assert left_scalar(compiler, source_of(loop, compiler), tmp_path) == []

@@ -60,7 +60,7 @@ def test_a_rollout(generator: Any, one_step: bool, recwarn: pytest.WarningsRecor
 @pytest.mark.parametrize("one_step", [False, True])
 def test_lanes_each_with_its_own_parameters(one_step: bool) -> None:
     with pytest.warns(CodegenWarning, match="CasADi's is used, without vector lanes"):
-        batch = compile_batch(tabled(one_step=one_step))
+        batch = compile_batch(tabled(one_step=one_step), rows=True)
     parameters = np.array([[4.0 + lane / 4, 0.5, 0.02] for lane in range(LANES)])
     signals = Signals([None])
     signals.give([forces()])

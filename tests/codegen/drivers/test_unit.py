@@ -37,6 +37,7 @@ def stepped(**options: Any) -> Any:
         (rollout, "rollout_source", lambda: rollout.compile_rollout(anew())),
         (rollout, "rollout_source", lambda: rollout.compile_rollout(anew(), generator="casadi")),
         (batch, "batch_source", lambda: batch.compile_batch(anew())),
+        (batch, "rows_source", lambda: batch.compile_batch(anew(), rows=True)),
         (stepping, "stepping_source", lambda: stepped(exact=False)),
         (native, "_source", lambda: native.compile(squared())),
     ],

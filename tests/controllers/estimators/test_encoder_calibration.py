@@ -68,6 +68,7 @@ def unknown(gains: DrumGains = GAINS) -> EncoderKnowledge:
     return unknown_errors(gains)
 
 
+@pytest.mark.slow
 def test_gathered_readings_count_as_much_as_one_by_one() -> None:
     random = np.random.default_rng(3)
     positions = np.linspace(0, 2, 4001)

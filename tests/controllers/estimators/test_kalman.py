@@ -196,6 +196,7 @@ def test_what_the_filter_knows_of_vortices_need_not_be_learnt_by_the_observer() 
     assert simulate(knowing).metrics.steady_mae < 0.2 * simulate(plain).metrics.steady_mae
 
 
+@pytest.mark.slow
 def test_with_a_seas_sensors_it_beats_raw_and_lowpassed_speeds() -> None:
     """Case 4 with FANDO-NFTSM and one sample of delay, as measured.
 

@@ -241,6 +241,7 @@ def test_on_an_imperfect_rig_the_estimate_is_in_the_sensors_frame() -> None:
 GAIN = "controller.drums.memory"
 
 
+@pytest.mark.slow
 def test_lanes_are_single_runs_also_where_readings_are_no_numbers() -> None:
     batch = rollout([GAIN], [[15.0], [30.0]], [rig()], stride=1)
     for index, memory in enumerate((15.0, 30.0)):

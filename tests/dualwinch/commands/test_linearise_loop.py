@@ -11,6 +11,7 @@ from dualwinch.cli import main
 from dualwinch.simulation.analysis.linear_loop import linear_open_loop
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
+from tests.tiers import all_but
 
 
 def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -29,6 +30,7 @@ def test_margins_are_printed_and_the_cut_loop_is_written(tmp_path: Path, capsys:
     assert plot.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_both_torques_can_be_cut_as_margins_of_a_tuning_say_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,6 +70,7 @@ def test_an_unstable_loop_has_its_verdict_and_no_margins(tmp_path: Path, capsys:
     assert all((row[name] is None) != row["stable"] for row in by_amplitude for name in ("gain", "delay", "disk"))
 
 
+@pytest.mark.slow
 def test_unstable_modes_come_first_and_every_name_is_whole_and_its_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,7 +122,7 @@ def test_names_break_behind_dots_and_underscores_alone(
     assert names <= parts
 
 
-@pytest.mark.parametrize("loop", ["closed", "open"])
+@pytest.mark.parametrize("loop", all_but(["open"], ["closed", "open"]))
 def test_what_a_filter_learns_of_the_ropes_is_held(
     loop: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -139,6 +139,7 @@ def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(seen[-1]) == len(set(seen[-1])) == 5
 
 
+@pytest.mark.slow
 def test_what_breaks_each_first_is_found_out_where_it_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,7 @@ def test_reproduce_writes_what_it_promises(tmp_path: Path, capsys: pytest.Captur
     assert {run["controller"] for run in metrics["runs"]} == {"fando-nftsm", "nftsm"}
 
 
+@pytest.mark.slow
 def test_reproduce_compares_what_is_beyond_the_paper(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--cases", "4", "--controllers", "nftsm", "--extended", "--out", str(tmp_path))
     main(["reproduce", *words])

@@ -132,6 +132,7 @@ def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, t
     assert report.read_text() == "<h1>Another report</h1>\n"
 
 
+@pytest.mark.slow
 def test_tune_finds_out_what_breaks_its_best_first(
     drums: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -125,6 +125,7 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert f"\n{rollouts} rollouts; " in said.out
 
 
+@pytest.mark.slow
 def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_wherever_it_is_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,6 +172,7 @@ def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     assert any(noted in words for words in remarks)
 
 
+@pytest.mark.slow
 def test_the_report_compares_in_the_file_of_an_ensemble_of_ones_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -264,6 +266,7 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     assert json.loads((tmp_path / "study.json").read_text())["best"]["trial"] is None
 
 
+@pytest.mark.slow
 def test_another_law_is_compared_with_the_papers_controller_and_with_its_own_start(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,7 +18,7 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from tests.simulation.inserted import run
-from tests.tiers import mostly_slow
+from tests.tiers import all_but, mostly_slow
 
 PAPER = case(2)
 SMOOTH = override(PAPER, {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})
@@ -191,6 +191,7 @@ OFF = {"plant.winch_1.radius_error": 1e-3, "plant.winch_2.radius_error": -5e-4, 
 """Drums and a rope that differ from those the controller assumes; 1 mm/m is 3 cm at 29 m."""
 
 
+@pytest.mark.slow
 def test_what_a_filter_has_learnt_is_constant_for_fast_motions() -> None:
     """A push, after a minute in which the filter has learnt the machine: with it, less without it, as linearised."""
     began, push, v, samples = 60.0, 5.0, 0.5, 600
@@ -231,7 +232,7 @@ def test_a_filter_knows_a_machine_that_differs_from_its_data_sheet(v: float) -> 
     assert states["controller.estimator.encoder_1.tare"] == pytest.approx(-0.04, abs=0.005)
 
 
-@pytest.mark.parametrize("v", [0.0, 0.5])
+@pytest.mark.parametrize("v", all_but([0.5], [0.0, 0.5]))
 def test_a_filter_that_learns_the_scale_of_the_speed_wheel_leaves_the_loop_as_it_is(v: float) -> None:
     """The scale of an exact wheel is learnt as zero; at rest nothing is learnt of it."""
     without = override(SMOOTH, {"controller.estimator": "self-calibrating-kalman"})

@@ -101,6 +101,7 @@ def test_what_is_left_is_rounding(x: float, v: float) -> None:
     assert error_after(point, v, 200) == pytest.approx(point.row["e"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_at_speed_a_filter_that_learns_and_heavy_ropes_come_to_steady_motion() -> None:
     """From where full Newton steps go to and fro across the law's boundary layer for ever."""
     point = loop_operating_point(load(SEARCHED), X, 1.5)

@@ -163,6 +163,7 @@ def test_a_loop_that_is_stable_at_small_amplitudes_alone_is_said() -> None:
     assert [point.margins.stable for point in points] == [True, False, False]
 
 
+@pytest.mark.slow
 def test_a_loop_that_tolerates_little_further_delay_is_said_to_be() -> None:
     """Damped drums of heavy winches behind a gearbox: by two samples, at a motor's torque; without lead by one."""
     assert not list(delay_remarks(case(4), 5e-3))

@@ -69,7 +69,7 @@ def at(monkeypatch: pytest.MonkeyPatch, points: list[tuple[float, float]]) -> No
     ("changes", "all_points"),
     mostly_slow(
         ((changes, all_points) for changes in LAWS for all_points in (False, True)),
-        lambda row: row[0] in LAWS[::3] and not row[1],
+        lambda row: row[0] == LAWS[0] and not row[1],
     ),
     ids=str,
 )
@@ -131,6 +131,7 @@ def test_a_filter_that_learns_the_machine_has_margins_on_a_rig(monkeypatch: pyte
             assert of.value == pytest.approx(min(getattr(each, kind) for each in wanted), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_worst_is_where_it_is_said_to_be_whatever_else_is_looked_at() -> None:
     """Many gains on many machines at once give what one of each gives, and linearising there the same margin."""
     machines, names = drawn(4), ["controller.nftsm.beta", "controller.coordination.preload"]

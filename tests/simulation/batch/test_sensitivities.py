@@ -143,6 +143,7 @@ EXTRA = [
 ]
 
 
+@pytest.mark.slow
 def test_sensors_that_read_in_steps_are_differentiated_as_if_they_did_not() -> None:
     """The derivative of a step is zero almost everywhere: along it, feedback would vanish."""
     sea = load_ensemble("sea")

@@ -179,6 +179,7 @@ def test_other_integrators(integrator: str) -> None:
 VARIED = ("plant.vehicle.mass", "plant.winch_1.radius_error", "sensors.position_noise", "disturbance.current_sigma")
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(values=st.lists(st.floats(0.5, 1.5), min_size=4, max_size=4), along=st.integers(0, 2**32))
 def test_any_values_any_direction(values: list[float], along: int) -> None:

@@ -87,6 +87,7 @@ def peak_memory(scenarios: int) -> int:
         gc.unfreeze()
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_scenarios() -> None:
     ensemble_statistics(lasting(0.01), 4, 0)  # imports and caches
     few, many = peak_memory(320), peak_memory(960)

@@ -120,6 +120,7 @@ def test_in_a_cruise_the_setpoints_ahead_go_on_with_it() -> None:
     assert np.abs(linear_closed_loop(EXPERIMENT, 10.0, 0.5).poles()).max() < 1
 
 
+@pytest.mark.slow
 def test_what_is_seen_of_a_cruise_changes_no_margin() -> None:
     """The loop is that of the same law without a look ahead."""
     blind = replace(EXPERIMENT, controller=Controller(law=Adrc()))

@@ -55,6 +55,7 @@ def finished(make_race: MakeRace) -> Finished:
     return Finished(entrants, terms, run_race(entrants, terms, progress=noted), shares, phases, statuses)
 
 
+@pytest.mark.slow
 def test_the_steps_of_the_choice_are_reported_as_those_of_one_study(finished: Finished) -> None:
     for words in ("choosing: the paper's gains and the start in the validation set", SCREENING, SCORING):
         assert f"1 of 2, nftsm: {words}" in finished.phases

@@ -73,6 +73,7 @@ def test_trials_meet_first_where_most_have_failed(evaluator: Evaluator) -> None:
     assert evaluator.rollouts - before == SelectionConfig.first_screened * len(failing)
 
 
+@pytest.mark.slow
 def test_stability_margins_are_looked_at_only_where_all_else_holds(make_problem: MakeProblem) -> None:
     free = Evaluator(prepare(make_problem()), prune=False)
     scenarios = others(free.training.problem)

@@ -163,6 +163,7 @@ def tuned(folder: Path, *words: str) -> str:
     return ""
 
 
+@pytest.mark.slow
 def test_a_study_says_which_parts_it_rests_on_and_goes_on_with_no_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -81,6 +81,7 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
         breakdowns(*words, scenarios=2, seed=0)
 
 
+@pytest.mark.slow
 def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Side by side: whatever of it is left over would be compiled while nothing else is done."""
     base, compiled, before = sea(), [], []
