@@ -54,6 +54,9 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
   LANE_ARRAY p[PARAMETERS * LANES], row[COLUMNS * LANES];
 #if HAS_ONE_STEP
   LANE_ARRAY moved[MOTION * LANES], moved_margin[LANES], missing[LANES];
+#else
+  LANE_ARRAY all[LANES];
+  EACH_LANE all[l] = 1;
 #endif
   LANE_ARRAY kept_state[STATES * LANES];
   uint64_t finite[LANES];
@@ -91,18 +94,18 @@ EXPORT void batch(const double *parameters, Fill fill, const void *sources, doub
     if (suspect) {
       int any = 0;
       EACH_LANE {
-        missing[l] = often.valid[l] > 0 ? 0 : 1;
-        any += missing[l] > 0 && done[l] == samples;
+        missing[l] = !(often.valid[l] > 0) && done[l] == samples;
+        any += missing[l] > 0;
       }
       if (any) {
-        move_on(now, often.hold, p, often.derived, moved, moved_margin);
+        move_on(missing, now, often.hold, p, often.derived, moved, moved_margin);
         take_over(missing, next, moved, MOTION);
         take_over(missing, often.margin, moved_margin, 1);
       }
     }
 #else
     SAMPLE_BY_PHASE(now, w, often.p, often.derived, next + MOTION * LANES, often.hold);
-    move_on(now, often.hold, p, often.derived, next, often.margin);
+    move_on(all, now, often.hold, p, often.derived, next, often.margin);
     int suspect = any_at_most_zero(often.margin, often.margin);
 #endif
     int look = (k + 1) % LOOK_EVERY == 0 || k == samples - 1;

@@ -3,22 +3,36 @@
    functions. Each loop over the lanes needs a function of its own with restrict pointers, or compilers do not see that
    lanes do not mix. */
 
+/* Few runs at a time need all parts of the interval, as few have a slack rope: lanes move in portions of one vector (two
+   for clang, which interleaves them), or all together where they are paired. */
+#if LANES == 1 || PAIRED
+#define PORTION LANES
+#elif defined(__clang__) || defined(__AVX512F__)
+#define PORTION 8
+#else
+#define PORTION 4
+#endif
+
 IN_LANES move_lanes(const double *restrict motion, const double *restrict hold, const double *restrict part,
                     const double *restrict p, const double *restrict derived, double *restrict next,
                     double *restrict margin) {
-  EACH_CALL move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
+  EACH_CALL_OF(PORTION) move(motion + l, hold + l, part, p + l, derived + l, next + l, margin + l);
 }
 
-/* All parts of the sample interval. */
-static void move_on(const double *now, const double *hold, const double *p, const double *derived, double *next,
-                    double *margin) {
+/* All parts of the sample interval, in the portions of the lanes in which a lane is `wanted` (positive). */
+static void move_on(const double *wanted, const double *now, const double *hold, const double *p, const double *derived,
+                    double *next, double *margin) {
   LANE_ARRAY between[MOTION * LANES];
-  const double *from = now;
-  for (int part = 0; part < PARTS; ++part) {
-    const double number = part;
-    double *to = (PARTS - part) % 2 ? next : between;
-    move_lanes(from, hold, &number, p, derived, to, margin);
-    from = to;
+  for (int at = 0; at < LANES; at += PORTION) {
+    int any = 0;
+    EACH_OF(PORTION) any |= wanted[at + l] > 0;
+    const double *from = now + at;
+    for (int part = 0; any && part < PARTS; ++part) {
+      const double number = part;
+      double *to = ((PARTS - part) % 2 ? next : between) + at;
+      move_lanes(from, hold + at, &number, p + at, derived + at, to, margin + at);
+      from = to;
+    }
   }
 }
 

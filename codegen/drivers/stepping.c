@@ -49,18 +49,17 @@ static void advance(const double *now, const double *w, const double *live, cons
   SAMPLE_BY_PHASE(now, w, constants->p, constants->derived, next + MOTION * LANES, hold, next, margin, valid);
   int any = 0;
   EACH_LANE {
-    missing[l] = valid[l] > 0 ? 0 : 1;
-    any += live[l] > 0 && missing[l] > 0;
+    missing[l] = !(valid[l] > 0) && live[l] > 0;
+    any += missing[l] > 0;
   }
   if (any) {
-    move_on(now, hold, constants->p, constants->derived, moved, moved_margin);
+    move_on(missing, now, hold, constants->p, constants->derived, moved, moved_margin);
     take_over(missing, next, moved, MOTION);
     take_over(missing, margin, moved_margin, 1);
   }
 #else
-  (void)live;
   SAMPLE_BY_PHASE(now, w, constants->p, constants->derived, next + MOTION * LANES, hold);
-  move_on(now, hold, constants->p, constants->derived, next, margin);
+  move_on(live, now, hold, constants->p, constants->derived, next, margin);
 #endif
 }
 

@@ -30,6 +30,7 @@ def test_peers_step_the_same_plant(monkeypatch: pytest.MonkeyPatch) -> None:
         stepping.check(Case(), 3)
 
 
+@pytest.mark.slow
 def test_a_bound_step_costs_little_of_a_called_one() -> None:
     for called, bound in stepping.step_costs(1e-3, 5).values():
         assert 0 < bound < called / 4

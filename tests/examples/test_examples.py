@@ -45,10 +45,8 @@ def part_of(module: ModuleType) -> type[Part]:
     return [value for value in own if issubclass(value, Part)][-1]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(path.stem, marks=[] if path.stem == "own_metric" else pytest.mark.slow) for path in EXAMPLES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [path.stem for path in EXAMPLES])
 def test_it_tunes_compares_and_writes_c(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -116,6 +116,7 @@ def test_directions_are_told_in_words() -> None:
     assert "only together with" in direction.words
 
 
+@pytest.mark.slow
 def test_what_is_known_beforehand_counts() -> None:
     right, key = machine(), "plant.vehicle.mass"
     prior = {key: Prior(1.2e4, 10.0)}
@@ -209,6 +210,7 @@ def test_a_pattern_stands_for_all_that_match_it_once() -> None:
     assert keys == ("plant.rope_1.modulus", "plant.rope_2.modulus")
 
 
+@pytest.mark.slow
 def test_a_log_without_load_cells_does_without() -> None:
     right = machine()
     whole = logged(right)

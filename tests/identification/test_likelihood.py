@@ -39,6 +39,7 @@ def begin(**off: float) -> np.ndarray:
     return COORDINATES.of(values)
 
 
+@pytest.mark.slow
 def test_steps_lead_to_where_no_neighbour_is_likelier(fitting: PredictionErrorMethod, likelihood: Likelihood) -> None:
     noise, at, step = fitting.initial_noise(), begin(friction_coefficient=1.2), None
     for _ in range(8):

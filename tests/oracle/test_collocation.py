@@ -45,6 +45,7 @@ def test_start_up_through_slack_agrees_with_scipys_radau() -> None:
     assert np.abs(ours["F2"] - theirs["F2"]).max() < 0.1
 
 
+@pytest.mark.slow
 def test_shorter_steps_change_nothing() -> None:
     start_up = Scenario("fando-nftsm", 1)
     usual, fine = run(start_up, 1000), run(start_up, 1000, Collocation(PLANT, swing=0.7))

@@ -161,6 +161,7 @@ def test_any_finite_gains_give_an_outcome(controller: Controller, number: int) -
     assert np.isnan(result.metrics.mse) == np.isnan(result.metrics.peak_tension) == (result.outcome != "completed")
 
 
+@pytest.mark.slow
 @examples(60)
 @given(wild_controllers(), st.sampled_from([3, 4]))
 def test_any_finite_gains_give_the_same_outcome_in_both_engines(controller: Controller, number: int) -> None:

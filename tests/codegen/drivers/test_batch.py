@@ -145,13 +145,10 @@ def left_scalar(compiler: Compiler, source: str, folder: Path) -> list[str]:
     subprocess.run([*compiler.command, *flags, "unit.c", "-lm"], cwd=folder, check=True)
     lines = source.splitlines()
     loops = {
-        number: " ".join(lines[number - 1 : number + 1])
-        for number in range(1, len(lines))
-        if lines[number - 1].lstrip().startswith("EACH_CALL ")
+        number: line
+        for number, line in enumerate(lines, 1)
+        if line.lstrip().startswith(("EACH_CALL", "SAMPLE_LANES(")) and not line.endswith("\\")
     }
-    loops = {
-        number: text for number, text in loops.items() if "derive(" not in text
-    }  # once a run, and has loops inside
     said = (folder / "said").read_text().splitlines()
     done, left = (
         {int(line.split(":")[1]) for line in said if words in line} & loops.keys()

@@ -100,6 +100,7 @@ def test_closed_loop_says_what_a_run_says(version: int, exported: Exported, pape
         assert loop.get("e", "tau_1") == pytest.approx([expected[name][sample] for name in ("e", "tau_1")])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", all_but([3], [2, 3]))
 def test_a_controller_that_looks_ahead_is_told_where_the_motion_goes(version: Version, tmp_path: Path) -> None:
     short = {"speed": 0.03, "accelerate_until": 0.3, "cruise_until": 0.5, "brake_until": 0.8}

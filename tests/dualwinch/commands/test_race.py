@@ -84,6 +84,7 @@ def test_a_race_is_printed_written_and_added_to(
     assert "http" not in page.partition("<pre>")[0].replace("http-equiv", "")
 
 
+@pytest.mark.slow
 def test_python_gives_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main([*QUICK, "--law", "nftsm", "--out", str(tmp_path)])
     printed = capsys.readouterr().out

@@ -146,6 +146,7 @@ def test_a_best_whose_loop_is_unstable_at_small_amplitudes_is_said_to_be_whereve
     assert f"U{words[1:]}." in report
 
 
+@pytest.mark.slow
 def test_commands_about_gains_of_a_law_of_ones_own_name_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

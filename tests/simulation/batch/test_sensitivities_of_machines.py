@@ -159,6 +159,7 @@ def test_changing_the_machine_and_its_nominal_plant_adds_up() -> None:
     assert np.abs((upper["F1"] - lower["F1"]) / 0.2 - slope).max() < 1e-3 * np.abs(slope).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["adaptive", "rk4"])
 def test_other_integrators(integrator: str) -> None:
     experiment = override(case(4), {"simulation.duration": 2.0, "simulation.integrator": integrator})
@@ -239,6 +240,7 @@ def test_friction_slope_and_lag_move_columns_as_complete_runs_do() -> None:
             assert min(apart) < 5e-3, (key, column)
 
 
+@pytest.mark.slow
 def test_readings_in_steps_are_differentiated_without_their_steps() -> None:
     experiment = override(everything(), {"simulation.duration": 1.0, "sensors.position_resolution": 1e-3})
     found = sensitivities(["sensors.position_bias"], [[2e-3]], [experiment], columns=["x_read", "x"])

@@ -219,6 +219,7 @@ def test_overview_has_a_panel_for_what_a_controller_has(case_1: Results, case_4:
     assert "rope tensions · 0.124 to 6.34 kN" in texts(without)
 
 
+@pytest.mark.slow
 def test_a_subset_and_a_run_that_diverged(case_4: Results, tmp_path: Path) -> None:
     result = case_4["fando-nftsm"]
     rows = 1500

@@ -163,6 +163,7 @@ def test_fronts_are_gains_in_the_test_set(finished: Finished) -> None:
                 assert point.cost == pytest.approx(contender.metrics[cost].mean(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_no_controller_is_below_the_least_error(make_race: MakeRace) -> None:
     """On motors that are too weak for the reference, scenario by scenario."""
     entrants, terms = make_race(

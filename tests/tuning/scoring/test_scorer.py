@@ -73,6 +73,7 @@ def _all_diverged(prepared: TrainingSet) -> BatchResult:
     return replace(result, outcomes=np.full_like(result.outcomes, "diverged"), metrics=broken)
 
 
+@pytest.mark.slow
 def test_an_interrupt_is_raised_even_where_every_rollout_is_finished(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
