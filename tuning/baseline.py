@@ -1,15 +1,15 @@
 """Baseline controller of an ensemble: estimator, coordination and gains that a search starts from."""
 
-import math
 from collections.abc import Collection
 
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.model.plant import Plant, is_distributed
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.ropes import tangent_rope
 from dualwinch.model.scalar import present
 from dualwinch.model.winch import total_inertia
+from dualwinch.simulation.analysis.resonance import matched_damping
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
 
 KNOWN = ("drum_radius", "layer_thickness")
 """Parameters of a winch that a controller knows, unless they are drawn."""
@@ -65,7 +65,7 @@ def default_reserve(ensemble: Ensemble) -> float:
     return off * SWING if swings(plant) else off
 
 
-def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
+def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     """Key → start value of a gain for which the paper's own does not suit the machines of an ensemble.
 
     Where ropes have mass, gears are elastic or winches are heavy: damping of the drums that matches the wave impedance
@@ -78,27 +78,22 @@ def default_beliefs(ensemble: Ensemble) -> dict[str, float]:
     the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
-    plant, beliefs = experiment.plant, dict[str, float]()
+    plant, gains = experiment.plant, dict[str, float]()
     if swings(plant):
-        beliefs["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
-        beliefs |= STIFF if "controller.kalman.compensation" in known else {}
+        gains["controller.coordination.preload"] = MORE_PRELOAD * experiment.controller.limits.preload
+        gains |= STIFF if "controller.kalman.compensation" in known else {}
     for side in plant.sides if swings(plant) else ():
-        length = plant.track.length / 2 + plant.track.rope_offset
-        rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
-        impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
-        beliefs[f"controller.winch_{side.number}.damping"] = (
-            impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
-        )
-        beliefs[f"controller.winch_{side.number}.lead"] = LEAD * known.get(DRIVE, 0.0)
+        gains[f"controller.winch_{side.number}.damping"] = matched_damping(experiment, side.number)
+        gains[f"controller.winch_{side.number}.lead"] = LEAD * known.get(DRIVE, 0.0)
         lever = side.winch.drum_radius / side.winch.gear_ratio
-        beliefs |= {f"controller.winch_{side.number}.{gain}": value * lever for gain, value in TENSION_LOOP.items()}
+        gains |= {f"controller.winch_{side.number}.{gain}": value * lever for gain, value in TENSION_LOOP.items()}
         if side.winch.gear_stiffness:
-            beliefs["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
+            gains["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
-            beliefs["controller.drums.sag"] = SAG_DEVIATION
+            gains["controller.drums.sag"] = SAG_DEVIATION
     if _uncertain(ensemble, ["sensors.speed_error"]):
-        beliefs["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
-    return {key: value for key, value in beliefs.items() if key in known}
+        gains["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
+    return {key: value for key, value in gains.items() if key in known}
 
 
 DRIVE, LEAD = "actuator.motor.time_constant", 0.4
@@ -107,9 +102,6 @@ DRIVE, LEAD = "actuator.motor.time_constant", 0.4
 The lead doubles the delay margin at a motor's torque, at the resonance of rotor and gearbox. A longer one amplifies
 frequencies above that resonance: the delay margin on short ropes shrinks.
 """
-
-STEEL_ROPE = 2.36
-"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes modelled without mass."""
 
 MORE_PRELOAD = 1.8
 """Factor on the preload that keeps ropes of swinging drums taut, so that a search starts from feasible gains."""
@@ -139,6 +131,12 @@ SWING = 1.6
 SAG_DEVIATION = 0.7
 """Prior relative deviation of the sags: a deviation of a third in the rollers' spacing."""
 
+DAMPING = ("controller.winch_1.damping", "controller.winch_2.damping")
+"""Keys of the damping of the drums' speed."""
+
+SWINGING = "ropes have mass, gearboxes give or winches are heavy, so that drums swing on their ropes (docs/site.md)"
+"""Why the paper's gains do not suit a machine that `swings`, in words."""
+
 HEAVY = 20.0
 """Inertia of a winch over its drum's radius squared, in kg, above which the drum swings on its rope."""
 
@@ -148,6 +146,12 @@ def swings(plant: Plant) -> bool:
     return is_distributed(plant) or any(
         total_inertia(side.winch) > HEAVY * side.winch.drum_radius**2 for side in plant.sides
     )
+
+
+def undamped(experiment: Experiment) -> list[str]:
+    """Keys of the drums' damping that are 0 although the drums swing."""
+    known = leaves(experiment)
+    return [key for key in DAMPING if known.get(key) == 0] if swings(experiment.plant) else []
 
 
 def further_gains(ensemble: Ensemble) -> dict[str, dict[str, float]]:

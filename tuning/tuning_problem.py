@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dualwinch.config.ensemble_file import ensemble_to_toml, load_ensemble, loads_ensemble, reset
-from dualwinch.config.experiment_file import experiment_from, loads, to_toml
+from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
+from dualwinch.config.experiment_file import experiment_from, loads, own_keys, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
@@ -17,13 +17,16 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import (
     CALIBRATING,
+    DAMPING,
     RESERVE,
-    default_beliefs,
+    SWINGING,
     default_coordination,
     default_estimator,
     default_reserve,
     further_gains,
+    starting_gains,
     swings,
+    undamped,
 )
 from dualwinch.tuning.constraints import (
     DEFAULT_OBJECTIVES,
@@ -62,11 +65,14 @@ def tuning_problem(
     """Make a tuning problem for `dualwinch.tune` from the arguments of the command ``dualwinch tune``.
 
     With an ensemble the estimator is the calibrating Kalman filter, since sensors are noisy and ropes differ from the
-    nominal ones, unless an experiment, a file or a setting names another. Where drums, encoder zeros or the position
-    sensor are uncertain, as in ``rig``, it is the self-calibrating filter. `TuningProblem.choices` names the choice.
+    nominal ones. Where drums, encoder zeros or the position sensor are uncertain, as in ``rig``, it is the
+    self-calibrating filter. Where drums swing on their ropes (`dualwinch.tuning.baseline.swings`), with an ensemble or
+    without, fast force is shared by tension, and gains start from values for such machines. Parts and gains that a
+    file or a setting names stay as they are, and so does a whole `experiment`. `TuningProblem.choices` names what was
+    chosen.
 
     Args:
-        experiment: an experiment to start from, possibly with parts of your own.
+        experiment: an experiment to start from, as it is, possibly with parts of your own.
         case: one of the paper's cases to start from.
         config: a configuration file to start from.
         settings: such as ``controller.estimator=none``.
@@ -93,25 +99,26 @@ def tuning_problem(
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")
-    base, drawn, chosen = experiment or experiment_from(case, config, None, []), None, list[str]()
-    if ensemble is None:
+    base, chosen = experiment or experiment_from(case, config, None, []), list[str]()
+    drawn = machines = _ensemble(ensemble, base, experiment is case is config is None)
+    if drawn is None:
         base = override(base, values)
         for name, given in (("scenarios", scenarios), ("violation", violation), ("confidence", confidence)):
             if given is not None:
                 raise ConfigurationError(f"--{name}: needs --ensemble; without one there is a single run, and no draws")
-    else:
-        if not isinstance(ensemble, Ensemble):
-            drawn = load_ensemble(ensemble, base)
-        elif experiment is case is config is None:
-            drawn = ensemble
-        else:
-            drawn = ensemble.controlled_as(base)
+        machines = Ensemble("this machine", "", base, {}) if swings(base.plant) else None
+    if machines is not None:
         if experiment is None:
-            drawn, chosen = _with_default_parts(drawn, {*values, *_named(config)})
-        drawn = reset(drawn, values)
-        if config is None and experiment is None:
-            drawn = reset(drawn, {RESERVE: default_reserve(drawn)} | default_beliefs(drawn) | values)
-        base = drawn.experiment
+            machines, chosen = _with_defaults(machines, values, {*values, *_named(config), *_named(ensemble)})
+        else:
+            machines = reset(machines, values)
+            chosen += (
+                []
+                if not (keys := undamped(machines.experiment))
+                else [f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}"]
+            )
+        base = machines.experiment
+        drawn = None if drawn is None else machines
     count = SCENARIOS if scenarios is None else scenarios
     whole_number("scenarios", count, 1)
     whole_number("seed", seed)
@@ -127,7 +134,7 @@ def tuning_problem(
     problem = TuningProblem(
         experiment=base,
         ensemble=drawn,
-        space=space_of(_entries(space), base, further_gains(drawn) if drawn else None).without(excluded),
+        space=space_of(_entries(space), base, further_gains(machines) if machines else None).without(excluded),
         objectives=minimised,
         constraints=bounded,
         scenarios=count if drawn else 1,
@@ -149,24 +156,39 @@ def _chance_constrained(config: SelectionConfig, violation: float | None, confid
     return replace(config, sizes=replace(config.sizes, chance=draws))
 
 
-def _named(config: Path | None) -> Collection[str]:
-    """Keys set in a configuration file."""
-    return () if config is None else dict(flattened(read_source(config).table()))
+def _named(file: str | Path | Ensemble | None) -> Collection[str]:
+    """Keys given in a configuration file, or in that of an ensemble; none for an ensemble itself."""
+    if file is None or isinstance(file, Ensemble):
+        return ()
+    return own_keys(file if isinstance(file, Path) else find_ensemble(file))
 
 
-def _with_default_parts(ensemble: Ensemble, named: Collection[str]) -> tuple[Ensemble, list[str]]:
-    """An ensemble with default estimator and coordination, where none is named, and the reason for each in words."""
-    chosen = list[str]()
+def _ensemble(ensemble: str | Path | Ensemble | None, base: Experiment, alone: bool) -> Ensemble | None:
+    """An ensemble around an experiment; one that is given alone keeps its own controller."""
+    if not isinstance(ensemble, Ensemble):
+        return None if ensemble is None else load_ensemble(ensemble, base)
+    return ensemble if alone else ensemble.controlled_as(base)
+
+
+def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collection[str]) -> tuple[Ensemble, list[str]]:
+    """An ensemble with some values set, and default parts and gains where none is named, with the reasons in words."""
+    chosen, parts = list[str](), dict[str, str]()
+    where = f"'{ensemble.name}'" if ensemble.distributions else ensemble.name
     if ESTIMATOR not in named:
-        usual = default_estimator(ensemble)
-        ensemble = reset(ensemble, {ESTIMATOR: usual})
+        parts[ESTIMATOR] = usual = default_estimator(ensemble)
         misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
-        chosen.append(f"estimator {usual}: none is named, and in '{ensemble.name}' sensors are noisy{misled}")
-    sharing = default_coordination(ensemble)
-    if sharing and COORDINATION not in named:
-        ensemble = reset(ensemble, {COORDINATION: sharing})
-        chosen.append(f"coordination {sharing}: none is named, and in '{ensemble.name}' ropes sag between rollers")
-    return ensemble, chosen
+        reason = f"in {where} sensors are noisy{misled}" if ensemble.distributions else SWINGING
+        chosen.append(f"estimator {usual}: none is named, and {reason}")
+    if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
+        parts[COORDINATION] = sharing
+        chosen.append(f"coordination {sharing}: none is named, and in {where} ropes sag between rollers")
+    ensemble = reset(reset(ensemble, parts), values)
+    gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
+    started = {key: value for key, value in gains.items() if key not in named}
+    damped = [f"{key} = {value:.3g}" for key, value in started.items() if key in DAMPING]
+    if damped:
+        chosen.append(f"gains that no file names start from values for such machines ({', '.join(damped)}): {SWINGING}")
+    return reset(ensemble, started), chosen
 
 
 def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -126,15 +127,16 @@ def simulate(
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
-    drawn = given.ensemble(ensemble)
+    drawn, typed = given.ensemble(ensemble), shlex.join(["--ensemble", ensemble])
+    typed = f"{given.typed} {typed}".lstrip()
     note_other_ensemble(given.config, drawn.name)
     if statistics_only:
         check_file(out, ".json")
         if plot:
             raise ConfigurationError("--plot and --statistics-only: give one of them")
-        stream_ensemble(drawn, scenarios, seed, out, where, json=json)
+        stream_ensemble(drawn, scenarios, seed, out, where, typed, json=json)
     else:
-        simulate_ensemble(drawn, scenarios, seed, out, plot, where, json=json)
+        simulate_ensemble(drawn, scenarios, seed, out, plot, where, typed, json=json)
 
 
 def simulate_one(
@@ -246,6 +248,7 @@ def simulate_ensemble(
     out: Path | None,
     plot: Path | None,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    typed: str = "",
     *,
     json: bool,
 ) -> None:
@@ -261,7 +264,7 @@ def simulate_ensemble(
         check_place(out)
     with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
         result = run_ensemble(ensemble, count, seed, traces=plot is not None, workers=workers, progress=progress)
-    print_ensemble(result, json=json)
+    print_ensemble(result, typed, json=json)
     if out:
         save_ensemble(result, out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
         wrote(out)
@@ -276,6 +279,7 @@ def stream_ensemble(
     seed: int | None,
     out: Path | None,
     where: CheckpointingWorkerOptions,
+    typed: str = "",
     *,
     json: bool,
 ) -> None:
@@ -286,7 +290,7 @@ def stream_ensemble(
     count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
     with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
         result = ensemble_statistics(ensemble, count, seed, workers=workers, progress=progress)
-    print_ensemble(result, json=json)
+    print_ensemble(result, typed, json=json)
     if out:
         result.save(out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
         wrote(out)
@@ -294,9 +298,16 @@ def stream_ensemble(
         raise KeyboardInterrupt
 
 
-def print_ensemble(result: EnsembleResult | EnsembleStatistics, *, json: bool) -> None:
-    """Print outcomes and statistics of an ensemble."""
+def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str = "", *, json: bool) -> None:
+    """Print outcomes and statistics of an ensemble, and remarks.
+
+    Args:
+        result: the ensemble's.
+        typed: options that choose its nominal experiment, for commands in remarks.
+        json: print JSON.
+    """
     from dualwinch.simulation.analysis.idealisations import idealisations
+    from dualwinch.simulation.analysis.remarks import ensemble_remarks, in_full
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
@@ -305,10 +316,13 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, *, json: bool) -
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
     table = FigureTable("statistics", [FigureColumn("statistic", "", words=kinds), *columns], rows)
+    completed = result.outcome_counts.get("completed", 0)
+    said = ensemble_remarks(experiment, statistics, completed=completed == len(result))
+    noted = [in_full(words, typed) for words in said]
     if json:
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
-        facts |= {"idealisations": [asdict(one) for one in found]}
+        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in found]}
         print_json({**facts, "units": table.record()["units"], "statistics": statistics})
         return
     console = terminal()
@@ -319,7 +333,8 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, *, json: bool) -
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished and are kept")
     console.print(table.render_down())
-    completed = result.outcome_counts.get("completed", 0)
     if completed < len(result):
         console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
+    for words in noted:
+        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
     print_idealisations(found)

@@ -1,4 +1,4 @@
-"""Remarks on problems of a run that its outcome does not show: slack ropes, saturation, chatter, instability."""
+"""Remarks on problems of runs that their outcome does not show: slack ropes, saturation, chatter, instability."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -15,7 +15,7 @@ from dualwinch.simulation.analysis.describing_function import amplitude_sweep
 from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, loop_opened_at, without_idle_states
 from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.analysis.operating_points import loop_operating_point
-from dualwinch.simulation.analysis.resonance import resonance_gains
+from dualwinch.simulation.analysis.resonance import matched_damping, resonance_gains
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, start_function
 from dualwinch.simulation.prepare import prepare
@@ -176,19 +176,40 @@ def starred(words: str) -> str:
 NUMBER = re.compile(r"\b(winch|rope|creep)_([12])\b")
 
 
+TYPICAL = {
+    f"plant.{part}.{name}": value
+    for parts, values in (
+        (ROPE_KEYS, {"mass_per_length": 2.36, "submerged_weight": 20.0}),
+        (WINCHES, {"gear_stiffness": 1e6, "rotor_inertia": 0.02}),
+    )
+    for part in parts
+    for name, value in values.items()
+}
+"""Typical values of a 24 mm rope and its winch, for keys whose default 0 leaves an effect out (docs/site.md)."""
+
+
 def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
-    """Remarks on values of a machine so far from the defaults that a wrong unit is likely, such as mm or GPa."""
-    limits, usual, described = limits or RemarkLimits(), leaves(Experiment()), describe_parts(experiment)
-    return [
-        f"{key} = {value:g} {unit} is {value / usual[key]:.2g} times the default, {usual[key]:g} {unit}: check its unit"
-        for key, value in leaves(experiment).items()
-        if key.startswith(("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_"))
-        and isinstance(value, float)
-        and isinstance(usual.get(key), float)
-        and min(value, usual[key]) > 0
-        and (unit := described[key].quantity.unit) not in {"", "1"}
-        and max(value / usual[key], usual[key] / value) >= limits.unusual
-    ]
+    """Remarks on values of a machine so far from usual ones that a wrong unit is likely, such as mm or GPa."""
+    limits, described = limits or RemarkLimits(), describe_parts(experiment)
+    defaults = {key: (value, "the default") for key, value in leaves(Experiment()).items()}
+    usual = defaults | {key: (value, "a typical value") for key, value in TYPICAL.items()}
+    found = list[str]()
+    for key, value in leaves(experiment).items():
+        reference, words = usual.get(key, (None, ""))
+        if not (isinstance(value, float) and isinstance(reference, float) and min(value, reference) > 0):
+            continue
+        unit = described[key].quantity.unit
+        if key.startswith(MACHINE) and unit not in {"", "1"}:
+            ratio = value / reference
+            if max(ratio, 1 / ratio) >= limits.unusual:
+                found.append(
+                    f"{key} = {value:g} {unit} is {ratio:.2g} times {words}, {reference:g} {unit}: check its unit"
+                )
+    return found
+
+
+MACHINE = ("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_")
+"""Beginnings of the keys whose values have a usual size."""
 
 
 def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = True) -> Iterator[str]:
@@ -203,26 +224,56 @@ def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = 
         limits: thresholds.
         loop: False if torques came from another controller than the experiment's: no remarks on the loop.
     """
-    metrics, limits, experiment = result.metrics, limits or RemarkLimits(), result.experiment
-    half = experiment.controller.limits.preload / 2
-    chatters = metrics.chatter > limits.chatter * half
-    looked_at = chatters or result.outcome != "completed" or experiment.plant != Experiment().plant
+    figures = dict(result.metrics)
+    yield from _remarks(
+        result.experiment, figures, figures, "", limits, loop=loop, completed=result.outcome == "completed"
+    )
+
+
+def ensemble_remarks(
+    experiment: Experiment, statistics: Mapping[str, Mapping[str, float]], *, completed: bool
+) -> Iterator[str]:
+    """Remarks on an ensemble, as `remarks` has them on a run: on its nominal loop, the worst scenario and the mean.
+
+    Args:
+        experiment: the ensemble's nominal one.
+        statistics: figure of merit → kind of statistic → value.
+        completed: whether all scenarios were.
+    """
+    worst, mean = ({name: of[kind] for name, of in statistics.items()} for kind in ("worst", "mean"))
+    yield from _remarks(experiment, worst, mean, " of the worst scenario", None, loop=True, completed=completed)
+
+
+def _remarks(
+    experiment: Experiment,
+    worst: Mapping[str, float],
+    mean: Mapping[str, float],
+    where: str,
+    limits: RemarkLimits | None,
+    *,
+    loop: bool,
+    completed: bool,
+) -> Iterator[str]:
+    """Remarks on figures of merit: tensions by the worst scenario, which `where` names, all else by the mean."""
+    limits, control = limits or RemarkLimits(), experiment.controller.limits
+    half = control.preload / 2
+    chatters = mean["chatter"] > limits.chatter * half
+    looked_at = chatters or not completed or experiment.plant != Experiment().plant
     unstable = list(loop_remarks(experiment)) if loop and looked_at else []
     yield from unstable
-    if metrics.slack_share > 0:
+    if worst["slack_share"] > 0:
         advice = "" if unstable else ": increase the preload or reduce the speed"
-        yield f"a rope is slack in {100 * metrics.slack_share:.3g} % of the samples{advice}"
-    limit = experiment.controller.limits.tension_max
-    if metrics.peak_tension > limits.overload * limit:
-        share = metrics.peak_tension / limit
-        yield f"a rope is pulled by up to {metrics.peak_tension:.4g} N, {share:.3g} times tension_max"
-    if metrics.saturated_share > limits.saturated:
-        yield f"the force command is beyond its limit in {100 * metrics.saturated_share:.3g} % of the samples"
-    if metrics.torque_saturated_share > limits.torque_saturated:
-        yield f"a motor torque is at its limit in {100 * metrics.torque_saturated_share:.3g} % of the samples"
+        yield f"a rope is slack in {100 * worst['slack_share']:.3g} % of the samples{where}{advice}"
+    if worst["peak_tension"] > limits.overload * control.tension_max:
+        peak, share = worst["peak_tension"], worst["peak_tension"] / control.tension_max
+        yield f"a rope is pulled by up to {peak:.4g} N, {share:.3g} times tension_max"
+    if mean["saturated_share"] > limits.saturated:
+        yield f"the force command is beyond its limit in {100 * mean['saturated_share']:.3g} % of the samples"
+    if mean["torque_saturated_share"] > limits.torque_saturated:
+        yield f"a motor torque is at its limit in {100 * mean['torque_saturated_share']:.3g} % of the samples"
     if chatters:
         yield (
-            f"it chatters: tensions jump by {metrics.chatter:.3g} N a sample, {100 * metrics.chatter / half:.2g} % of "
+            f"it chatters: tensions jump by {mean['chatter']:.3g} N a sample, {100 * mean['chatter'] / half:.2g} % of "
             "their mean"
         )
 
@@ -248,8 +299,17 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
     if worst.verdict == "fails":
         yield (
             f"drum {worst.winch} may oscillate on its rope at {worst.frequency:.3g} Hz: the loop gain at this "
-            f"resonance is {worst.gain:.3g}, must be at most 1 {where}"
+            f"resonance is {worst.gain:.3g}, must be at most 1{_damping_advice(experiment, worst.winch)} {where}"
         )
+
+
+def _damping_advice(experiment: Experiment, winch: int) -> str:
+    """What to set where the drum's speed is damped less than the wave impedance of its rope."""
+    key, matched = f"controller.winch_{winch}.damping", matched_damping(experiment, winch)
+    here = leaves(experiment).get(key)
+    if here is None or here >= 0.9 * matched:
+        return ""
+    return f"; {key} = {here:.3g}, where {matched:.3g} matches its rope"
 
 
 def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], advice: str = "") -> Iterator[str]:

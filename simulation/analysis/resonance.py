@@ -34,7 +34,7 @@ from dualwinch.model.heavy_ropes import end_mass, rope_on_drum
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.model.ropes import rope_lengths
+from dualwinch.model.ropes import rope_lengths, tangent_rope
 from dualwinch.model.scalar import Scalar, sqrt
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import total_inertia
@@ -56,6 +56,9 @@ THRESHOLD, OF_ONE_DRUM = 1.0, 2.0
 
 UNDECIDED = (0.8, 1.25)
 """Range of loop gains in which the rule is inconclusive: it contains the bounds found by eigenvalues (docs/site.md)."""
+
+STEEL_ROPE = 2.36
+"""Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes modelled without mass."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,22 @@ def resonance_gains(
         for amplitude, of_amplitude in zip(amplitudes, terms[0], strict=True)
         for number, of_winch in enumerate(of_amplitude, start=1)
     ]
+
+
+def matched_damping(experiment: Experiment, winch: int) -> float:
+    """Damping of a drum's speed, in N m s/rad at the motor, that matches the wave impedance of its rope at mid-track.
+
+    ``sqrt(EA mu) R²/G``, with the tangent of the rope at half the preload (`controllers.coordinations.winch_pid`).
+
+    Args:
+        experiment: plant and preload.
+        winch: 1 or 2.
+    """
+    plant = experiment.plant
+    side, length = plant.sides[winch - 1], plant.track.length / 2 + plant.track.rope_offset
+    rope = tangent_rope(side.rope, experiment.controller.limits.preload / 2, length)
+    impedance = math.sqrt(rope.modulus * rope.area * (side.rope.mass_per_length or STEEL_ROPE))
+    return impedance * side.winch.drum_radius**2 / side.winch.gear_ratio
 
 
 def resonance_terms(

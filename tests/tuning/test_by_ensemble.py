@@ -1,7 +1,12 @@
+from pathlib import Path
+
 import pytest
 
-from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
+from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, loads_ensemble
+from dualwinch.config.experiment_file import load, loads, own_keys, to_toml
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.analysis.resonance import matched_damping
+from dualwinch.simulation.paper import case
 from dualwinch.tuning.baseline import RESERVE, assumptions, default_coordination, default_estimator, default_reserve
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tuning_problem import tuning_problem
@@ -82,3 +87,72 @@ def test_the_drums_damping_leads_by_a_share_of_the_drives_lag_and_is_not_searche
     )
     assert lead == pytest.approx(0.4 * drive)
     assert not any(name.endswith((".damping", ".lead")) for name in problem.space.names)
+
+
+DAMPING, KIND = "controller.winch_1.damping", "controller.coordination.kind"
+
+HEAVY = """
+[plant.rope_1]
+mass_per_length = 2.4
+submerged_weight = 20.5
+[plant.rope_2]
+mass_per_length = 2.4
+submerged_weight = 20.5
+[plant.winch_1]
+inertia = 90.0
+[plant.winch_2]
+inertia = 90.0
+"""
+
+
+def test_a_file_of_a_heavy_machine_starts_as_the_site_does_but_for_gains_that_it_names(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(f"{HEAVY}[controller.winch_2]\ndamping = 50.0\n")
+    problem = tuning_problem(config=mine, ensemble="rig")
+    found = leaves(problem.experiment)
+    assert found[DAMPING] == pytest.approx(matched_damping(load(mine), 1))
+    assert found["controller.winch_2.damping"] == 50
+    assert found["controller.coordination.preload"] == 1.8 * 2000
+    assert found[KIND] == "proportional-tension"
+    assert found["controller.nftsm.phi"] == 0.01
+    assert any(f"({DAMPING} = {found[DAMPING]:.3g})" in line for line in problem.choices)
+
+
+def test_a_heavy_machine_without_an_ensemble_starts_so_too(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text(HEAVY)
+    problem = tuning_problem(config=mine)
+    found = leaves(problem.experiment)
+    assert found[DAMPING] == pytest.approx(matched_damping(load(mine), 1))
+    assert (found["controller.estimator"], found[KIND]) == ("calibrating-kalman", "proportional-tension")
+    assert len(problem.choices) == 3
+    assert "controller.nftsm.smoothing" in problem.space.names
+    light = tuning_problem(case=4)
+    assert light.experiment == case(4)
+    assert not light.choices
+
+
+def test_the_start_of_a_completed_file_is_that_of_the_file(tmp_path: Path) -> None:
+    """Values that ``dualwinch config`` has added and marked are not named."""
+    mine, whole = tmp_path / "mine.toml", tmp_path / "whole.toml"
+    mine.write_text(HEAVY)
+    whole.write_text(to_toml(load(mine), own_keys(mine)))
+    assert tuning_problem(config=whole).experiment == tuning_problem(config=mine).experiment
+
+
+def test_gains_that_an_ensembles_own_file_names_are_the_start(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    text = find_ensemble("site").read_text(encoding="utf-8")
+    own.write_text(f"{text}\n[controller.winch_1]\ndamping = 120.0\n")
+    found = leaves(tuning_problem(ensemble=own).experiment)
+    assert found[DAMPING] == 120
+    assert found["controller.winch_2.damping"] == leaves(tuning_problem(ensemble="site").experiment)[DAMPING]
+
+
+def test_an_experiment_is_taken_as_it_is_and_undamped_drums_are_said() -> None:
+    given = loads(HEAVY)
+    problem = tuning_problem(given, ensemble="rig")
+    assert problem.experiment.controller == given.controller
+    (said,) = problem.choices
+    assert said.startswith("gains as the experiment has them, with controller.winch_1.damping and controller.winch_2.")
+    assert not tuning_problem(case(4), ensemble="sea").choices

@@ -86,6 +86,18 @@ def test_a_run_that_leaves_the_track_is_a_result(capsys: pytest.CaptureFixture[s
     assert all(" – " in line for line in said.splitlines() if line.startswith(("mse", "mae", "peak_tension", "energy")))
 
 
+def test_an_ensemble_is_remarked_on_like_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["simulate", "--ensemble", "site", "--scenarios", "2", *SHORT]
+    main(words)
+    said = capsys.readouterr().out
+    assert "note: unstable at small amplitudes" in said
+    assert "dualwinch linearise --set simulation.duration=0.2 --ensemble site --loop closed --x 25" in said
+    main([*words, "--json"])
+    remarks = json.loads(capsys.readouterr().out)["remarks"]
+    assert all(f"note: {remark}" in said for remark in remarks)
+    assert remarks
+
+
 @pytest.mark.parametrize("option", [(), ("--statistics-only",)])
 def test_statistics_of_an_ensemble_say_how_many_scenarios_they_are_of(
     option: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -17,10 +17,13 @@ from dualwinch.simulation.analysis.remarks import (
     amplitude_remarks,
     defaults_left,
     delay_remarks,
+    ensemble_remarks,
+    loop_remarks,
     remarks,
     unusual_values,
     without_effect,
 )
+from dualwinch.simulation.analysis.resonance import matched_damping
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
@@ -145,6 +148,37 @@ def test_values_of_likely_another_unit_are_said_and_those_of_heavy_machines_are_
     ]
     assert said[0] == "plant.vehicle.mass = 3 kg is 0.0003 times the default, 10000 kg: check its unit"
     assert not unusual_values(load_ensemble("site").experiment)
+
+
+def test_units_of_values_whose_default_leaves_their_effect_out_are_checked_by_typical_ones() -> None:
+    wrong = {"plant.rope_1.mass_per_length": 2400.0, "plant.winch_2.gear_stiffness": 300.0}
+    rope, gear = unusual_values(override(SHORT, wrong))
+    typical = "is 1e+03 times a typical value, 2.36 kg/m: check its unit"
+    assert rope == f"plant.rope_1.mass_per_length = 2400 kg/m {typical}"
+    assert gear.startswith("plant.winch_2.gear_stiffness = 300 ")
+
+
+def test_a_drum_that_may_oscillate_is_said_with_the_damping_that_matches_its_rope() -> None:
+    site = load_ensemble("site").experiment
+    (said,) = [words for words in loop_remarks(site) if "may oscillate" in words]
+    matched = matched_damping(site, int(said.split("drum ")[1][0]))
+    assert f".damping = 0, where {matched:.3g} matches its rope" in said
+    damped = override(site, {f"controller.winch_{winch}.damping": matched for winch in (1, 2)})
+    assert not [words for words in loop_remarks(damped) if "matches" in words]
+
+
+def test_remarks_on_an_ensemble_are_of_its_worst_scenario_and_its_mean() -> None:
+    good = {"slack_share": 0.0, "peak_tension": 5e3, "chatter": 1.0, "saturated_share": 0.0}
+    good["torque_saturated_share"] = 0.5
+    worst = good | {"slack_share": 0.125, "saturated_share": 0.5}
+
+    def said(**kinds: dict[str, float]) -> list[str]:
+        statistics = {name: {kind: of[name] for kind, of in kinds.items()} for name in good}
+        return list(ensemble_remarks(case(2), statistics, completed=True))
+
+    assert not said(worst=good, mean=good)
+    (slack,) = said(worst=worst, mean=good)
+    assert slack.startswith("a rope is slack in 12.5 % of the samples of the worst scenario: ")
 
 
 def test_tensions_far_beyond_their_limit_are_said() -> None:
