@@ -16,7 +16,7 @@ from dualwinch.simulation.analysis.authority import infeasible_words
 from dualwinch.simulation.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
-from dualwinch.tuning.baseline import assumptions, swings
+from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
 from dualwinch.tuning.constraints import LATE
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import TuningProblem
@@ -396,6 +396,8 @@ def advice(tuned: TuningResult) -> list[str]:
     if verdict.improved and verdict.scored.feasible:
         return []
     found: list[str] = []
+    if undamping := undamped(problem.experiment):
+        found.append(f"damping of the drums (--set): {' and '.join(undamping)} = 0, though {SWINGING}")
     wanted = problem.selection.trials_needed(len(problem.space.dimensions))
     if len(tuned.trials) < wanted:
         found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")

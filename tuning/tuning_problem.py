@@ -173,15 +173,15 @@ def _ensemble(ensemble: str | Path | Ensemble | None, base: Experiment, alone: b
 def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collection[str]) -> tuple[Ensemble, list[str]]:
     """An ensemble with some values set, and default parts and gains where none is named, with the reasons in words."""
     chosen, parts = list[str](), dict[str, str]()
-    where = f"'{ensemble.name}'" if ensemble.distributions else ensemble.name
+    where = f"in '{ensemble.name}'" if ensemble.distributions else f"on {ensemble.name}"
     if ESTIMATOR not in named:
         parts[ESTIMATOR] = usual = default_estimator(ensemble)
         misled = "" if usual == CALIBRATING else ", encoder zeros, drums or the position sensor are not exact"
-        reason = f"in {where} sensors are noisy{misled}" if ensemble.distributions else SWINGING
+        reason = f"{where} sensors are noisy{misled}" if ensemble.distributions else SWINGING
         chosen.append(f"estimator {usual}: none is named, and {reason}")
     if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
         parts[COORDINATION] = sharing
-        chosen.append(f"coordination {sharing}: none is named, and in {where} ropes sag between rollers")
+        chosen.append(f"coordination {sharing}: none is named, and {where} ropes sag between rollers")
     ensemble = reset(reset(ensemble, parts), values)
     gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
     started = {key: value for key, value in gains.items() if key not in named}

@@ -161,8 +161,8 @@ def preloads() -> str:
         "stiffness left, rollers of 1 m",
         "of 2 m",
         "spans of 2 m swing at (Hz)",
-        f"of {DRAWS} draws below {allowed:g} N, force shared by halves",
-        "in proportion",
+        f"draws of {DRAWS} with a tension below {allowed:g} N, fast force shared by halves",
+        "the same, shared in proportion",
     ]
     return markdown(["preload (N)", *heading, "median RMS (mm)", "continuous load over the paper's"], rows)
 

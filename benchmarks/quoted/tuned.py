@@ -110,7 +110,8 @@ def tuning() -> str:
 - **What tuning gains.** [`site`](docs/site.md) is an ensemble of realistic machines: ropes with mass and sag, heavy
   winches with elastic gearboxes, inexact drums, sensors and drives. The paper's gains are lost there; with
   damping of the drums they leave a root mean square error of {sqrt(drawn.paper):.1f} mm, and a rope goes slack on
-  {slack["paper"]} of {SCENARIOS} machines. Gains that `dualwinch tune` finds in a minute
+  {slack["paper"]} of {SCENARIOS} machines. The gains of a search by
+  `dualwinch tune`, most of whose merit is [what it starts from](docs/site.md#what-the-controller-needs),
   reduce that to {sqrt(drawn.tuned):.2f} mm and
   {slack["tuned"]} slack ropes, for {load:.2f} times the motors' load; if the position sensor never falls silent, from
   {sqrt(without.paper):.1f} to {sqrt(without.tuned):.2f} mm. That is in simulation, on machines the search never saw,

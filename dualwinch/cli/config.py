@@ -18,6 +18,7 @@ app = App(
     dualwinch config --case 4 --set controller.kind=nftsm
     dualwinch config --plugin my_law.py --set controller.kind=my-law > mine.toml
     dualwinch config --ensemble sea > my-sea.toml
+    dualwinch config --config mine.toml --start > start.toml
 """,
 )
 
@@ -27,6 +28,14 @@ def config(
     *,
     given: ExperimentOptions = EXPERIMENT,
     ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
+    start: Annotated[
+        bool,
+        Parameter(
+            help="Print the parts and gains from which `tune` starts, alone or with --ensemble; those that are named "
+            "stay as they are.",
+            negative="",
+        ),
+    ] = False,
 ) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
@@ -38,6 +47,9 @@ def config(
     from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml
     from dualwinch.model.errors import ConfigurationError
 
+    if start:
+        sys.stdout.write(_start(given, ensemble))
+        return
     if ensemble is None:
         experiment = given.experiment()
         mine = own_keys(given.config) | given.values.keys() if given.config else None
@@ -48,3 +60,17 @@ def config(
     given.use_parts()
     load_ensemble(ensemble)
     sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
+
+
+def _start(given: ExperimentOptions, ensemble: str | None) -> str:
+    """The experiment from which ``tune`` starts as TOML, with the reasons for parts and gains that nobody has named."""
+    from dualwinch.config.experiment_file import own_keys, to_toml
+    from dualwinch.model.quantities.tree import leaves
+    from dualwinch.tuning.tuning_problem import tuning_problem
+
+    before = given.nominal(ensemble)
+    problem = tuning_problem(case=given.case, config=given.config, settings=given.assignments, ensemble=ensemble)
+    values, usual = leaves(problem.experiment), leaves(before)
+    chosen = {key for key, value in values.items() if usual.get(key) != value}
+    mine = own_keys(given.config) | given.values.keys() | chosen if given.config else None
+    return "".join(f"# {line}\n" for line in problem.choices) + to_toml(problem.experiment, mine)

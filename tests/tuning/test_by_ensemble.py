@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.cli import main
 from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load, loads, own_keys, to_toml
 from dualwinch.model.quantities.tree import leaves
@@ -156,3 +157,18 @@ def test_an_experiment_is_taken_as_it_is_and_undamped_drums_are_said() -> None:
     (said,) = problem.choices
     assert said.startswith("gains as the experiment has them, with controller.winch_1.damping and controller.winch_2.")
     assert not tuning_problem(case(4), ensemble="sea").choices
+
+
+def test_config_prints_the_start_for_a_machine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, start = tmp_path / "mine.toml", tmp_path / "start.toml"
+    mine.write_text(HEAVY)
+    main(["config", "--config", str(mine), "--start"])
+    printed = capsys.readouterr().out
+    assert printed.startswith("# estimator calibrating-kalman: none is named, and ")
+    start.write_text(printed)
+    problem = tuning_problem(config=mine)
+    assert load(start) == problem.experiment
+    assert DAMPING in own_keys(start)
+    assert tuning_problem(config=start).experiment == problem.experiment
+    main(["config", "--ensemble", "site", "--start"])
+    assert loads(capsys.readouterr().out) == tuning_problem(ensemble="site").experiment
