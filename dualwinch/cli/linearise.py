@@ -301,7 +301,7 @@ PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 MARGIN_COLUMNS = (
     FigureColumn("gain"),
     FigureColumn("gain_frequency", "Hz", "at Hz"),
-    FigureColumn("least_gain", heading="least"),
+    FigureColumn("least_gain", heading="least gain"),
     FigureColumn("phase", "deg", "phase °"),
     FigureColumn("phase_frequency", "Hz", "at Hz"),
     FigureColumn("delay", "s", "delay ms", 1e3),

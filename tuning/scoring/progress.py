@@ -1,5 +1,6 @@
 """Progress of a study: its phases in words, and the status of the search after each batch."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 
 DRAWING = "drawing scenarios"
-REFERENCES = "compiling, a minute or two the first time; scoring the paper's gains and the start"
+REFERENCES = "compiling, up to a minute the first time; scoring the paper's gains and the start"
 SEARCHING = "searching"
 CHOOSING = "choosing among the validated candidates"
 SCORING = "scoring the best, the start and the paper's gains"
@@ -107,7 +108,9 @@ class TuningProgress:
         of, left = f" of {trials}" if trials else "", _left(now, until, trials)
         words = [] if left is None else [f"{left:.0f} s of search left"]
         words.append(f"{now.trials}{of} trials, {100 * now.feasible / max(now.trials, 1):.0f} % feasible")
-        if now.best:
+        if now.best and not all(map(math.isfinite, now.best.objectives)):
+            words.append("no trial has completed its runs yet")
+        elif now.best:
             values = ", ".join(
                 f"{statistic.name} {value:.4g}{behind_number(statistic.unit)}"
                 for statistic, value in zip(self.objectives, now.best.objectives, strict=False)
