@@ -264,6 +264,14 @@ def weight_in_water(mass_per_length: Scalar, density: Scalar) -> Scalar:
     return mass_per_length * GRAVITY * (1 - density / STEEL)
 
 
+def transverse_mass(rope: RopeLaw) -> Scalar:
+    """Mass in kg/m that moves with the sag, that of the rope and the added mass of the water.
+
+    At least what the rope's weight in water requires, so that a rope may sag whose mass along the rope is left out.
+    """
+    return maximum(rope.mass_per_length + rope.added_mass_per_length, rope.submerged_weight / GRAVITY)
+
+
 LEAST_PULL = 50.0
 """Lower bound of the tension in N for the sag, which grows without bound at zero."""
 
@@ -322,7 +330,7 @@ def rope_pull(
         rate, mean = state.sag.rate, sum(tensions) / n
         across = 16 / 35 * 0.5 * density * rope.cross_drag * rope.diameter * absolute(rate) * rate
         lifting = 16 / 3 * mean * steep
-        moved = 8 / 15 * (rope.mass_per_length + rope.added_mass_per_length)
+        moved = 8 / 15 * transverse_mass(rope)
         sag = Sag(rate, (2 / 3 * rope.submerged_weight - lifting - across) / moved)
     return RopePull(
         at_drum=tensions[0] + along[0],

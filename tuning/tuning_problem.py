@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dualwinch.config.distribution_entries import check_range
 from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import experiment_from, loads, own_keys, to_toml
 from dualwinch.config.toml_text import flattened, parse_assignment, read_source
@@ -117,6 +118,8 @@ def tuning_problem(
                 if not (keys := undamped(machines.experiment))
                 else [f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}"]
             )
+        for key, distribution in machines.distributions.items():
+            check_range(key, distribution, machines.experiment)
         base = machines.experiment
         drawn = None if drawn is None else machines
     count = SCENARIOS if scenarios is None else scenarios

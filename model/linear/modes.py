@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.model.arguments import instance
-from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum
+from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum, transverse_mass
 from dualwinch.model.linear.operating_point import PRELOAD
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState, Side, blank_state
@@ -193,7 +193,7 @@ def _side_masses(side: Side, length: float, plant: Plant) -> SideMasses:
         rotor=rotor,
         end=end,
         node=lumped_mass(rope, length) if present(rope.mass_per_length) else 0.0,
-        sag=8 / 15 * (rope.mass_per_length + rope.added_mass_per_length) * length,
+        sag=8 / 15 * transverse_mass(rope) * length,
     )
 
 

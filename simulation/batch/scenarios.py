@@ -101,20 +101,27 @@ def scenario_groups(scenarios: Scenarios) -> list[ScenarioGroup]:
 
 
 def _of_draws(drawn: Mapping[int, Scenario]) -> Iterator[ScenarioGroup]:
-    """Groups of draws of one experiment, given by their indices in the batch; the same keys have words as values."""
+    """Groups of draws of one experiment, given by their indices in the batch; the same keys have words as values.
+
+    Which numbers are zero is equal within a group where zero leaves code out.
+    """
     place, first = next(iter(drawn.items()))
-    shaped = _having(first, place, [key for key, value in first.draws.items() if not _is_number(value)])
-    plain = plain_numbers(shaped)
-    columns = [key for key in first.draws if key in plain]
-    others = [key for key in first.draws if key not in plain]
-    for places in _grouped(drawn, (tuple(given.draws[key] for key in others) for given in drawn.values())):
-        yield ScenarioGroup(
-            members=np.array(places),
-            experiment=_having(drawn[places[0]], places[0], others),
-            nominal=first.nominal,
-            drawn=frozenset(first.draws),
-            columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
-        )
+    worded = [key for key, value in first.draws.items() if not _is_number(value)]
+    known = describe_parts(_having(first, place, worded))
+    shaping = [key for key in first.draws if key in known and Mark.SHAPES_CODE_AT_ZERO in known[key].marks]
+    patterns = (tuple(given.draws[key] != 0 for key in shaping) for given in drawn.values())
+    for alike in list(_grouped(drawn, patterns)):
+        plain = plain_numbers(_having(drawn[alike[0]], alike[0], [*worded, *shaping]))
+        columns = [key for key in first.draws if key in plain]
+        others = [key for key in first.draws if key not in plain]
+        for places in _grouped(alike, (tuple(drawn[place].draws[key] for key in others) for place in alike)):
+            yield ScenarioGroup(
+                members=np.array(places),
+                experiment=_having(drawn[places[0]], places[0], {*others, *shaping}),
+                nominal=first.nominal,
+                drawn=frozenset(first.draws),
+                columns={key: np.array([drawn[place].draws[key] for place in places]) for key in columns},
+            )
 
 
 def _grouped(places: Iterable[int], keys: Iterable[Hashable]) -> Iterable[list[int]]:
@@ -277,6 +284,8 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
         elif leaf.kind is bool:
             wrong |= (column != 0) & (column != 1)
             allowed = "0 or 1"
+        if Mark.SHAPES_CODE_AT_ZERO in leaf.marks:
+            wrong, allowed = wrong | (column == 0), "> 0, as in the scenarios: zero leaves its effect out of the code"
         if wrong.any():
             row = int(wrong.argmax())
             raise ConfigurationError(f"parameters[{row}]: {name} = {column[row]:g}: must be {allowed}")
@@ -353,9 +362,11 @@ def by_structure(
     shapes = [(with_leaves(shape[0], {"simulation.substeps": 1}), *shape[1:-1]) for shape in places]
     for shape, indices in zip(shapes, places.values(), strict=True):
         if alike and shape != shapes[0]:
-            where = f"scenarios[{indices[0]}]"
+            odd = sorted(described_parameters(shape[0]).keys() ^ described_parameters(shapes[0][0]).keys())
+            said = f"; zero or absent in one of them alone: {', '.join(odd[:4])}" if odd else ""
             raise ConfigurationError(
-                f"{where}: must have the structure and the length of scenarios[0], and its sample time"
+                f"scenarios[{indices[0]}]: must have the structure and the length of scenarios[0], and its sample time"
+                f"{said}"
             )
     done = 0
     for indices in places.values() or [[]]:

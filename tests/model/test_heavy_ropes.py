@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
-from dualwinch.model.heavy_ropes import Sag, span_of
+from dualwinch.model.heavy_ropes import Sag, span_of, transverse_mass
 from dualwinch.model.plant import (
     DisturbanceInputs,
     Plant,
@@ -235,3 +235,8 @@ def test_waves_and_sag_neither_gain_nor_lose_energy() -> None:
     before = energy(with_leaves(rest, dict(zip(names, start, strict=True))), plant)
     assert energy(end, plant) == pytest.approx(before, abs=1e-4)
     assert abs(end.omega_1 - 0.02) > 1e-3
+
+
+def test_a_rope_that_sags_without_mass_of_its_own_moves_with_what_its_weight_requires() -> None:
+    assert transverse_mass(Rope(submerged_weight=20.2)) == pytest.approx(20.2 / 9.81)
+    assert transverse_mass(Rope(submerged_weight=20.2, mass_per_length=2.36, added_mass_per_length=0.6)) == 2.36 + 0.6

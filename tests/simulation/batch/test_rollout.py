@@ -182,6 +182,13 @@ def test_wrong_arguments_are_named(words: dict[str, Any], message: str) -> None:
         rollout(**given)
 
 
+def test_zero_is_refused_where_it_would_need_other_code() -> None:
+    key = "plant.winch_1.gear_stiffness"
+    geared = override(case(4), {key: 1.4e6, "plant.winch_1.rotor_inertia": 0.02, "simulation.duration": 0.01})
+    with pytest.raises(ConfigurationError, match=rf"parameters\[1\]: {key} = 0: must be > 0, as in the scenarios"):
+        rollout([key], [[1e6], [0.0]], [geared])
+
+
 def test_scenarios_must_go_together() -> None:
     other = replace(scenario(4), controller=Controller(law=Nftsm()))
     with pytest.raises(ConfigurationError, match=r"scenarios\[1\]"):

@@ -13,12 +13,15 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import BLOCKS, rollout
 from dualwinch.simulation.ensembles import run as module
-from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
+from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble, Uniform
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.ensembles.run import TRACE_POINTS, run_ensemble
 from dualwinch.simulation.metrics.metrics import BUILT_IN, metric_quantities
+from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.tuning.tuning_problem import tuning_problem
 
 
 def lasting(seconds: float) -> Ensemble:
@@ -218,3 +221,30 @@ def test_values_that_do_not_fit_together_name_their_scenario() -> None:
     values = {"controller.coordination.preload": Drawn(Choice((100.0,)))}
     with pytest.raises(ConfigurationError, match=r"scenario 0: controller\.coordination\.preload = 100"):
         run_ensemble(replace(lasting(0.1), distributions=values), 3, 0)
+
+
+EFFECTS = {
+    "plant.winch_1.gear_loss": Uniform(0.1, 0.3),
+    "plant.rope_1.mass_per_length": Uniform(2.0, 3.0),
+    "plant.rope_1.hysteresis": Uniform(1.0, 14.0),
+    "sensors.load_cell_time_constant": Uniform(1e-3, 3e-3),
+}
+
+
+@pytest.mark.parametrize("key", EFFECTS)
+def test_an_effect_that_the_nominal_machine_lacks_is_in_the_runs_where_it_is_drawn(key: str) -> None:
+    nominal = override(case(4), {"simulation.duration": 0.5})
+    ensemble = Ensemble("x", "", nominal, {key: Drawn(EFFECTS[key])})
+    found = run_ensemble(ensemble, 3, 0).metrics["max_abs_error"]
+    for scenario, error in zip(ensemble.scenarios(3, 0), found, strict=True):
+        assert error == pytest.approx(simulate(scenario.experiment, nominal=scenario.nominal).metrics.max_abs_error)
+        assert error != pytest.approx(simulate(nominal).metrics.max_abs_error, rel=1e-3)
+
+
+def test_scenarios_with_and_without_an_effect_are_not_run_as_alike() -> None:
+    key = "plant.rope_1.mass_per_length"
+    ensemble = Ensemble("x", "", override(case(4), {"simulation.duration": 0.1}), {key: Drawn(Choice((0.0, 2.36)))})
+    with pytest.raises(ConfigurationError, match=f"zero or absent in one of them alone: .*{key}"):
+        run_ensemble(ensemble, 8, 0)
+    with pytest.raises(ConfigurationError, match=f"{key}: must be > 0, in"):
+        tuning_problem(ensemble=ensemble)
