@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -76,10 +77,25 @@ def experiment_from(
     if case is not None and config is not None:
         raise ConfigurationError("--case and --config: give one of them")
     values: dict[str, Any] = {} if controller is None else {"controller.kind": controller}
-    values |= dict(map(parse_assignment, assignments or ()))
+    values |= assigned(assignments or ())
     if config:
         return load(config, settings=values)
     return override(paper_case(case) if case is not None else Experiment(), values)
+
+
+def assigned(assignments: Sequence[str]) -> dict[str, Any]:
+    """Key → value of assignments; ``*`` stands for any part of a key, as in ``plant.rope_*.damping=300``.
+
+    Raises:
+        ConfigurationError: no key or no ``=``, a value that no key can have, or a pattern that matches no key.
+    """
+    found: dict[str, Any] = {}
+    for pattern, value in map(parse_assignment, assignments):
+        keys = [key for key in known_keys() if fnmatchcase(key, pattern)] if "*" in pattern else [pattern]
+        if not keys:
+            raise ConfigurationError(f"{pattern}: no key is like this; dualwinch config prints all keys")
+        found |= dict.fromkeys(keys, value)
+    return found
 
 
 def from_table(

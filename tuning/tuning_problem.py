@@ -7,8 +7,8 @@ from typing import Any
 
 from dualwinch.config.distribution_entries import check_range
 from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
-from dualwinch.config.experiment_file import experiment_from, loads, own_keys, to_toml
-from dualwinch.config.toml_text import flattened, parse_assignment, read_source
+from dualwinch.config.experiment_file import assigned, experiment_from, loads, own_keys, to_toml
+from dualwinch.config.toml_text import flattened, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
@@ -96,7 +96,7 @@ def tuning_problem(
         ConfigurationError: an invalid key, value, space, objective or constraint.
     """
     instance("experiment", experiment, Experiment, optional=True)
-    values = dict(map(parse_assignment, texts("settings", settings)))
+    values = assigned(texts("settings", settings))
     config = None if config is None else Path(config)
     if experiment is not None and (case is not None or config is not None):
         raise ConfigurationError("experiment: give it alone, without case or config")

@@ -46,7 +46,11 @@ Priors = Annotated[
 
 Assignments = Annotated[
     list[str] | None,
-    Parameter(name="--set", help="key=value, any key of `dualwinch config`; may be repeated.", negative=""),
+    Parameter(
+        name="--set",
+        help="key=value, any key of `dualwinch config`, or all that are like plant.rope_*.damping; may be repeated.",
+        negative="",
+    ),
 ]
 
 Plugins = Annotated[
@@ -131,9 +135,9 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: an assignment without a key or a value.
         """
-        from dualwinch.config.toml_text import parse_assignment
+        from dualwinch.config.experiment_file import assigned
 
-        return dict(map(parse_assignment, self.assignments))
+        return assigned(self.assignments)
 
     @property
     def typed(self) -> str:

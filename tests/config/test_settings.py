@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.experiment_file import load
+from dualwinch.config.experiment_file import assigned, load
 from dualwinch.config.plugins import register
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.coordinations.force_position import ForcePosition
@@ -231,3 +231,12 @@ def test_what_a_key_is() -> None:
     )
     with pytest.raises(ConfigurationError, match=r"^controller\.adrc is a table; its keys are control_bandwidth, obs"):
         leaf_of("controller.adrc")
+
+
+def test_a_pattern_stands_for_all_keys_that_are_like_it() -> None:
+    assert assigned(["plant.rope_*.damping=300", "plant.rope_2.damping=400"]) == {
+        "plant.rope_1.damping": 300,
+        "plant.rope_2.damping": 400,
+    }
+    with pytest.raises(ConfigurationError, match=r"plant\.rope_\*\.damp: no key is like this"):
+        assigned(["plant.rope_*.damp=300"])
