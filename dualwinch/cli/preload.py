@@ -24,6 +24,7 @@ from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from dualwinch.simulation.analysis.preload import OptimalPreload, Preloads
+    from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.result import Result
 
 app = App(
@@ -57,19 +58,47 @@ def preload(
 
     Runs the experiment with its own constant preload, with the best constant preload that has no larger error and no
     smaller tensions than the schedule, and with the preload scheduled, and solves for the tensions over time that load
-    the motors optimum. Prints load, tensions, work and error of each.
+    the motors least. Prints load, tensions, work and error of each. Constant preloads have differential tension; an
+    experiment with another coordination is first run as it is.
     """
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads
 
-    experiment = given.experiment(f"controller.coordination.kind={ScheduledPreload.kind}")
+    experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
     check_file(out, ".json")
     check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
-        found = preloads(experiment, minimise, error=error, torque_rate=torque_rate, progress=progress)
+        found = preloads(
+            experiment,
+            minimise,
+            error=error,
+            torque_rate=torque_rate,
+            configured=_as_configured(given, experiment),
+            progress=progress,
+        )
     print_preloads(found, given.typed)
     write_json(out, lambda: to_record(found, given.typed))
     write_figure(plot, "preloads", found)
+
+
+COORDINATION = "controller.coordination.kind"
+"""Key that this command sets by default."""
+
+
+def _as_configured(given: ControllerOptions, scheduled: Experiment) -> Experiment:
+    """The experiment of the options with the coordination of case or file, without settings of the schedule."""
+    from dualwinch.config.experiment_file import experiment_from
+    from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
+
+    if COORDINATION in given.values:
+        return scheduled
+    own = f"controller.{ScheduledPreload.table()}."
+    before = experiment_from(given.case, given.config)
+    if isinstance(before.controller.coordination, ScheduledPreload):
+        return scheduled
+    return experiment_from(
+        given.case, given.config, None, [words for words in given.assignments if not words.strip().startswith(own)]
+    )
 
 
 PRINTED = ("continuous_load", "peak_tension", "min_tension", "energy", "chatter", "mse")
@@ -104,12 +133,26 @@ def print_preloads(found: Preloads, typed: str) -> None:
 
     console = terminal()
     console.print(preloads_table(found).render())
+    if found.configured is not None:
+        console.print(_coordinations(found), soft_wrap=True, highlight=False)
     if found.best is None:
         console.print("No constant preload has an error as small as the schedule's and keeps both ropes as taut.")
     else:
         _print_saved(found)
     for words in remarks(found.scheduled):
         console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
+
+
+def _coordinations(found: Preloads) -> str:
+    """Which coordination each run has, where that of the experiment is another one."""
+    kinds = {name: run.experiment.controller.coordination.kind for name, run in found.runs.items()}
+    own, constant, scheduled = kinds["as configured"], kinds["constant"], kinds["scheduled"]
+    held = "constant" if found.best is None else "constant and best constant"
+    share = "shares" if found.best is None else "share"
+    return (
+        f"as configured: {own}, as `simulate` runs it; {held} {share} the force by {constant}, scheduled by "
+        f"{scheduled}, each with the gains that it has in common with {own}."
+    )
 
 
 def _print_saved(found: Preloads) -> None:
@@ -176,6 +219,7 @@ def to_record(found: Preloads, typed: str) -> dict[str, Any]:
         stride = max(1, -(-len(run["t"]) // FILE_POINTS))
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),
+            "coordination": run.experiment.controller.coordination.kind,
             "preload": run.experiment.controller.limits.preload,
             "preload_extremes": _extremes(run),
             "metrics": dict(run.metrics),

@@ -14,7 +14,7 @@ second. Drums have their nominal radius, and the friction at the vehicle's speed
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import casadi as ca
 import numpy as np
@@ -243,8 +243,8 @@ def _problem(
 MEASURE: dict[PreloadObjective, str] = {"load": "continuous_load", "peak": "peak_tension", "energy": "energy"}
 """Objective → figure of merit."""
 
-CONSTANTS = 96
-"""Number of constant preloads in the search, evenly spaced within the limits."""
+CONSTANTS, REFINEMENTS = 96, 2
+"""Number of constant preloads of a grid in the search, and of finer grids between the neighbours of the best."""
 
 AS_GOOD = 1.01
 """Largest ratio of mean square errors at which a constant preload counts as equal to the schedule."""
@@ -256,11 +256,12 @@ class Preloads:
 
     Attributes:
         measure: the figure of merit to minimise.
-        constant: the run with the experiment's own preload, held constant.
+        constant: the run with the experiment's own preload, held constant by differential tension.
         best: the run with the constant preload of smallest measure whose error equals that of the schedule and whose
             smallest tension is not smaller; ``None`` if there is none.
         scheduled: the run of the experiment.
         optimum: lower bound for any controller that keeps the vehicle within the given distance of its reference.
+        configured: the run with the coordination that was configured; ``None`` if that is `constant` or `scheduled`.
     """
 
     measure: str
@@ -268,11 +269,17 @@ class Preloads:
     best: Result | None
     scheduled: Result
     optimum: OptimalPreload
+    configured: Result | None = None
 
     @property
     def runs(self) -> dict[str, Result]:
         """The available runs, by name."""
-        named = {"constant": self.constant, "best constant": self.best, "scheduled": self.scheduled}
+        named = {
+            "as configured": self.configured,
+            "constant": self.constant,
+            "best constant": self.best,
+            "scheduled": self.scheduled,
+        }
         return {name: run for name, run in named.items() if run is not None}
 
     @property
@@ -298,16 +305,18 @@ def preloads(
     *,
     error: float = 0.0,
     torque_rate: float | None = None,
+    configured: Experiment | None = None,
     progress: Progress = no_progress,
 ) -> Preloads:
     """Compare an experiment with scheduled preload with constant preloads and with the lower bound.
 
     Args:
-        experiment: with a schedule as coordination. Runs with constant preload differ in nothing else, winch gains
-            included.
+        experiment: with a schedule as coordination. Runs with constant preload have differential tension instead, and
+            differ in nothing else, winch gains included.
         minimise: objective, ``load``, ``peak`` or ``energy``.
         error: largest distance of the optimum from the reference in m.
         torque_rate: largest rate of each motor torque of the optimum in N m/s; default: any.
+        configured: the experiment before its coordination became the schedule, to be run as well, as it is.
         progress: called from time to time with the completed fraction.
 
     Raises:
@@ -325,27 +334,49 @@ def preloads(
     constant = _with_coordination(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
     as_it_is = simulate(constant)
     progress(0.5)
-    preload = _best_constant(constant, scheduled, MEASURE[minimise], lambda share: progress(0.5 + 0.4 * share))
-    best = None
-    if preload is not None:
-        limits = replace(constant.controller.limits, preload=preload)
-        best = simulate(replace(constant, controller=replace(constant.controller, limits=limits)))
+    best = _best_constant(as_it_is, scheduled, MEASURE[minimise], lambda share: progress(0.5 + 0.4 * share))
+    own = None
+    if configured is not None and configured not in (constant, experiment):
+        own = simulate(configured)
     progress(1.0)
-    return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound)
+    return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound, own)
 
 
 def _with_coordination(experiment: Experiment, coordination: Coordination) -> Experiment:
     return replace(experiment, controller=replace(experiment.controller, coordination=coordination))
 
 
-def _best_constant(experiment: Experiment, scheduled: Result, measure: str, progress: Progress) -> float | None:
-    """The constant preload in N of smallest measure that is as good as the schedule; ``None``: there is none."""
-    limits = experiment.controller.limits
-    tried = np.linspace(2 * limits.tension_min, 2 * limits.command_max, CONSTANTS + 2)[1:-1]
-    batch = rollout(["controller.coordination.preload"], tried[:, None], [experiment], progress=progress)
-    found = {name: values[:, 0] for name, values in batch.metrics.items()}
-    good = found["mse"] <= AS_GOOD * scheduled.metrics.mse
-    good &= found["min_tension"] >= scheduled.metrics.min_tension
-    if not good.any():
-        return None
-    return float(tried[np.where(good, found[measure], np.inf).argmin()])
+def _best_constant(constant: Result, scheduled: Result, measure: str, progress: Progress) -> Result | None:
+    """The run with the constant preload of smallest measure that is as good as the schedule; ``None``: there is none.
+
+    1. Run a grid of preloads within the limits.
+    2. Run a finer grid between both neighbours of the best; repeat.
+    3. Compare the best with the experiment's own preload: where the schedule never rises above that, it is the best
+       exactly, and any grid lies beside it.
+    """
+    experiment, limits = constant.experiment, constant.experiment.controller.limits
+    low, high, preload = 2 * limits.tension_min, 2 * limits.command_max, None
+    for grid in range(REFINEMENTS + 1):
+        tried = np.linspace(low, high, CONSTANTS + 2)
+        batch = rollout(
+            ["controller.coordination.preload"],
+            tried[1:-1, None],
+            [experiment],
+            progress=lambda share, before=grid: progress((before + share) / (REFINEMENTS + 1)),
+        )
+        found = {name: values[:, 0] for name, values in batch.metrics.items()}
+        good = _as_good(found["mse"], found["min_tension"], scheduled)
+        if not good.any():
+            break
+        at = int(np.where(good, found[measure], np.inf).argmin()) + 1
+        low, preload, high = (float(each) for each in tried[at - 1 : at + 2])
+    candidates = [constant] if _as_good(constant.metrics.mse, constant.metrics.min_tension, scheduled) else []
+    if preload is not None:
+        limits = replace(limits, preload=preload)
+        candidates.append(simulate(replace(experiment, controller=replace(experiment.controller, limits=limits))))
+    return min(candidates, key=lambda run: run.metrics[measure], default=None)
+
+
+def _as_good(mse: Any, min_tension: Any, scheduled: Result) -> Any:
+    """Whether runs are as precise as the schedule's, and keep both ropes as taut."""
+    return (mse <= AS_GOOD * scheduled.metrics.mse) & (min_tension >= scheduled.metrics.min_tension)

@@ -89,7 +89,7 @@ def _decades(axes: Axes, values: np.ndarray) -> None:
         axes.set_ylim(max(highest * 10**-DECADES, 1e-300), 3 * highest)
 
 
-PRELOAD_COLOURS = {"constant": GREY, "best constant": VERMILION, "scheduled": BLUE}
+PRELOAD_COLOURS = {"as configured": GOLD, "constant": GREY, "best constant": VERMILION, "scheduled": BLUE}
 """Run → colour."""
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import dualwinch as dw
 from dualwinch.cli import main
 
 
@@ -21,13 +22,44 @@ def test_the_table_and_the_file_say_the_same(tmp_path: Path, capsys: pytest.Capt
     ]
     loads = {name: held[name]["metrics"]["continuous_load"] for name in ("constant", "best_constant", "scheduled")}
     for load in loads.values():
-        assert f"{load:.3g}" in said
+        assert f"{load:.4g}" in said
     assert f"The schedule takes {loads['scheduled'] / loads['best_constant']:.3g} of the continuous load" in said
     assert f"{100 * held['saved_share']:.3g} % of the possible saving" in said
     assert held["optimum"]["metrics"]["continuous_load"] == pytest.approx(38.72, abs=0.01)
     assert len(held["scheduled"]["curves"]["F1"]) == len(held["scheduled"]["curves"]["t"]) == 1000
     assert 'kind = "scheduled-preload"' in held["configuration"]
     assert plot.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("more", [(), ("--set", "controller.scheduled_preload.margin=150")])
+def test_another_coordination_of_the_file_has_a_row_as_it_is(
+    more: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "mine.toml", tmp_path / "p.json"
+    file.write_text(
+        '[controller.coordination]\nkind = "proportional-tension"\n[controller.proportional_tension]\n'
+        "slow_time = 0.7\n[simulation]\nduration = 2.0\n"
+    )
+    main(["preload", "--config", str(file), *more, "--out", str(out)])
+    said = capsys.readouterr().out
+    held = json.loads(out.read_text(), parse_constant=pytest.fail)
+    own = dw.simulate(dw.load(file))
+    measured = {name: value for name, value in held["as_configured"]["metrics"].items() if value is not None}
+    assert measured == pytest.approx({name: own.metrics[name] for name in measured}, rel=1e-12)
+    assert held["as_configured"]["coordination"] == "proportional-tension"
+    assert held["constant"]["coordination"] == "differential-tension"
+    assert held["scheduled"]["coordination"] == "scheduled-preload"
+    names = [line.split()[0] for line in said.splitlines() if line.strip()]
+    assert names.index("as") < names.index("constant")
+    assert (
+        "as configured: proportional-tension, as `simulate` runs it; constant and best constant share the force by "
+        "differential-tension, scheduled by scheduled-preload" in said
+    )
+
+
+def test_the_papers_coordination_has_no_second_row(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["preload", "--case", "4", "--set", "simulation.duration=2"])
+    assert "as configured" not in capsys.readouterr().out
 
 
 @pytest.mark.slow

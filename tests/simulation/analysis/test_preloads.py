@@ -5,11 +5,13 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.analysis.preload import Preloads, optimal_preload, preloads
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 SCHEDULED = override(case(4), {"controller.coordination.kind": "scheduled-preload"})
+SHORT = {"simulation.duration": 1.0}
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,42 @@ def test_the_schedule_lies_between_the_best_constant_and_the_least(found: Preloa
     assert bound < scheduled < 0.75 * constant
     assert found.saved == pytest.approx((constant - scheduled) / (constant - bound))
     assert found.saved > 0.7
+
+
+def test_no_constant_preload_is_better_than_one_that_the_schedule_never_leaves() -> None:
+    """The force of Case 4 needs a sum of 5.6 kN: above that the schedule is a constant preload."""
+    found = preloads(override(SCHEDULED, {"controller.coordination.preload": 7000.0}))
+    assert found.constant.metrics == found.scheduled.metrics
+    assert found.best is not None
+    assert found.best.experiment.controller.limits.preload == 7000.0
+    assert found.saved == 0.0
+
+
+def test_the_best_constant_lies_at_the_edge_whatever_the_grid(found: Preloads, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dualwinch.simulation.analysis.preload.CONSTANTS", 41)
+    other = preloads(SCHEDULED)
+    assert found.best is not None
+    assert other.best is not None
+    first, second = (each.experiment.controller.limits.preload for each in (found.best, other.best))
+    assert first == pytest.approx(second, abs=1.0)
+    assert found.best.metrics.min_tension == pytest.approx(found.scheduled.metrics.min_tension, abs=0.1)
+
+
+def test_another_coordination_is_run_as_configured() -> None:
+    proportional = override(case(4), {"controller.coordination.kind": "proportional-tension"})
+    found = preloads(SCHEDULED, configured=proportional)
+    assert found.configured is not None
+    assert found.configured.experiment == proportional
+    assert found.configured.metrics == simulate(proportional).metrics
+    assert list(found.runs) == ["as configured", "constant", "best constant", "scheduled"]
+    (legend,) = found.plot().legends
+    assert "as configured, 2000 N" in [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("configured", [case(4), SCHEDULED])
+def test_what_is_configured_is_run_once(configured: Experiment) -> None:
+    found = preloads(override(SCHEDULED, SHORT), configured=override(configured, SHORT))
+    assert found.configured is None
 
 
 def test_where_the_schedule_is_lost_nothing_compares_with_it() -> None:
