@@ -1,6 +1,7 @@
 """Constraints of a stress test, their violations, and formatting of numbers with units."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -91,7 +92,7 @@ A study's own constraint on the same metric replaces one of them.
 """
 
 WORSE = 2.0
-"""Factor on a statistic's value in the base: the eased bound for gains that violate a constraint there (`failures`)."""
+"""Factor on a statistic's value in the base: the eased bound, where gains violate a constraint there (`limits_of`)."""
 
 
 def value_of(constraint: Constraint, runs: RunOutcomes) -> float:
@@ -139,21 +140,43 @@ ON_BOUND = 1e-6
 
 @dataclass(frozen=True)
 class RobustnessLimit:
-    """A constraint for particular gains.
+    """A constraint of a stress test, the same for all gains.
 
     Attributes:
-        constraint: that applies, with its bound as a number; eased if the gains violate `asked` in the base or lie on
-            its bound.
+        constraint: that applies, with its bound as a number; eased if gains violate `asked` in the base or lie on its
+            bound.
         asked: the requested constraint, with its bound as a number.
+        on_bound: names of the gains that lie on the requested bound in the base.
+        violated_by: names of the gains that violate it there.
     """
 
     constraint: Constraint
     asked: Constraint
+    on_bound: tuple[str, ...] = ()
+    violated_by: tuple[str, ...] = ()
 
     @property
     def eased(self) -> bool:
-        """Whether the bound is eased, because the gains violate the constraint in the base."""
-        return self.constraint is not self.asked
+        """Whether the bound is eased."""
+        return bool(self.on_bound or self.violated_by)
+
+    def easing(self, whom: str = "") -> str:
+        """Which bound is eased, to what, and because of which gains; empty if it is not.
+
+        Args:
+            whom: the gains to which it applies, such as ``for all gains``; default: not said.
+        """
+        told = [
+            f"{_listed(names)} {verb if len(names) > 1 else singular} it"
+            for names, verb, singular in (
+                (self.on_bound, "lie on", "lies on"),
+                (self.violated_by, "violate", "violates"),
+            )
+            if names
+        ]
+        bound = self.constraint.label.rpartition("= ")[2]
+        eased = " ".join(filter(None, (f"{self.asked.label} is eased to {bound}", whom)))
+        return f"{eased}: {' and '.join(told)} in the base" if told else ""
 
     @property
     def of_paper(self) -> bool:
@@ -180,10 +203,18 @@ class RobustnessLimit:
             "asked": self.asked.text,
             "statistic": constraint.statistic.name,
             "at_least": constraint.at_least,
+            "asked_bound": self.asked.bound,
             "bound": constraint.bound,
             "unit": constraint.statistic.unit,
             "eased": self.eased,
+            "on_bound": list(self.on_bound),
+            "violated_by": list(self.violated_by),
         }
+
+
+def _listed(names: Sequence[str]) -> str:
+    *others, last = names or ("",)
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
@@ -221,26 +252,41 @@ def statistic_of(constraint: Constraint) -> Statistic:
     return constraint.statistic
 
 
-def limits_of(constraints: Sequence[Constraint], paper: RunOutcomes, own: RunOutcomes) -> tuple[RobustnessLimit, ...]:
-    """Constraints for particular gains, with bounds as numbers, eased where the gains violate them in the base.
+def limits_of(
+    constraints: Sequence[Constraint], paper: RunOutcomes, gains: Mapping[str, RunOutcomes]
+) -> tuple[RobustnessLimit, ...]:
+    """Constraints with bounds as numbers, the same for all gains, so that their robustness margins are comparable.
+
+    A bound that some gains violate in the base, or lie on, as the paper's lie on their own value, measures no
+    robustness: they break at any size. It is eased for all gains, to `WORSE` times the worst value of these.
 
     Factors on the paper's value are skipped if the paper's gains complete no run.
 
     Args:
         constraints: possibly with factors on the value with the paper's gains in the base.
         paper: runs of the paper's gains in the base.
-        own: runs of these gains in the base.
+        gains: name of the gains → their runs in the base.
     """
     found = []
     for constraint in constraints:
-        asked, near = constraint.given(value_of(constraint, paper)), ON_BOUND if constraint.of_paper else 0.0
+        asked = constraint.given(value_of(constraint, paper))
         if asked.unbounded:
             continue
-        reached = value_of(asked, own)
-        larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound
-        eased = replace(asked, bound=reached * WORSE if larger else reached / WORSE)
-        found.append(RobustnessLimit(asked if asked.violation(reached, near) <= 0 else eased, asked))
+        values = {name: value_of(asked, runs) for name, runs in gains.items()}
+        excess = {name: asked.violation(value) for name, value in values.items() if math.isfinite(value)}
+        near = ON_BOUND if constraint.of_paper and asked.bound else 0.0  # twice 0 is no easier bound
+        on_bound = tuple(name for name, share in excess.items() if abs(share) < near)
+        violated_by = tuple(name for name, share in excess.items() if share >= near and share > 0)
+        eased = [_eased(asked, values[name]) for name in (*on_bound, *violated_by)]
+        loosest = (min if asked.at_least else max)(eased, key=lambda each: each.bound, default=asked)
+        found.append(RobustnessLimit(loosest, asked, on_bound, violated_by))
     return tuple(found)
+
+
+def _eased(asked: Constraint, reached: float) -> Constraint:
+    """A constraint whose bound is `WORSE` times as bad as a value."""
+    larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound
+    return replace(asked, bound=reached * WORSE if larger else reached / WORSE)
 
 
 def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:

@@ -84,7 +84,8 @@ class RobustnessResult:
     Attributes:
         scaling: base, ensemble, imperfections, number of scenarios and seed.
         controllers: name → controller, the one with the paper's gains first.
-        limits: name → constraints for that controller.
+        limits: name → constraints for that controller; the same for all that do not fail in the base, unless these are
+            judged by multiples of their own values.
         lost: name → limits violated already in the base (`limits.failures`); such controllers are not tested further.
         rows: one per imperfection.
     """
@@ -148,7 +149,7 @@ class RobustnessResult:
         words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
         if is_no_measure(self.lost[PAPER]):
             words = [words[0].replace("*paper)", "*its own)")]
-        for name, limits in self.limits.items():
+        for name in self.limits:
             if self.lost[name]:
                 why = ", ".join(limit.words for limit in self.lost[name])
                 own = (
@@ -160,10 +161,7 @@ class RobustnessResult:
                     else ""
                 )
                 words.append(f"{name}: fails already in the base, {why}{own}")
-                continue
-            eased = "; ".join(limit.constraint.label for limit in limits if limit.eased)
-            if eased:
-                words.append(f"{name}: violates some of these even in the base; judged by {eased}")
+        words += self._easings()
         words += [
             f"{row.imperfection.label} ends at {multiple(size(row.reach.top))}: {row.reach.obstacle}"
             if row.reach.steps
@@ -172,6 +170,13 @@ class RobustnessResult:
             if row.reach.obstacle
         ]
         return words
+
+    def _easings(self) -> list[str]:
+        """Which bounds are eased, to what, and because of which gains."""
+        names = self.names
+        eased = dict.fromkeys(limit for name in names for limit in self.limits[name] if limit.eased)
+        alike = {limit: len(names) > 1 and all(limit in self.limits[name] for name in names) for limit in eased}
+        return [limit.easing("for all gains" if alike[limit] else "") for limit in eased]
 
     def __repr__(self) -> str:
         return "\n".join([f"Stress: {self.heading}", "", markdown(*self.table()), "", *self.notes()])

@@ -307,10 +307,13 @@ def breakdowns(
     tried = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
     runner.compile(controllers.values(), [{}, *tried])
     plain = {name: runner.run(controller, [{}])[0] for name, controller in controllers.items()}
-    limits = {name: limits_of(constraints, plain[PAPER], runs) for name, runs in plain.items()}
+    limits = {name: limits_of(constraints, plain[PAPER], {name: runs}) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
+    held = {name: runs for name, runs in plain.items() if not lost[name]}
     if is_no_measure(lost[PAPER]):  # others are judged by multiples of their own values
-        limits |= {name: limits_of(constraints, runs, runs) for name, runs in plain.items() if name != PAPER}
+        limits |= {name: limits_of(constraints, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}
+    else:  # all by the same bounds
+        limits |= dict.fromkeys(held, limits_of(constraints, plain[PAPER], held))
     found = {
         name: _margins(runner, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()

@@ -32,7 +32,7 @@ def test_defaults_stand_behind_what_a_study_has_noted() -> None:
 
 def test_factors_are_on_what_the_papers_gains_reach_in_the_base() -> None:
     constraints = constraints_of(None, (), EXPERIMENT)
-    limits = limits_of(constraints, reached(GOOD), reached(GOOD, {"mse": (1e-9, 1e-9)}))
+    limits = limits_of(constraints, reached(GOOD), {"own": reached(GOOD, {"mse": (1e-9, 1e-9)})})
     assert [limit.constraint.bound for limit in limits] == [0.0, 6000.0, pytest.approx(1.6e-7)]
     assert not any(limit.eased for limit in limits)
 
@@ -40,12 +40,14 @@ def test_factors_are_on_what_the_papers_gains_reach_in_the_base() -> None:
 def test_paper_gains_that_complete_no_run_bound_nothing() -> None:
     constraints = constraints_of(("worst.mse<=4*paper", "worst.peak_tension<=5000"), (), EXPERIMENT)
     lost = reached(GOOD, outcomes=("left_track", "diverged"))
-    assert [limit.words for limit in limits_of(constraints, lost, reached(GOOD))] == ["worst.peak_tension <= 5000 N"]
+    assert [limit.words for limit in limits_of(constraints, lost, {"own": reached(GOOD)})] == [
+        "worst.peak_tension <= 5000 N"
+    ]
 
 
 def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
     constraints = constraints_of(("worst.min_tension>=100", "worst.peak_tension<=5000"), (), EXPERIMENT)
-    limits = limits_of(constraints, reached(GOOD), reached(GOOD))
+    limits = limits_of(constraints, reached(GOOD), {"paper": reached(GOOD)})
     assert [limit.constraint.bound for limit in limits] == [45.0, 11000.0]
     assert [limit.asked.bound for limit in limits] == [100.0, 5000.0]
     assert all(limit.eased for limit in limits)
@@ -57,7 +59,7 @@ def test_who_breaks_a_constraint_in_the_base_may_become_twice_as_bad() -> None:
 def test_runs_that_end_early_come_first_then_the_largest_share() -> None:
     constraints = constraints_of(("worst.peak_tension<=5000", "worst.min_tension>=100"), (), EXPERIMENT)
     good = reached(GOOD, {"peak_tension": (4000.0, 4000.0), "min_tension": (150.0, 150.0)})
-    limits = limits_of(constraints, good, good)
+    limits = limits_of(constraints, good, {"paper": good})
     bad = reached({"peak_tension": (np.nan, 6000.0), "min_tension": (np.nan, 20.0)}, outcomes=("diverged", "completed"))
     assert [each.words for each in violated_limits(limits, bad)] == [
         "diverged in 1 scenario",
@@ -75,7 +77,7 @@ def test_numbers_are_told_apart_from_their_bounds() -> None:
     )
     good = reached(GOOD)
     found = violated_limits(
-        limits_of(constraints, good, good),
+        limits_of(constraints, good, {"paper": good}),
         reached({"peak_tension": (6004.7, 1.0), "slack_share": (0.00486, 0.0), "mse": (2.5e-6, 0.0)}),
     )
     assert {each.words for each in found} == {
@@ -85,12 +87,61 @@ def test_numbers_are_told_apart_from_their_bounds() -> None:
     }
 
 
-def test_who_is_just_on_a_bound_of_its_own_may_become_twice_as_bad_too() -> None:
-    constraints = constraints_of(("worst.peak_tension<=1*paper", "worst.min_tension>=1*paper"), (), EXPERIMENT)
-    (peak, least) = limits_of(constraints, reached(GOOD), reached(GOOD))
-    assert peak.eased
-    assert least.eased
-    assert peak.constraint.bound == 2 * peak.asked.bound
+def test_a_bound_that_some_gains_lie_on_is_eased_for_all_alike() -> None:
+    """The paper's gains lie on their own value; gains just below it would break by a thousandth."""
+    constraints = constraints_of(
+        ("worst.peak_tension<=1*paper", "worst.min_tension>=1*paper", "worst.mse<=4*paper"), (), EXPERIMENT
+    )
+    below = reached(GOOD, {"peak_tension": (5400.0, 5490.0), "min_tension": (91.0, 95.0)})
+    peak, least, error = limits_of(constraints, reached(GOOD), {"paper": reached(GOOD), "own": below})
+    assert (peak.constraint.bound, least.constraint.bound) == (11000.0, 45.0)
+    assert (peak.on_bound, peak.violated_by) == (("paper",), ())
+    assert not error.eased
+    assert peak.easing() == "worst.peak_tension <= 5500 N is eased to 11000 N: paper lies on it in the base"
+    assert least.easing() == "worst.min_tension >= 90 N is eased to 45 N: paper lies on it in the base"
+    assert error.easing() == ""
+    alone = limits_of(constraints, reached(GOOD), {"own": below})
+    assert not any(limit.eased for limit in alone)
+
+
+def test_a_bound_of_zero_that_all_lie_on_stays() -> None:
+    constraints = constraints_of(("worst.slack_share<=1*paper",), (), EXPERIMENT)
+    (slack,) = limits_of(constraints, reached(GOOD), {"paper": reached(GOOD)})
+    assert not slack.eased
+    assert slack.constraint.bound == 0.0
+
+
+def test_a_figure_that_no_run_has_eases_no_bound() -> None:
+    constraints = constraints_of(("worst.mse<=1e-9",), (), EXPERIMENT)
+    none = reached(GOOD, {"mse": (np.nan, np.nan)})
+    (error,) = limits_of(constraints, reached(GOOD), {"paper": none})
+    assert not error.eased
+    assert violated_limits([error], none)
+
+
+def test_a_bound_that_some_gains_violate_is_eased_to_twice_the_worst_of_them() -> None:
+    constraints = constraints_of(("worst.peak_tension<=1*paper",), (), EXPERIMENT)
+    gains = {
+        name: reached(GOOD, {"peak_tension": (5000.0, peak)})
+        for name, peak in (("paper", 5500.0), ("a", 5700.0), ("b", 5600.0), ("c", 5000.0))
+    }
+    (peak,) = limits_of(constraints, gains["paper"], gains)
+    assert peak.constraint.bound == 11400.0
+    assert (peak.on_bound, peak.violated_by) == (("paper",), ("a", "b"))
+    assert peak.easing() == (
+        "worst.peak_tension <= 5500 N is eased to 11400 N: paper lies on it and a and b violate it in the base"
+    )
+    assert peak.to_dict() == {
+        "asked": "worst.peak_tension<=1*paper",
+        "statistic": "worst.peak_tension",
+        "at_least": False,
+        "asked_bound": 5500.0,
+        "bound": 11400.0,
+        "unit": "N",
+        "eased": True,
+        "on_bound": ["paper"],
+        "violated_by": ["a", "b"],
+    }
 
 
 @pytest.mark.parametrize(
@@ -109,13 +160,13 @@ def test_gains_fail_in_the_base_where_an_eased_bound_would_bound_nothing(
 ) -> None:
     noted = ("worst.min_tension>=120", "worst.peak_tension<=6000", "worst.slack_share<=0", "worst.mse<=4*paper")
     good = reached(GOOD, {"min_tension": (200.0, 150.0)}, reached_in_base)
-    limits = limits_of(constraints_of(noted, (), EXPERIMENT), good, good)
+    limits = limits_of(constraints_of(noted, (), EXPERIMENT), good, {"paper": good})
     assert [each.words for each in failures(limits, good, 6000.0)] == words
 
 
 def test_a_peak_below_what_ropes_bear_is_eased() -> None:
     good = reached(GOOD)
-    limits = limits_of(constraints_of(("worst.peak_tension<=5000",), (), EXPERIMENT), good, good)
+    limits = limits_of(constraints_of(("worst.peak_tension<=5000",), (), EXPERIMENT), good, {"paper": good})
     assert failures(limits, good, 6000.0) == ()
     assert failures(limits, good, 5400.0)
     lost = reached(GOOD, outcomes=("left_track", "completed"))

@@ -122,6 +122,26 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
     assert "wild: fails already in the base, left track in 1 scenario" in repr(found)
 
 
+def test_gains_that_fail_in_the_base_ease_no_bound_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    wild = replace(paper_controller(), limits=Limits(preload=3e3))
+    whole = bench.run_grid
+
+    def beyond(scenarios: np.ndarray, **options: Any):
+        runs = whole(scenarios, **options)
+        if scenarios[0, 0].experiment.controller == wild:
+            runs.metrics["peak_tension"][:] = 1e5
+        return runs
+
+    monkeypatch.setattr(bench, "run_grid", beyond)
+    base = bare()
+    constraints = constraints_from(["worst.peak_tension<=6000"], base.experiment)
+    own = {"paper": paper_controller(), "wild": wild}
+    found = breakdowns(own, base, of(DRUMS, base), constraints, scenarios=2, seed=0)
+    assert [each.name for each in found.lost["wild"]] == ["peak_tension"]
+    assert found.limits["paper"][0].constraint.bound == 6000.0
+    assert not any("eased" in words for words in found.notes())
+
+
 def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
