@@ -580,14 +580,11 @@ def is_unstable(mode: Mode) -> bool:
 
 def listed(found: Sequence[Mode], *, closed: bool) -> list[Mode]:
     """Modes in the order of the tables, unstable ones of a closed loop first; equal names get numbers."""
+    from dualwinch.model.linear.modes import numbered
+
     each = sorted(found, key=lambda mode: closed and not is_unstable(mode))
-    names = [mode.label for mode in each]
-    return [
-        replace(mode, label=f"{mode.label} ({names[: place + 1].count(mode.label)})")
-        if names.count(mode.label) > 1
-        else mode
-        for place, mode in enumerate(each)
-    ]
+    labels = numbered([mode.label for mode in each])
+    return [replace(mode, label=label) for mode, label in zip(each, labels, strict=True)]
 
 
 def _mode_row(mode: Mode, *, closed: bool = False) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -280,6 +280,9 @@ Complex = NDArray[np.complex128]
 ZERO_EIGENVALUE = 1e-8
 """Eigenvalues below this share of the largest are zero up to round-off (the square root of it for a double one)."""
 
+ROUND_OFF, DISTINCT = 1e-9, 1e6
+"""Smallest share in a balanced vector that is none of round-off, and condition number below which vectors differ."""
+
 SAMPLES_A_PERIOD = 10
 """Samples per period that control of a mode requires (Åström and Wittenmark: 10 to 30)."""
 
@@ -339,6 +342,14 @@ class Mode:
         return tuple(names)
 
 
+def numbered(labels: Sequence[str]) -> list[str]:
+    """Labels of modes with a number behind each that occurs more than once, in their order."""
+    count = Counter(labels)
+    return [
+        f"{each} ({labels[: place + 1].count(each)})" if count[each] > 1 else each for place, each in enumerate(labels)
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class Spectrum:
     """All eigenvalues of a system (n), with right eigenvectors (columns) and left ones (rows of the inverse).
@@ -359,7 +370,7 @@ def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
         plant: the plant that was linearised, for the labels (default: the paper's).
     """
     instance("system", system, LinearSystem, hint=" (linearise makes one)")
-    spectrum = spectra([system])[0]
+    spectrum = spectra([system], plant or Plant())[0]
     found = [
         mode(system, spectrum, k, plant or Plant())
         for k, eigenvalue in enumerate(spectrum.eigenvalues)
@@ -379,7 +390,7 @@ def mode(system: LinearSystem, spectrum: Spectrum, k: int, plant: Plant) -> Mode
     )
 
 
-def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
+def spectra(systems: Sequence[LinearSystem], plant: Plant) -> list[Spectrum]:
     """Eigenvalues and eigenvectors of systems of one size, all at once; those of rigid motion are exactly zero."""
     matrices = np.array([system.A for system in systems])
     steady = np.array([0.0 if system.dt is None else 1.0 for system in systems])[:, None]
@@ -388,13 +399,22 @@ def spectra(systems: Sequence[LinearSystem]) -> list[Spectrum]:
     eigenvalues = np.where(still, steady, eigenvalues)
     vectors = right.astype(np.complex128)
     for k in np.flatnonzero(still.sum(axis=1) > 1):
-        vectors[k][:, still[k]] = _basis_of_still(matrices[k] - steady[k] * np.eye(len(matrices[k])), still[k].sum())
+        memory = _memory(systems[int(k)].states, plant)
+        vectors[k][:, still[k]] = _basis_of_still(
+            matrices[k] - steady[k] * np.eye(len(matrices[k])), still[k].sum(), memory
+        )
     left = np.linalg.pinv(vectors, rcond=1e-300)
     return [Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left, strict=True)]
 
 
-def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
-    """Basis of the subspace of zero eigenvalues: a chain of integrators has fewer eigenvectors than eigenvalues."""
+def _basis_of_still(A: NDArray[np.float64], count: int, memory: tuple[int, list[int]] | None) -> Complex:
+    """Basis of the subspace of zero eigenvalues: a chain of integrators has fewer eigenvectors than eigenvalues.
+
+    Args:
+        A: the system's matrix, for a discrete system less the identity.
+        count: number of zero eigenvalues.
+        memory: result of `_memory`.
+    """
     from scipy.linalg import matrix_balance, schur
 
     balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
@@ -402,11 +422,56 @@ def _basis_of_still(A: NDArray[np.float64], count: int) -> Complex:
     moving = sizes[count] if count < len(sizes) else np.inf
     between = np.sqrt(moving * max(sizes[count - 1], ZERO_EIGENVALUE * sizes[-1]))
     ordered: Any = schur(balanced, output="complex", sort=lambda rate: abs(rate) <= between)
-    basis = scale[:, None] * ordered[1][:, :count]
+    basis = ordered[1][:, :count]
+    apart = None if memory is None else _drift_apart(basis, *memory)
+    basis = scale[:, None] * (basis if apart is None else apart)
     basis /= np.linalg.norm(basis, axis=0)
+    if apart is not None:
+        return basis
     # later vectors of a chain may include multiples of the first: then they show the displacement of the drift
     basis[:, 1:] += basis[:, :1]
     return basis
+
+
+def _memory(states: Sequence[str], plant: Plant) -> tuple[int, list[int]] | None:
+    """Indices of the position and of the friction states (`Mark.SETTLES`) among the states; None without any."""
+    prefix, index = plant_prefix(states), {name: place for place, name in enumerate(states)}
+    if prefix is None:
+        return None
+    known = describe_parts(blank_state(plant))
+    friction = [
+        index[prefix + key] for key, leaf in known.items() if Mark.SETTLES in leaf.marks and prefix + key in index
+    ]
+    return (index[prefix + "x"], friction) if friction else None
+
+
+def _drift_apart(basis: Complex, position: int, friction: Sequence[int]) -> Complex | None:
+    """A basis of the same subspace whose first vector is the drift of the position, where friction remembers.
+
+    At rest, every friction state adds a zero eigenvalue, as the deflection that it keeps is arbitrary; an eigensolver
+    returns any mixtures of deflections and drift. The vectors returned have a unit in one of the position and as many
+    friction states as there are further vectors, chosen by QR with column pivoting, and zeros in the others of these.
+
+    Args:
+        basis: of the balanced matrix, (n, k) and orthonormal.
+        position: index of the position.
+        friction: indices of the friction states.
+
+    Returns:
+        The basis (n, k); None where these states do not determine one.
+    """
+    from scipy.linalg import qr
+
+    others = basis.shape[1] - 1
+    if others > len(friction):
+        return None
+    factors: Any = qr(basis[friction].T, mode="r", pivoting=True)
+    chosen = sorted(friction[column] for column in factors[1][:others])
+    pivots = basis[[position, *chosen]]
+    sizes = np.abs(pivots).max(axis=1, keepdims=True)
+    if sizes.min() < ROUND_OFF or np.linalg.cond(pivots / sizes) > DISTINCT:
+        return None
+    return basis @ np.linalg.inv(pivots)
 
 
 def _rate(eigenvalue: complex, dt: float | None) -> complex:
@@ -421,7 +486,7 @@ CLEAR = 0.8
 
 @dataclass(frozen=True)
 class ModeTrack:
-    """One mode along a sweep, with its most frequent label."""
+    """One mode along a sweep, with its most frequent label, numbered where several have it."""
 
     label: str
     modes: tuple[Mode, ...]
@@ -459,7 +524,7 @@ def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> 
     """
     from scipy.optimize import linear_sum_assignment
 
-    found = spectra(systems)
+    found = spectra(systems, plant or Plant())
     orders = [np.arange(len(found[0].eigenvalues))]
     known = Spectrum(found[0].eigenvalues, found[0].right.copy(), found[0].left.copy())
     for spectrum in found[1:]:
@@ -485,4 +550,6 @@ def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> 
             for system, spectrum, k in zip(systems, found, branch, strict=True)
         )
         tracks.append(ModeTrack(Counter(entry.label for entry in along).most_common(1)[0][0], along))
-    return tuple(sorted(tracks, key=lambda track: track.modes[0].natural_frequency))
+    tracks.sort(key=lambda track: track.modes[0].natural_frequency)
+    labels = numbered([track.label for track in tracks])
+    return tuple(replace(track, label=label) for track, label in zip(tracks, labels, strict=True))

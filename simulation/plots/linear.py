@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import cycle
 from typing import Any
 
@@ -15,7 +16,15 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.modes import SAMPLES_A_PERIOD, Mode, displacements, modes, plant_prefix, track_modes
+from dualwinch.model.linear.modes import (
+    SAMPLES_A_PERIOD,
+    Mode,
+    displacements,
+    modes,
+    numbered,
+    plant_prefix,
+    track_modes,
+)
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.analysis.describing_function import AmplitudePoint
@@ -23,6 +32,7 @@ from dualwinch.simulation.analysis.margins import Margins
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import (
     BLUE,
+    DASHES,
     GOLD,
     GREEN,
     GREY,
@@ -32,7 +42,6 @@ from dualwinch.simulation.plots.style import (
     ROPE_COLOURS,
     SKY,
     VERMILION,
-    aside,
     zero_line,
 )
 
@@ -44,7 +53,8 @@ ROPE_TRACKS = {"rope 1 – drum 1": ROPE_COLOURS[0], "rope 2 – drum 2": ROPE_C
 OPERATING_POINT = {"x": ("position", "m"), "v": ("speed", "m/s"), "preload": ("", "N")}
 """Quantity of an operating point → name in words, and unit."""
 
-MARKERS = ("x", "+", "o", "s", "^", "d")
+MARKERS = ("x", "+", "o", "s", "^", "d", "v", "*", "p", "<", "P", ">", "h", "X")
+"""Markers of the modes in the pole map."""
 
 FREQUENCIES = (1e-2, 1e3)
 """Frequency range of Bode diagrams in Hz; for a discrete system up to half its sample rate."""
@@ -94,6 +104,15 @@ def _axis_name(swept: str) -> str:
     return f"{words} {swept} ({unit})".strip()
 
 
+def _track_looks(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Label → colour and line style: no two alike up to 25; successive ones, which may coincide, differ in both."""
+    colours, dashes = len(TRACK_COLOURS), len(DASHES)
+    return {
+        label: {"color": TRACK_COLOURS[k % colours], "linestyle": DASHES[(k + k // colours) % dashes]}
+        for k, label in enumerate(labels)
+    }
+
+
 def modal_frequencies(
     systems: Sequence[LinearSystem], swept: str, plant: Plant, sample_time: float, *, ax: GivenAxes = None
 ) -> Figure:
@@ -108,13 +127,14 @@ def modal_frequencies(
         ax: axes for frequency and damping; default: a figure of its own.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]
-    others, values = cycle(TRACK_COLOURS), [system.operating_point[swept] for system in systems]
+    others = _track_looks([track.label for track in tracks if track.label not in ROPE_TRACKS])
+    values = [system.operating_point[swept] for system in systems]
     with new_page(ax, 5.0, f"Modes of the plant along {swept}", _point_in_words(systems[0], swept)) as page:
         frequency, damping = panels = page.panels(2, sharex=True, height_ratios=(1.6, 1))
         for track in tracks:
-            colour = ROPE_TRACKS.get(track.label) or next(others)
-            frequency.semilogy(values, track.natural_frequencies / TURN, color=colour, label=track.label)
-            damping.plot(values, track.dampings, color=colour, label=track.label)
+            style = others.get(track.label) or {"color": ROPE_TRACKS[track.label]}
+            frequency.semilogy(values, track.natural_frequencies / TURN, **style, label=track.label)
+            damping.plot(values, track.dampings, **style, label=track.label)
         for samples, dashes in ((2, (0, (5, 2))), (SAMPLES_A_PERIOD, (0, (1, 1.5)))):
             words = f"{samples} samples a period at {1 / sample_time:g} Hz"
             frequency.axhline(1 / (samples * sample_time), color=GREY, linewidth=0.8, linestyle=dashes, label=words)
@@ -163,7 +183,7 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: G
 
 
 def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> Figure:
-    """Displacements along the track in every mode, normalised to a maximum of one.
+    """Displacements along the track in every mode, normalised to a maximum of one; modes of one name are numbered.
 
     Dots are nodes of ropes, squares the rotors behind elastic gearboxes, triangles the depth of a sag.
 
@@ -179,8 +199,10 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
     if prefix is None:
         raise ConfigurationError("mode shapes need the states of the plant: there are none in this system")
     found = modes(system, plant)
+    labels = numbered([mode.label for mode in found])
+    found = [replace(mode, label=label) for mode, label in zip(found, labels, strict=True)]
     rows = -(-len(found) // 2)
-    with new_page(ax, 1.0 + 1.45 * rows, "Mode shapes of the plant", _point_in_words(system, None)) as page:
+    with new_page(ax, 1.0 + 1.6 * rows, "Mode shapes of the plant", _point_in_words(system, None)) as page:
         panels = page.panels(rows, 2, order="C", sharex=True, sharey=True)
         for axes, mode in zip(panels, found, strict=False):
             _shape(axes, mode, plant, prefix)
@@ -190,6 +212,9 @@ def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> 
             axes.set_ylabel("displacement")
     return page.figure
 
+
+REMARK = {"fontsize": 7.5, "color": GREY}
+"""Style of the remark under the name of a mode."""
 
 ROTOR = 0.2
 """Distance of a rotor from its drum in a mode shape's figure, relative to that of the vehicle."""
@@ -214,12 +239,13 @@ def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
             axes.plot((place + 1) / 2, (inside.sag / found.largest).real, "v", color=colour, fillstyle="none")
     zero_line(axes)
     axes.set_xticks([0, 1, 2], ["drum 2's rim", "vehicle", "drum 1's rim"])
-    axes.set(xlim=(-0.3, 2.3), ylim=(-1.25, 1.25), title=mode.label)
+    axes.set(xlim=(-0.3, 2.3), ylim=(-1.25, 1.25))
     axes.grid(visible=False, axis="x")
     words = f"{mode.natural_frequency / TURN:.3g} Hz, damping {mode.damping:.2g}"
     if not mode.rate.imag:
         words = f"time constant {mode.time_constant:.3g} s" if mode.rate else "stays where it is"
-    aside(axes, words)
+    axes.set_title(mode.label, pad=13)  # above the remark: beside it, long names have no room
+    axes.annotate(words, (0, 1), xytext=(0, 4), textcoords="offset points", xycoords="axes fraction", **REMARK)
 
 
 CHANNELS = (("tau_1", "F1"), ("tau_2", "F2"), ("tau_1", "v"))

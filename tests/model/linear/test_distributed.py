@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.linear.linearisation import linearise
-from dualwinch.model.linear.modes import Mode, modes, track_modes
+from dualwinch.model.linear.modes import Mode, modes, numbered, track_modes
 from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant, plant
 from dualwinch.model.quantities.tree import leaves
@@ -129,6 +129,29 @@ def test_a_small_kick_dies_away_as_the_linear_model_says(v: float) -> None:
     kicked, free, predicted = after(start + kick), after(start), expm(system.A * 0.03) @ kick
     largest = np.maximum(np.abs(predicted), 1e-3 * np.abs(predicted).max())
     np.testing.assert_array_less(np.abs(kicked - free - predicted) / largest, 0.02)
+
+
+@pytest.mark.parametrize("x", [3.0, 12.0, 25.0, 44.0])
+def test_at_rest_rigid_drift_is_apart_from_what_friction_remembers(x: float) -> None:
+    """Three zero eigenvalues: of drift, which leaves friction alone, and of the friction within each rope."""
+    system = linearise(x, 0.0, 4000.0, SITE)
+    found = [mode for mode in modes(system, SITE) if mode.natural_frequency == 0]
+    assert [mode.label for mode in found] == [
+        "rigid drift: position",
+        "friction within rope 1",
+        "friction within rope 2",
+    ]
+    for mode in found:
+        shape = np.array([mode.shape[name] for name in system.states])
+        assert np.abs(system.A @ shape).max() < 1e-6 * np.abs(system.A).max() * np.abs(shape).max()
+    for k, mode in enumerate(found):
+        settled = [mode.shape["x"], mode.shape["rope_1.hysteresis.share"], mode.shape["rope_2.hysteresis.share"]]
+        assert np.flatnonzero(np.abs(settled) > 1e-9).tolist() == [k]
+        assert sum(mode.participation.values()) == pytest.approx(1)
+
+
+def test_modes_of_one_name_are_numbered() -> None:
+    assert numbered(["a", "b", "a"]) == ["a (1)", "b", "a (2)"]
 
 
 def test_modes_of_the_site_are_followed_along_the_track() -> None:
