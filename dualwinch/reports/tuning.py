@@ -225,16 +225,23 @@ def gained(tuned: TuningResult) -> str:
 
 
 def costs(tuned: TuningResult) -> list[str]:
-    """Costs of the best gains relative to the paper's, and the largest tension beside its limit."""
+    """Costs of the best gains relative to the paper's, and the largest tension beside its limit.
+
+    Of gains that lose runs or violate a bound, a lower number is not called free of cost.
+    """
     verdict = tuned.verdict
-    ours, theirs = verdict.scored.statistics, verdict.statistics("paper")
+    ours, theirs, sound = verdict.scored.statistics, verdict.statistics("paper"), verdict.scored.feasible
+    failed = sum(count for outcome, count in verdict.scored.outcomes.items() if outcome != "completed")
     found = []
+    if failed:
+        found.append(f"{failed} of {verdict.scored.scenarios} runs do not complete; means are over the others.")
+    elif not sound:
+        found.append("These gains violate a bound; a lower cost does not make up for that.")
     for name, words in COSTS.items():
         if ours.get(name, 0) > 0 and theirs.get(name, 0) > 0:
             ratio = ours[name] / theirs[name]
-            found.append(
-                f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{'' if ratio > 1 else ', no cost'}."
-            )
+            free = ", no cost" if ratio <= 1 and sound else ""
+            found.append(f"{words[:1].upper()}{words[1:]}: {ratio:.3g} × the paper's{free}.")
     peak = ours.get("worst.peak_tension", math.nan)
     limit = float(tuned.problem.experiment.controller.limits.tension_max)
     if math.isfinite(peak):

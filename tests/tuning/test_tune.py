@@ -12,6 +12,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
+from dualwinch.reports.tuning import costs
 from dualwinch.tuning import tune as tuning
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.plots import (
@@ -40,6 +41,7 @@ from dualwinch.tuning.result import (
 )
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring import evaluation as scorer
+from dualwinch.tuning.scoring.evaluation import FAILED
 from dualwinch.tuning.scoring.progress import (
     PHASES,
     SCORING,
@@ -341,6 +343,30 @@ def test_where_scenarios_are_infeasible_the_feasible_ones_are_compared_first(tun
     assert feasible == comparison(tuned)
     assert every.endswith(f" and as large as the start's in all {count})")
     assert authority(replace(tuned, verdict=mixed)).startswith("1 of the scenarios is infeasible")
+
+
+def test_gains_that_lose_runs_or_violate_a_bound_are_not_called_free_of_cost(tuned: TuningResult) -> None:
+    verdict = tuned.verdict
+    sound = replace(verdict.scored, violations=dict.fromkeys(verdict.scored.violations, 0.0))
+    lossy = replace(
+        sound, violations=sound.violations | {FAILED: 0.5}, outcomes={"completed": 3, "diverged": 1, "left_track": 2}
+    )
+    violating = replace(sound, violations=sound.violations | {"worst.min_tension >= 80 N": 0.1})
+
+    def said(scored: Evaluation) -> str:
+        ours = replace(scored, statistics=scored.statistics | {"mean.chatter": 0.5 * paper["mean.chatter"]})
+        best = replace(verdict.scores["best"], evaluation=ours)
+        return " ".join(costs(replace(tuned, verdict=replace(verdict, scores=verdict.scores | {"best": best}))))
+
+    paper = verdict.statistics("paper")
+    assert "Chatter: 0.5 × the paper's, no cost." in said(sound)
+    for scored, words in (
+        (lossy, "3 of 6 runs do not complete; means are over the others."),
+        (violating, "These gains violate a bound; a lower cost does not make up for that."),
+    ):
+        assert said(scored).startswith(words)
+        assert "Chatter: 0.5 × the paper's." in said(scored)
+        assert "no cost" not in said(scored)
 
 
 @pytest.mark.parametrize(
