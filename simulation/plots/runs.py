@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.typing import LineStyleType
 
+from dualwinch.controllers.estimators.kalman import KalmanGains
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -433,7 +434,7 @@ FORCE_REACH = 1.25
 
 
 def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
-    """Overview of a run: trajectory, error, tensions with commands, force and, with an observer, disturbance.
+    """Overview of a run: trajectory, error, tensions with commands, force and, if estimated, disturbance.
 
     Args:
         result: one run.
@@ -448,7 +449,7 @@ def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
         _error_panel,
         _tensions_panel,
         _force_panel,
-        *([_disturbance_panel] if "d_hat" in result else []),
+        *([_disturbance_panel] if _disturbance_estimates(run) else []),
     ]
     placement = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
     with new_page(ax, 0.75 + 1.45 * len(draw), run.title, scenario(run.experiment).capitalize()) as page:
@@ -503,8 +504,29 @@ def _force_panel(axes: Axes, run: Curve) -> None:
     axes.set(ylabel="force (kN)", title=words)
 
 
+def _disturbance_estimates(run: Curve) -> dict[str, Floats]:
+    """Name → estimate of the disturbance in m/s² that the controller compensates: the whole, then a part of it.
+
+    The position law compensates the share of the Kalman filter's estimate that the filter passes on, and its own
+    estimate of the rest.
+    """
+    result, law = run.result, r"law's $\hat{d}$"
+    gains = getattr(run.experiment.controller.estimator, "kalman", None)
+    share = gains.compensation if isinstance(gains, KalmanGains) and "d_est" in result else 0.0
+    if not share:
+        return {"estimate": result["d_hat"]} if "d_hat" in result else {}
+    known = share * result["d_est"]
+    if "d_hat" not in result:
+        return {"estimate of the filter, compensated": known}
+    return {f"whole estimate: filter's share and {law}": known + result["d_hat"], f"{law} alone": result["d_hat"]}
+
+
 def _disturbance_panel(axes: Axes, run: Curve) -> None:
-    run.draw(axes, "d_hat", 1e-3, label="estimate")
+    estimates = _disturbance_estimates(run)
+    above = {"zorder": 2.2} if len(estimates) > 1 else {}
+    styles = above, {"color": SKY, "linewidth": 0.8, "zorder": 1.9}
+    for (name, values), style in zip(estimates.items(), styles, strict=False):
+        run.line(axes, run.result["t"], values * 1e3, label=name, **style)
     run.draw(axes, "d_true", 1e-3, color=INK, linestyle=":", linewidth=1.0, label="true")
     axes.set(ylabel="$d$ (mm/s²)", title="disturbance acceleration")
 

@@ -24,6 +24,7 @@ from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.simulation.plots.style import law_look
 from dualwinch.simulation.plots.traces import peaks, thin
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from tests.tiers import all_but
 
@@ -332,3 +333,28 @@ def test_a_fan_chart_says_what_it_leaves_out(at_sea: EnsembleResult) -> None:
 def test_a_fan_chart_without_traces_is_refused(at_sea: EnsembleResult) -> None:
     with pytest.raises(ConfigurationError, match="needs traces"):
         plots.fan_chart(replace(at_sea, traces=None))
+
+
+@pytest.mark.parametrize(("kind", "names"), [("fando-nftsm", 3), ("nftsm", 2)])
+def test_an_estimate_that_the_filter_compensates_is_drawn_whole(kind: str, names: int) -> None:
+    """Both the filter's share and the law's own estimate are subtracted from the force: their sum is the estimate."""
+    experiment = override(
+        case(4, kind),
+        {"controller.estimator": "kalman", "controller.kalman.compensation": 0.8, "simulation.duration": 3.0},
+    )
+    result = simulate(experiment)
+    panel = plots.overview(result).axes[-1]
+    lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in panel.lines}
+    names_drawn, drawn, law = list(lines), list(lines.values()), result.columns.get("d_hat", 0.0)
+    assert len(lines) == names
+    np.testing.assert_allclose(drawn[0], 1e3 * (0.8 * result["d_est"] + law))
+    if kind == "fando-nftsm":
+        assert names_drawn[0].startswith("whole estimate: filter's share and law's ")
+        np.testing.assert_allclose(drawn[1], 1e3 * result["d_hat"])
+
+
+def test_without_compensation_the_estimate_is_the_laws_own() -> None:
+    result = simulate(override(case(4), {"controller.estimator": "kalman", "simulation.duration": 1.0}))
+    estimate, _ = plots.overview(result).axes[-1].lines
+    assert estimate.get_label() == "estimate"
+    np.testing.assert_allclose(np.asarray(estimate.get_ydata()), 1e3 * result["d_hat"])
