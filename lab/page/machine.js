@@ -140,7 +140,7 @@ export class Machine {
   #pushes(view, at, largest) {
     if (!(largest > 1e-4)) return;
     const top = view.rail - 5 - Math.min(view.vehicle.height, 60);
-    [["d_true", "ink", 0.3, "disturbance"], ["d_hat", "vermilion", 0.66, "as estimated"]].forEach(([name, tint, share, words]) => {
+    [["d_true", "ink", 0.3, "disturbance"], ["d_total", "vermilion", 0.66, "as estimated"]].forEach(([name, tint, share, words]) => {
       const length = 44 * Math.min(Math.max(at(name) / largest, -1.4), 1.4), y = top + share * Math.min(view.vehicle.height, 60);
       if (Math.abs(length) < 2) return;
       const start = view.spot(at("x")) + Math.sign(length) * (view.vehicle.width / 2 + 4), tip = start + length, back = 5 * Math.sign(length);

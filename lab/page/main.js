@@ -31,6 +31,8 @@ function withSeed(read) {
 let experiment = location.hash.length > 1 ? fromHash(catalogue, location.hash) : blank(catalogue, "case-4");
 let run = null, pinned = null;
 
+const COMPENSATION = "controller.kalman.compensation";
+
 const newRunner = () => new Runner(element("worker").textContent, catalogue, modules);
 const runner = newRunner();
 let spare = null;
@@ -93,8 +95,18 @@ function showRun(result) {
 
 function withLargest(result) {
   const largest = (name) => (result.columns[name] ?? []).reduce((high, value) => Math.max(high, Math.abs(value) || 0), 0);
-  return {...result, largestError: largest("e"), largestDisturbance: largest("d_true"),
-    largestSag: Math.max(largest("sag_1"), largest("sag_2"))};
+  return {...result, columns: {...result.columns, ...estimates(result)}, simulated: result.columns, largestError: largest("e"),
+    largestDisturbance: largest("d_true"), largestSag: Math.max(largest("sag_1"), largest("sag_2"))};
+}
+
+// Columns of the disturbance that the controller compensates: in all, and the law's own part if a filter's is added to it.
+// Of a run from a file the filter's share is unknown.
+function estimates({columns: {d_hat: own, d_est: filtered}, experiment: of, compensation}) {
+  if (!filtered) return own ? {d_total: own} : {};
+  const share = compensation ?? (of && valueOf(catalogue, of, COMPENSATION));
+  if (!Number.isFinite(share)) return own ? {d_law: own} : {};
+  if (share === 0) return own ? {d_total: own} : {};
+  return {d_total: filtered.map((value, row) => share * value + (own?.[row] ?? 0)), ...(own && {d_law: own})};
 }
 
 function refresh() {
@@ -171,7 +183,7 @@ connectMenu({
   link: () => copied(location.href, "link"),
   command: () => copied(commandLine(catalogue, experiment), "command line"),
   toml: () => download("experiment.toml", tomlOf(catalogue, experiment)),
-  csv: () => download("run.csv", csvOf(run)),
+  csv: () => download("run.csv", csvOf({...run, columns: run.simulated})),
 }, openAs);
 
 async function copied(text, name) {
@@ -219,7 +231,7 @@ const transport = connectTransport(playback, () => (caseOf(catalogue, experiment
 connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
 if (ownRun) {
   if (ownRun.live) follow(ownRun, columnsOf, showLive, say);
-  else pin(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics));
+  else pin(ofOwn(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics)));
   if (location.hash.length < 2 && ownRun.settings) experiment = fromFile(catalogue, ownRun.settings).experiment;
 }
 change(experiment);
@@ -227,10 +239,15 @@ change(experiment);
 // A live run is A; the time shown follows its end until the user moves it.
 let followed = null;
 function showLive(live) {
-  pin(live);
+  pin(ofOwn(live));
   if (followed !== null && playback.time !== followed) return;
   playback.seek(live.t.at(-1));
   followed = playback.time;
+}
+
+// The page's own run with the filter's share of its own settings.
+function ofOwn(result) {
+  return {...result, compensation: ownRun.settings?.[COMPENSATION]};
 }
 
 function columnsOf({columns}) {

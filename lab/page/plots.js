@@ -11,7 +11,8 @@ const PANELS = [
     curves: [["F1", "F₁", "rope1"], ["F1_cmd", "command", "rope1", "dash"], ["F2", "F₂", "rope2"], ["F2_cmd", "command", "rope2", "dash"]]},
   {title: "Motor torques", unit: "N m", limits: (plant) => plant.torqueLimits,
     curves: [["tau_1", "τ₁", "rope1"], ["tau_2", "τ₂", "rope2"]]},
-  {title: "Disturbance, true and estimated", unit: "m/s^2", limits: () => [], curves: [["d_true", "true", "ink"], ["d_hat", "estimated", "vermilion"]]},
+  {title: "Disturbance, true and estimated", unit: "m/s^2", limits: () => [],
+    curves: [["d_true", "true", "ink"], ["d_total", "estimated", "vermilion"], ["d_law", "by the law alone", "vermilion", "dash"]]},
   {title: "", unit: "1", limits: () => [], curves: []},
 ];
 

@@ -14,19 +14,19 @@ from tests.lab.in_node import of_id
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-HEAVY = "fando-nftsm+site"
+FILTERED, HEAVY = "fando-nftsm+kalman", "fando-nftsm+site"
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 @pytest.fixture(scope="session")
 def made() -> Content:
-    """Three structures of the paper's machine, and one of a heavy machine."""
+    """Three structures of the paper's machine, one with a Kalman filter, and one of a heavy machine."""
     from dualwinch.lab.content import content
     from dualwinch.lab.wasm.structures import structures
 
     try:
-        return content(load_ensemble("rig"), "test", offered=[*structures()[:3], of_id(HEAVY)])
+        return content(load_ensemble("rig"), "test", offered=[*structures()[:3], of_id(FILTERED), of_id(HEAVY)])
     except CompilerNotFoundError as error:
         pytest.skip(str(error))
 

@@ -111,6 +111,27 @@ def test_a_pinned_run_stays_beside(opened: Opens) -> None:
     assert lab.page.locator("dd.behind").count() == 0
 
 
+def test_an_estimate_that_the_filter_compensates_is_shown_whole(opened: Opens) -> None:
+    lab = opened("#case=4&controller.estimator=kalman&controller.kalman.compensation=0.8")
+    settings = {"controller.estimator": "kalman", "controller.kalman.compensation": 0.8}
+    expected = dw.simulate(dw.override(dw.case(4), settings))
+    panel = lab.page.locator(".panel", has=lab.page.locator("h3", has_text="Disturbance"))
+    names = [name.inner_text() for name in panel.locator("dt").all()]
+    assert names == ["true", "estimated", "by the law alone"]
+    shown = [digits(value.inner_text().split()[0]) for value in panel.locator("dd").all()]
+    row = int(np.argmin(np.abs(expected["t"] - 0.46 * expected["t"][-1])))
+    own, whole = expected["d_hat"][row], expected["d_hat"][row] + 0.8 * expected["d_est"][row]
+    assert shown == pytest.approx([expected["d_true"][row], whole, own], rel=1e-2)
+    lab.page.click("#menu summary")
+    with lab.page.expect_download() as download:
+        lab.page.click("[data-do=csv]")
+    names = download.value.path().read_text().splitlines()[0].split(",")
+    assert {"d_hat", "d_est"} <= {*names}
+    assert not {"d_total", "d_law"} & {*names}
+    lab.after(lambda: lab.page.select_option("select[data-key='controller.estimator']", "lowpass"))
+    assert [name.inner_text() for name in panel.locator("dt").all()] == ["true", "estimated"]
+
+
 def test_a_link_brings_it_back(opened: Opens) -> None:
     first = opened("#case=3")
     first.after(lambda: first.write("plant.vehicle.mass", "11000"))
