@@ -165,6 +165,7 @@ class ScaledEnsemble:
         single: the imperfections.
         count: number of scenarios.
         seed: of the draws.
+        controllers: with which runs must be able to start; default: that of the base.
     """
 
     base: Ensemble
@@ -172,6 +173,7 @@ class ScaledEnsemble:
     single: tuple[Imperfection, ...]
     count: int
     seed: int
+    controllers: tuple[Controller, ...] = ()
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
@@ -313,7 +315,8 @@ class ScaledEnsemble:
                 if key in values and not self.known[key].admits(values[key]):
                     return f"{key}: must be {self.known[key].wanted}"
             try:
-                prepare(self.scenario(index, self._start.experiment.controller, sizes).experiment)
+                for controller in self.controllers or (self._start.experiment.controller,):
+                    prepare(self.scenario(index, controller, sizes).experiment)
             except ConfigurationError as error:
                 return str(error)
         return ""

@@ -293,7 +293,9 @@ def breakdowns(
     whole_number("scenarios", scenarios, 1)
     whole_number("seed", seed)
     ensemble = union(base, ensemble)
-    scaling = ScaledEnsemble(base, ensemble, imperfections(base, ensemble), scenarios, seed)
+    scaling = ScaledEnsemble(
+        base, ensemble, imperfections(base, ensemble), scenarios, seed, tuple(controllers.values())
+    )
     for name, controller in controllers.items():
         _check(scaling, name, controller)
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
