@@ -1,7 +1,8 @@
 """Functions of scalars, for laws that take floats and CasADi symbols alike.
 
 Use these functions instead of `math` or `numpy` in a law. They return a float for floats and a symbol for symbols;
-`where` also takes NumPy arrays, so that functions of time alone can be evaluated for many times at once.
+`where`, `maximum`, `minimum` and `sqrt` also take NumPy arrays, so that functions of time alone can be evaluated for
+many times at once, and those of parameters for many machines.
 """
 
 from typing import Any, TypeAlias
@@ -46,11 +47,15 @@ def either(first: Scalar, second: Scalar) -> Scalar:
 
 def maximum(first: Scalar, second: Scalar) -> Scalar:
     """The larger of two scalars."""
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return np.fmax(first, second)
     return ca.fmax(first, second)
 
 
 def minimum(first: Scalar, second: Scalar) -> Scalar:
     """The smaller of two scalars."""
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return np.fmin(first, second)
     return ca.fmin(first, second)
 
 
@@ -96,7 +101,7 @@ def log(value: Scalar) -> Scalar:
 
 def sqrt(value: Scalar) -> Scalar:
     """Square root."""
-    return ca.sqrt(value)
+    return np.sqrt(value) if isinstance(value, np.ndarray) else ca.sqrt(value)
 
 
 def reciprocals(first: Scalar, second: Scalar) -> tuple[Scalar, Scalar]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.arguments import instance
 from dualwinch.model.disturbance import given_signals
 from dualwinch.model.errors import ConfigurationError
@@ -19,17 +20,20 @@ from dualwinch.model.motions import least_duration
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import check_rules
 from dualwinch.model.reference import Reference, cruise_speed, setpoint
-from dualwinch.model.ropes import Track, kelvin_voigt
-from dualwinch.simulation.experiment import Experiment, Simulation
+from dualwinch.model.ropes import Track
+from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.integrators.problem import bristle_swing_rate, swing_rate
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, closed_loop, initial_state_of
 from dualwinch.simulation.loop.structure import (
+    DISTRIBUTED,
     KEPT_STRUCTURES,
     is_automatic,
     parameters_of,
     solver_of,
+    stable_substeps,
+    stiffest_mode,
     structure_of,
+    swing_rates,
     zeros_of,
 )
 
@@ -191,31 +195,29 @@ def _check_jerk(experiment: Experiment) -> None:
 
 
 def _check_substeps(experiment: Experiment) -> None:
-    simulation, plant = experiment.simulation, experiment.plant
-    if is_automatic(experiment):
-        solver_of(experiment)
-        return
-    fastest = fastest_swing(plant)
+    simulation, plant, limits = experiment.simulation, experiment.plant, experiment.controller.limits
     integrator = solver_of(experiment).integrator
-    needed = math.ceil(substeps_for(fastest, simulation, integrator))
+    if is_automatic(experiment):
+        return
+    needed = stable_substeps(plant, simulation, integrator, limits)
     if simulation.substeps < needed:
-        part = "vehicle on its bristles" if fastest == bristle_swing_rate(plant.vehicle) else "shortest rope"
         raise ConfigurationError(
             f"simulation.substeps = {simulation.substeps}: must be >= {needed} for {integrator} at "
-            f"simulation.sample_time = {simulation.sample_time:g} s (the {part} oscillates at {fastest:.4g} rad/s)"
+            f"simulation.sample_time = {simulation.sample_time:g} s ({stiffest_mode(plant, integrator, limits)})"
         )
 
 
-def fastest_swing(plant: Plant) -> Any:
-    """Highest natural frequency in rad/s of Kelvin–Voigt ropes with their drums, or of a vehicle on its bristles.
+def fastest_swing(plant: Plant, integrator: IntegratorName = DISTRIBUTED, limits: Limits | None = None) -> Any:
+    """Rate in rad/s of ropes with their winches, or of a vehicle on its bristles, that limits an integrator's step.
 
     An array if the plant's numbers are arrays.
+
+    Args:
+        plant: with Kelvin–Voigt ropes.
+        integrator: default: the one with the largest rates, an upper bound for the others.
+        limits: on the ropes' tensions; default: the paper's.
     """
-    rates = [
-        swing_rate(kelvin_voigt(rope), winch, plant.track)
-        for rope, winch in ((plant.rope_1, plant.winch_1), (plant.rope_2, plant.winch_2))
-    ]
-    return np.maximum(np.maximum(*rates), bristle_swing_rate(plant.vehicle))
+    return np.maximum.reduce(np.broadcast_arrays(*swing_rates(plant, integrator, limits or Limits()).values()))
 
 
 def substeps_for(fastest: Any, simulation: Simulation, integrator: str) -> Any:

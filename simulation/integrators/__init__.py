@@ -10,6 +10,7 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar, where
 from dualwinch.simulation.integrators.exponential import exponential, taut_step
 from dualwinch.simulation.integrators.problem import Motion, Problem
+from dualwinch.simulation.integrators.stability import Rate, leapfrog_rate, pole_rate
 
 __all__ = ["INTEGRATORS", "Integrator", "Motion", "Problem"]
 
@@ -47,11 +48,12 @@ def rk4(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
 def verlet(problem: Problem, motion: Motion, t: Scalar, h: Scalar) -> Motion:
     """Motion after a step of length h in s from the time t in s, by position Verlet (leapfrog: drift, kick, drift).
 
-    One evaluation of the forces per step, at mid-step; explicit, and stable while the fastest frequency times the step
-    is below 2. Frequencies have a relative error of (omega h)²/24, and undamped modes neither lose nor gain energy
-    (Hairer, Lubich and Wanner, Geometric Numerical Integration, 2006, Section I.1.4). Damping forces are those of the
-    speed at the beginning of the step: without them the method is of second order, else of first, with a relative
-    error of the damping of half its rate times the step. States of friction are those of mid-steps.
+    One evaluation of the forces per step, at mid-step; explicit, and stable while (omega h)² + 2 d h is below 4 for
+    every mode of frequency omega and of damping d over its mass (`stability.leapfrog_rate`). Frequencies have a
+    relative error of (omega h)²/24, and undamped modes neither lose nor gain energy (Hairer, Lubich and Wanner,
+    Geometric Numerical Integration, 2006, Section I.1.4). Damping forces are those of the speed at the beginning of the
+    step: without them the method is of second order, else of first, with a relative error of the damping of half its
+    rate times the step. States of friction are those of mid-steps.
     """
     kicked_on = _marked(motion, Mark.RATE, Mark.SETTLES)
     middle = _along(motion, problem.derivative(t, motion), h / 2, but=kicked_on)
@@ -66,7 +68,8 @@ class Integrator:
     Attributes:
         substep: ``(problem, motion, t, h) -> motion`` after a step of length h in s from the time t in s.
         order: halving the sub-step divides the error by 2**order on smooth stretches.
-        reach: largest product of `swing_rate` and sub-step in rad for which it is suitable.
+        reach: largest product of the plant's rate and sub-step in rad for which it is suitable.
+        rate: that rate of each of the plant's sides; None: `stability.swing_rate`.
         any_plant: whether it supports all plants; else only massless Kelvin–Voigt ropes and rigid gears.
         one_step: ``(problem, motion) -> (motion, valid)``, a cheaper update over the whole sample in one step, to be
             used where valid > 0.
@@ -75,6 +78,7 @@ class Integrator:
     substep: Callable[[Problem, Motion, Scalar, Scalar], Motion]
     order: int
     reach: float
+    rate: Rate | None = None
     any_plant: bool = False
     one_step: Callable[[Problem, Motion], tuple[Motion, Scalar]] | None = None
 
@@ -96,7 +100,7 @@ TURN = 2 * math.pi
 INTEGRATORS = {
     "adaptive": Integrator(exponential, order=2, reach=TURN, one_step=taut_step),
     "exponential": Integrator(exponential, order=2, reach=TURN),
-    "rk4": Integrator(rk4, order=4, reach=2.78, any_plant=True),
-    "verlet": Integrator(verlet, order=1, reach=1.7, any_plant=True),
+    "rk4": Integrator(rk4, order=4, reach=2.78, rate=pole_rate, any_plant=True),
+    "verlet": Integrator(verlet, order=1, reach=1.7, rate=leapfrog_rate, any_plant=True),
 }
 """Every integrator by its name."""

@@ -9,17 +9,24 @@ from typing import Any, NamedTuple
 
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, is_distributed, plant_structure, remembers_friction
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
 from dualwinch.model.quantities.tree import alike, leaves, numbers, with_leaves
-from dualwinch.model.ropes import is_kelvin_voigt
+from dualwinch.model.ropes import is_kelvin_voigt, kelvin_voigt
 from dualwinch.model.scalar import Scalar
 from dualwinch.simulation.experiment import Experiment, IntegratorName, Simulation
 from dualwinch.simulation.integrators import INTEGRATORS
-from dualwinch.simulation.integrators.problem import fastest_rate
+from dualwinch.simulation.integrators.stability import (
+    bristle_swing_rate,
+    fastest_rate,
+    side_rate,
+    stiff_keys,
+    swing_rate,
+)
 from dualwinch.simulation.sensors import sensors_structure
 
 GENERAL: IntegratorName = "rk4"
@@ -58,8 +65,9 @@ def solver_of(experiment: Experiment) -> Solver:
 
     With Kelvin–Voigt ropes they are the configured ones, except that `DISTRIBUTED` replaces an exponential integrator
     where ropes have mass or weight, gearboxes are elastic or friction has a state. Ropes of other laws use a general
-    integrator with at least the configured number of sub-steps, or more (a power of two) where the stiffest spring
-    on the track, at tensions up to `OVERSHOOT` times tension_max, needs them.
+    integrator with at least the configured number of sub-steps, or more (a power of two) where tensions up to
+    `OVERSHOOT` times tension_max need them: for the accuracy of the stiffest spring on the track with its drum
+    (`FINE`), and for the stability of the whole plant (`swing_rates`).
 
     Raises:
         ConfigurationError: a rope's law has no finite spring rate at these tensions, or needs too many sub-steps.
@@ -72,7 +80,7 @@ def solver_of(experiment: Experiment) -> Solver:
         return Solver(general if distributed and not knows_all else simulation.integrator, simulation.substeps)
     integrator = simulation.integrator if knows_all else general
     plant, limits, rates = experiment.plant, experiment.controller.limits, dict[int, float]()
-    tensions = (limits.tension_min, limits.preload / 2, limits.tension_max, OVERSHOOT * limits.tension_max)
+    tensions = tensions_of(limits)
     ropes = {1: (plant.rope_1, plant.winch_1), 2: (plant.rope_2, plant.winch_2)}
     for number, (rope, winch) in ropes.items():
         rates[number] = fastest_rate(rope, winch, plant.track, tensions)
@@ -82,14 +90,91 @@ def solver_of(experiment: Experiment) -> Solver:
                 f"at {tensions[0]:g} to {tensions[-1]:g} N too"
             )
     number, fastest = max(rates.items(), key=lambda rate: rate[1])
-    needed = math.ceil(fastest * simulation.sample_time / FINE)
-    substeps = max(simulation.substeps, 1 << (needed - 1).bit_length())
-    if substeps > MOST_SUBSTEPS:
+    if fastest * simulation.sample_time > MOST_SUBSTEPS * FINE:
         raise ConfigurationError(
             f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
             f'for plant.rope_{number}.kind = "{ropes[number][0].kind}", which oscillates at {fastest:.4g} rad/s'
         )
-    return Solver(integrator, substeps)
+    stable = _stable_substeps(plant, simulation, integrator, limits)
+    needed = max(math.ceil(fastest * simulation.sample_time / FINE), stable)
+    return Solver(integrator, max(simulation.substeps, 1 << (needed - 1).bit_length()))
+
+
+@lru_cache(maxsize=1024)
+def _stable_substeps(plant: Plant, simulation: Simulation, integrator: IntegratorName, limits: Limits) -> int:
+    """`stable_substeps` of plain numbers; cached, as tangents of a rope of any law take Newton's method."""
+    return stable_substeps(plant, simulation, integrator, limits)
+
+
+def stable_substeps(plant: Plant, simulation: Simulation, integrator: IntegratorName, limits: Limits) -> int:
+    """Least number of sub-steps per sample that an integrator needs for a plant.
+
+    Raises:
+        ConfigurationError: it is more than `MOST_SUBSTEPS`.
+        OverflowError: a number of the plant overflows.
+    """
+    rates = swing_rates(plant, integrator, limits)
+    needed = math.ceil(max(map(float, rates.values())) * simulation.sample_time / INTEGRATORS[integrator].reach)
+    if needed > MOST_SUBSTEPS:
+        mode = stiffest_mode(plant, integrator, limits)
+        allowed = MOST_SUBSTEPS * INTEGRATORS[integrator].reach / mode.rate
+        raise ConfigurationError(
+            f"simulation.sample_time = {simulation.sample_time:g}: must be <= {allowed:.4g} s for {mode.keys}, with "
+            f"{MOST_SUBSTEPS} sub-steps of {integrator} ({mode})"
+        )
+    return needed
+
+
+def swing_rates(plant: Plant, integrator: IntegratorName, limits: Limits) -> dict[str, Any]:
+    """Rates in rad/s whose product with the sub-step an integrator bounds (`Integrator.reach`).
+
+    Returns:
+        ``rope_1`` and ``rope_2``, each with its winch, and ``vehicle`` on its bristles; arrays for a plant of arrays.
+    """
+    rate, tensions = INTEGRATORS[integrator].rate, tensions_of(limits)
+    rates: dict[str, Any] = {"vehicle": bristle_swing_rate(plant.vehicle)}
+    for side in plant.sides:
+        rates[f"rope_{side.number}"] = (
+            swing_rate(kelvin_voigt(side.rope), side.winch, plant.track)
+            if rate is None
+            else side_rate(side, plant.vehicle, plant.track, tensions, rate)
+        )
+    return rates
+
+
+def tensions_of(limits: Limits) -> tuple[float, ...]:
+    """Tensions in N at which ropes are linearised for the choice of sub-steps."""
+    return limits.tension_min, limits.preload / 2, limits.tension_max, OVERSHOOT * limits.tension_max
+
+
+class StiffMode(NamedTuple):
+    """What limits an integrator's step: its rate in rad/s, the part that moves, and the keys that make it stiff."""
+
+    rate: float
+    part: str
+    verb: str
+    keys: str
+
+    def __str__(self) -> str:
+        return f"the {self.part} {self.verb} at {self.rate:.4g} rad/s"
+
+
+def stiffest_mode(plant: Plant, integrator: IntegratorName, limits: Limits) -> StiffMode:
+    """The mode of a plant that limits an integrator's step."""
+    rates = swing_rates(plant, integrator, limits)
+    part = max(rates, key=lambda name: float(rates[name]))
+    number = part.partition("_")[2]
+    parts = (part, f"winch_{number}") if number else (part,)
+    keys = stiff_keys(plant, parts, lambda changed: float(swing_rates(changed, integrator, limits)[part]))
+    words = ", ".join(f"{key} = {value:g}" for key, value in keys.items())
+    moving = "vehicle on its bristles"
+    if number:
+        moving = f"gearbox of winch {number}" if any("gear" in key for key in keys) else "shortest rope"
+        rope = getattr(plant, part)
+        if not is_kelvin_voigt(rope) and not any("gear" in key or key.endswith("friction") for key in keys):
+            words = f'plant.{part}.kind = "{rope.kind}"'
+    settles = any(key.endswith(("damping", "loss_factor", "friction")) for key in keys)
+    return StiffMode(float(rates[part]), moving, "settles" if settles else "oscillates", words)
 
 
 @cache

@@ -270,7 +270,8 @@ class ScaledEnsemble:
                     break
                 integrator = solver_of(experiment).integrator
                 try:
-                    needed = max(needed, substeps_for(fastest_swing(experiment.plant), simulation, integrator))
+                    fastest = fastest_swing(experiment.plant, integrator, experiment.controller.limits)
+                    needed = max(needed, substeps_for(fastest, simulation, integrator))
                 except ArithmeticError:  # values not allowed; `prepare` gives the reason
                     break
             power = 1 << math.ceil(math.log2(max(needed, 1)))

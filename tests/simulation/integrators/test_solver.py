@@ -1,20 +1,29 @@
-"""Which integrator solves an experiment."""
+"""Which integrator solves an experiment, and with how many sub-steps it is stable."""
 
+import math
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
+from dualwinch.controllers.limits import Limits
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Rope, RopeLaw, Track
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.winch import Winch
-from dualwinch.simulation.experiment import IntegratorName
-from dualwinch.simulation.integrators.problem import fastest_rate, swing_rate
-from dualwinch.simulation.loop.structure import Solver, solver_of
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.experiment import Experiment, IntegratorName
+from dualwinch.simulation.integrators import INTEGRATORS
+from dualwinch.simulation.integrators.stability import fastest_rate, swing_rate
+from dualwinch.simulation.loop.structure import Solver, solver_of, stable_substeps, swing_rates
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.prepare import fastest_swing, prepare
 from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
 from tests.own_ropes import Bedding, Stiffening
 
 
@@ -84,3 +93,188 @@ def test_a_rope_that_cannot_hold_the_tensions_is_an_error(rope: Any) -> None:
         prepare(case(4, rope=rope))
     message = f"plant.rope_1: the tension of '{rope.kind}' must grow with the stretch, at 200 to 9000 N too"
     assert str(caught.value) == message
+
+
+def both(experiment: Experiment, /, **values: float) -> Experiment:
+    """The experiment with the same numbers on both sides: ``rope__damping`` is that of either rope."""
+    parts = {name.replace("__", "_{}.", 1): value for name, value in values.items()}
+    keys = {f"plant.{name.format(side)}": value for name, value in parts.items() for side in (1, 2)}
+    return override(experiment, keys | {"simulation.duration": 0.2})
+
+
+def fastest(experiment: Experiment) -> float:
+    integrator = solver_of(experiment).integrator
+    return max(map(float, swing_rates(experiment.plant, integrator, experiment.controller.limits).values()))
+
+
+GEARED = {"winch__inertia": 120.0, "winch__rotor_inertia": 0.02, "winch__gear_stiffness": 1.4e6}
+STEEL = {"rope__mass_per_length": 2.36}
+STIFF: dict[str, dict[str, float]] = {
+    "damped rope with mass": STEEL | {"rope__damping": 3e4},
+    "light damped rope": {"rope__mass_per_length": 0.3, "rope__damping": 2e4},
+    "eight segments": STEEL | {"rope__segments": 8, "winch__inertia": 120.0},
+    "loss factor": STEEL | {"rope__loss_factor": 10.0},
+    "hysteresis": STEEL | {"rope__hysteresis": 14.0},
+    "damped gearbox": GEARED | {"winch__gear_damping": 1e6},
+    "stiff gearbox": GEARED | {"winch__gear_stiffness": 1e9, "winch__gear_damping": 500.0},
+    "loss of the gearbox": STEEL | {"winch__gear_loss": 0.5, "winch__inertia": 1.0},
+    "viscous friction": STEEL | {"winch__viscous_friction": 2e6},
+    "sag": {"rope__mass_per_length": 0.05, "rope__submerged_weight": 10.0, "rope__damping": 100.0},
+}
+
+
+def oracle(plant: Any, h: float, x: float) -> float:
+    """Spectral radius of one Verlet step, about rest at x, written out for rope 2 without sag."""
+    rope, winch, length = plant.rope_2, plant.winch_2, x + plant.track.rope_offset
+    radius, n = winch.drum_radius, rope.segments if rope.mass_per_length else 1
+    mu, scaled = rope.mass_per_length, max(length, rope.shortest_mass)
+    rotor = winch.gear_ratio**2 * winch.rotor_inertia / radius**2
+    drum = winch.inertia / radius**2 + mu * (plant.track.length - x + scaled / 2 / n)
+    masses = [rotor, drum, *[mu * scaled / n] * (n - 1), plant.vehicle.mass + mu * scaled / 2 / n]
+    spring, damping = rope.modulus * rope.area / length, rope.damping
+    damping += 2 / math.pi * rope.loss_factor * math.sqrt(rope.modulus * rope.area * mu)
+    stiff, damped = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n + 2))
+
+    def link(near: int, far: int, k: float, c: float, loss: float = 0.0) -> None:
+        for matrix, value in ((stiff, k), (damped, c)):
+            for row, sign in ((near, 1 + loss), (far, -1)):
+                matrix[row, near] += sign * value
+                matrix[row, far] -= sign * value
+
+    link(0, 1, winch.gear_stiffness / radius**2, winch.gear_damping / radius**2)
+    for k in range(n):
+        link(k + 1, k + 2, n * spring, n * damping, winch.gear_loss if k == 0 else 0.0)
+    link(1, n + 1, 2 * rope.hysteresis / (rope.hysteresis_strain * length), 0.0)
+    damped[1, 1] += winch.viscous_friction / radius**2
+    used = slice(0 if winch.gear_stiffness else 1, None)
+    weights = np.array(masses)[used, None]
+    k, c, one = stiff[used, used] / weights, damped[used, used] / weights, np.eye(len(weights))
+    drift = np.block([[one, h / 2 * one], [0 * one, one]])
+    kick = np.block([[one, 0 * one], [-h * k, one]]) @ drift
+    kick[len(one) :, len(one) :] -= h * c  # the damping force is that of the speed at the beginning
+    return float(np.abs(np.linalg.eigvals(drift @ kick)).max())
+
+
+@pytest.mark.parametrize("values", [each for name, each in STIFF.items() if name != "sag"], ids=[*STIFF][:-1])
+def test_the_limit_of_verlet_is_that_of_its_matrix(values: Mapping[str, float]) -> None:
+    plant = both(case(4), **values).plant
+    limit = 2 / fastest(both(case(4), **values))
+    assert max(oracle(plant, 0.99 * limit, x) for x in (0.0, plant.track.length)) < 1 + 1e-9
+    assert max(oracle(plant, 1.01 * limit, x) for x in (0.0, plant.track.length)) > 1.01
+
+
+@pytest.mark.parametrize("values", STIFF.values(), ids=STIFF)
+def test_stiff_plants_are_refused_or_right(values: Mapping[str, float]) -> None:
+    """One sub-step less than required is refused; that many give the peak tension of very short steps."""
+    experiment = both(case(4), **values)
+    needed = math.ceil(fastest(experiment) * 1e-3 / INTEGRATORS["verlet"].reach)
+    with pytest.raises(
+        ConfigurationError, match=rf"^simulation\.substeps = {needed - 1}: must be >= {needed} for verl"
+    ):
+        prepare(override(experiment, {"simulation.substeps": needed - 1}))
+    found, fine = (simulate(override(experiment, {"simulation.substeps": n})) for n in (needed, 256))
+    assert found.outcome == fine.outcome == "completed"
+    assert found.metrics.peak_tension == pytest.approx(fine.metrics.peak_tension, rel=1e-3)
+
+
+def test_a_massless_damped_rope_needs_shorter_steps_of_each_explicit_method() -> None:
+    damped = both(case(4), rope__damping=1e5)
+    for integrator, needed in (("rk4", 13), ("verlet", 22)):
+        with pytest.raises(ConfigurationError, match=rf"must be >= {needed} for {integrator} .*the shortest rope "):
+            prepare(override(damped, {"simulation.integrator": integrator}))
+    prepare(damped)
+
+
+def test_many_plants_at_once_have_the_rates_of_each() -> None:
+    plant = both(case(4), **GEARED, **STEEL, rope__submerged_weight=20.0, rope__hysteresis=7.0).plant
+    numbers = {
+        "plant.rope_1.loss_factor": [0.01, 10.0, 3.0],
+        "plant.rope_2.shortest_mass": [6.0, 0.0, 80.0],
+        "plant.rope_2.damping": [1e3, 1e4, 1e4],
+        "plant.winch_2.gear_damping": [0.0, 500.0, 1e6],
+        "plant.track.roller_spacing": [0.0, 0.02, 1.0],
+        "plant.vehicle.mass": [1e4, 1.0, 1e5],
+    }
+    columns = {key: np.array(values) for key, values in numbers.items()}
+    each = [with_leaves(plant, {key: values[row] for key, values in numbers.items()}, "plant.") for row in range(3)]
+    for integrator in ("verlet", "rk4"):
+        together = fastest_swing(with_leaves(plant, columns, "plant."), integrator, Limits())
+        assert together == pytest.approx([float(fastest_swing(one, integrator, Limits())) for one in each], rel=1e-9)
+
+
+def test_a_batch_refuses_a_damping_its_sub_steps_are_too_long_for() -> None:
+    experiment = both(case(4), **STEEL)
+    with pytest.raises(
+        ConfigurationError, match=r"^parameters\[1\]: simulation\.substeps = 5: must be >= 6 for verlet"
+    ):
+        rollout(["plant.rope_1.damping"], [[1e3], [1e4]], [experiment])
+
+
+@dataclass(frozen=True)
+class Fibre(RopeLaw):
+    """A Kelvin–Voigt rope as a user's own law."""
+
+    kind: ClassVar = "fibre"
+
+    def tension(self, stretch: Scalar, stretch_rate: Scalar, length: Scalar) -> Scalar:
+        return 36.16e6 * stretch / length + 1000 * stretch_rate
+
+
+OWN = {
+    "eight segments": STEEL | {"rope__segments": 8, "winch__inertia": 120.0},
+    "four light segments": {"rope__mass_per_length": 1.0, "rope__segments": 4},
+    "gearbox": {"winch__rotor_inertia": 0.001, "winch__gear_stiffness": 1e8},
+}
+
+
+@pytest.mark.parametrize("values", OWN.values(), ids=OWN)
+def test_own_ropes_get_the_sub_steps_of_their_whole_chain(values: Mapping[str, float]) -> None:
+    given = both(case(4), **values)
+    own = override(both(case(4, rope=Fibre()), **values), {"simulation.substeps": 1})
+    substeps = stable_substeps(given.plant, given.simulation, "verlet", given.controller.limits)
+    assert substeps <= solver_of(own).substeps < 2 * max(substeps, 8)
+    found, fine = simulate(own), simulate(override(given, {"simulation.substeps": 256}))
+    assert found.outcome == "completed"
+    assert found.metrics.peak_tension == pytest.approx(fine.metrics.peak_tension, rel=1e-2)
+
+
+BEYOND = {
+    "hysteresis": ({"rope__hysteresis": 1e12}, "plant.rope_1.hysteresis = 1e+12"),
+    "rotor": (
+        {"winch__rotor_inertia": 1e-300, "winch__gear_stiffness": 1e6},
+        "plant.winch_1.rotor_inertia = 1e-300, plant.winch_1.gear_stiffness = 1e+06",
+    ),
+    "loss factor": (STEEL | {"rope__loss_factor": 1e300}, "plant.rope_1.loss_factor = 1e+300"),
+    "bristles": ({"vehicle": 1e20}, "plant.vehicle.bristle_stiffness = 1e+20"),
+}
+
+
+@pytest.mark.parametrize("rope", [None, Fibre()], ids=["kelvin-voigt", "own"])
+@pytest.mark.parametrize(("values", "key"), BEYOND.values(), ids=BEYOND)
+def test_no_more_sub_steps_are_asked_for_than_are_allowed(values: Mapping[str, float], key: str, rope: Any) -> None:
+    if rope and "loss" in key:
+        return
+    stiffness = {"plant.vehicle.bristle_stiffness": values["vehicle"]} if "vehicle" in values else {}
+    others = {name: value for name, value in values.items() if name != "vehicle"}
+    experiment = override(both(case(4, rope=rope) if rope else case(4), **others), stiffness)
+    with pytest.raises(ConfigurationError) as caught:
+        prepare(experiment)
+    message = str(caught.value)
+    named = re.escape('plant.rope_1.kind = "fibre"' if rope and "rope" in key else key)
+    assert re.match(rf"simulation\.sample_time = 0\.001: must be <= \S+ s for {named}", message)
+    assert "with 256 sub-steps of verlet" in message
+    assert len(message) < 300
+
+
+def test_a_sample_time_that_is_short_enough_is_accepted() -> None:
+    experiment = both(case(4), rope__hysteresis=1e6)
+    with pytest.raises(ConfigurationError) as caught:
+        prepare(experiment)
+    allowed = float(re.findall(r"must be <= (\S+) s", str(caught.value))[0])
+    prepare(override(experiment, {"simulation.sample_time": 0.999 * allowed, "simulation.substeps": 256}))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_rope_of_hardly_any_mass_is_one_error_without_warnings() -> None:
+    with pytest.raises(ConfigurationError, match="too extreme"):
+        prepare(both(case(4), rope__mass_per_length=1e-308))
