@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from dualwinch.codegen.source.expressions import GRAPHS, elements_read
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Tunable, behind_number, suggestion, unknown
-from dualwinch.model.quantities.tree import leaves, shown
+from dualwinch.model.quantities.quantity import Leaf, Mark, Tunable, behind_number, suggestion, unknown
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import structure_of
@@ -264,6 +264,7 @@ def space_of(entries: Mapping[str, Any], experiment: Experiment, further: Mappin
                 ratio = "/" in gain
                 dimensions[gain] = _pairs(gain, keys, entry, gains) if ratio else _interval(gain, keys, entry, gains)
             elif entries and not below:
+                _check_zero(gain, keys, entry, gains)
                 controller = experiment.controller
                 raise ConfigurationError(
                     f"{gain}: has no effect with controller.kind = {controller.law.kind!r}, estimator = "
@@ -341,6 +342,28 @@ class _Gains:
             known = [*(key for key, leaf in self.leaves.items() if leaf.tunable), *self.tied, *self.ratios]
             raise ConfigurationError(f"space: {unknown('gain', name, known)}")
         return (name,)
+
+
+def _check_zero(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> None:
+    """Raise `ConfigurationError` if a gain has no effect only because it is zero at the start."""
+    values = leaves(gains.experiment)
+    zeros = [key for key in keys if values.get(key) == 0 and Mark.SHAPES_CODE_AT_ZERO in gains.leaves[key].marks]
+    if not zeros:
+        return
+    given = {"lower": 0.0, "upper": 1.0} | _own(keys, gains.leaves[keys[0]].tunable, gains.experiment) | dict(entry)
+    lower, upper = given["lower"], given["upper"]
+    inside = math.sqrt(lower * upper) if lower > 0 else upper / 2
+    if not all(gains.leaves[key].admits(inside) for key in zeros) or inside <= 0:
+        return
+    try:
+        there = with_leaves(gains.experiment, dict.fromkeys(zeros, inside))
+    except ConfigurationError:
+        return
+    if _effective(structure_of(there)).issuperset(keys):
+        settings = " ".join(f"--set {key}={inside:.3g}" for key in zeros)
+        raise ConfigurationError(
+            f"space: {name}: is 0 at the start, where the loop leaves it out; set it above 0 first, e.g. {settings}"
+        )
 
 
 @GRAPHS.cached

@@ -42,7 +42,8 @@ def test_every_search_range_is_allowed_and_holds_its_default() -> None:
                 try:
                     dimension = space_of({key: {}}, experiment).dimensions[0]
                 except ConfigurationError as error:
-                    assert "has no effect" in str(error)  # noqa: PT017
+                    words = "has no effect", "is 0 at the start"
+                    assert any(each in str(error) for each in words)  # noqa: PT017
                 else:
                     assert dimension.holds(dimension.start(leaves(experiment)))
 
@@ -145,6 +146,20 @@ def test_wrong_entries_are_one_line(text: str, message: str) -> None:
         space(text)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_gain_that_is_left_out_at_zero_needs_a_start_above_zero() -> None:
+    damping = "controller.winch_1.damping"
+    message = "space: {0}: is 0 at the start, where the loop leaves it out; set it above 0 first, e.g. {1}"
+    with pytest.raises(ConfigurationError) as caught:
+        space(f"{damping}=1:100:log")
+    assert str(caught.value) == message.format(damping, f"--set {damping}=10")
+    with pytest.raises(ConfigurationError) as caught:
+        space("controller.winch.damping=1:100:log")
+    sets = f"--set {damping}=10 --set controller.winch_2.damping=10"
+    assert str(caught.value) == message.format("controller.winch.damping", sets)
+    entries = dict([entry_from(f"{damping}=1:100:log")])
+    assert space_of(entries, override(case(4), {damping: 10.0})).names == (damping,)
 
 
 def test_one_key_in_two_dimensions_is_refused() -> None:
