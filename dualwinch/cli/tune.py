@@ -460,9 +460,9 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
 
     controller = controller_in_words(problem.experiment.controller)
     where = f"{problem.scenarios} scenarios of '{problem.ensemble.name}'" if problem.ensemble else "one experiment"
-    line.say(
-        f"tuning {len(problem.space.dimensions)} gains of {controller} by {method} in {where}, seed {problem.seed}"
-    )
+    count = len(problem.space.dimensions)
+    gains = f"{count} gain{'s' if count > 1 else ''}"
+    line.say(f"tuning {gains} of {controller} by {method} in {where}, seed {problem.seed}")
     constraints = "; ".join(constraint.label for constraint in problem.constraints) or "nothing"
     line.say(f"minimise {', '.join(objective.name for objective in problem.objectives)} subject to {constraints}")
     for words in filter(None, (problem.margin_conditions, *problem.choices)):

@@ -251,7 +251,8 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     words = ("--space", "controller.nftsm.beta", "--constraint", "none", "--method", "stubborn")
     monkeypatch.setattr("dualwinch.tuning.study.first_candidates", lambda _: [])
     assert dualwinch("tune", *short, *words, "--out", tmp_path) == 0
-    said = capsys.readouterr().out
+    said, announced = capsys.readouterr()
+    assert "tuning 1 gain of fando-nftsm " in announced
     assert "the start is kept: no trial is better than the gains that the search started from (20 trials)" in said
     assert "what would help: more trials" in said
     assert "another method (--method hybrid)" in said
