@@ -212,11 +212,13 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
 
 
 def summary(found: Sequence[Idealisation]) -> str:
-    """All idealisations in one line; empty where there are none."""
-    briefs: dict[tuple[str, ...], str] = {}
+    """All idealisations in one line, each key's lack once; empty where there are none."""
+    named, briefs = set[str](), list[str]()
     for one in found:
-        briefs.setdefault(one.keys, f"{_subject(one.parts)} {one.brief}")
-    return f"idealised: {', '.join(briefs.values())}; see docs/site.md" if found else ""
+        if not named.issuperset(one.keys):
+            briefs.append(f"{_subject(one.parts)} {one.brief}")
+            named.update(one.keys)
+    return f"idealised: {', '.join(briefs)}; see docs/site.md" if found else ""
 
 
 def _subject(parts: Sequence[str]) -> str:

@@ -59,6 +59,12 @@ def test_sides_that_differ_are_named() -> None:
     assert summary(idealisations(one)) == "idealised: winch 2 of 1.8 kg m² (20 R² = 12.8); see docs/site.md"
 
 
+def test_ropes_that_differ_lack_the_same_once() -> None:
+    experiment = dw.override(dw.case(4), {"plant.rope_1.modulus": 40e9})
+    assert len(idealisations(experiment)) == 4, "a stiffness under sag for either rope"
+    assert summary(idealisations(experiment)) == summary(idealisations(dw.case(4)))
+
+
 def test_what_a_rope_of_another_law_weighs_is_not_guessed() -> None:
     experiment = dw.case(4)
     ropes = {"rope_1": Stiffening(), "rope_2": Stiffening(mass_per_length=2.0, submerged_weight=15.0)}
