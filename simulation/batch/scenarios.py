@@ -200,7 +200,8 @@ def _violations(group: ScenarioGroup) -> Iterator[Any]:
     simulation = group.experiment.simulation
     if not is_automatic(group.experiment):
         integrator = solver_of(group.experiment).integrator
-        yield ~(substeps_for(fastest_swing(parts.plant), simulation, integrator) <= simulation.substeps)
+        fastest = fastest_swing(parts.plant, integrator, group.experiment.controller.limits)
+        yield ~(substeps_for(fastest, simulation, integrator) <= simulation.substeps)
     first = starts(structure_of(group.experiment), group.vectors, group.experiment.reference.start)
     yield ~np.isfinite(first).all(axis=1)
 

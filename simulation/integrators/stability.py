@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from dualwinch.model.heavy_ropes import LEAST_PULL, end_mass, lumped_mass, rope_on_drum, span_of
+from dualwinch.model.heavy_ropes import LEAST_PULL, end_mass, lumped_mass, rope_on_drum, span_of, transverse_mass
 from dualwinch.model.plant import Plant, Side
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import Rope, RopeLaw, Track, is_kelvin_voigt, kelvin_voigt, stiffness, viscosity
@@ -102,7 +102,7 @@ def chain_of(side: Side, vehicle: Vehicle, track: Track, at: RopeTangent) -> Cha
         links.append((winch.gear_stiffness / radius**2, winch.gear_damping / radius**2, {0: 1.0, first: -1.0}))
     if weighs:  # in each span d = w s²/(8 T); `heavy_ropes` has its equation of motion
         span = span_of(length, track)
-        masses.append(8 / 15 * (rope.mass_per_length + rope.added_mass_per_length) * length)
+        masses.append(8 / 15 * transverse_mass(rope) * length)
         bend = 16 / 3 * rope.submerged_weight / (8 * np.maximum(at.tension, LEAST_PULL)) * length
         links.append((16 / 3 * at.tension * length / span**2, 0.0, {depth: 1.0}))
     pulling = np.sqrt(1 + np.asarray(winch.gear_loss))  # at the drum the tension counts 1 + gear_loss times

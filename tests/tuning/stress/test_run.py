@@ -17,6 +17,8 @@ from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.settings import override
+from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.robustness import stress as bench
 from dualwinch.tuning.robustness.imperfections import imperfections, union
@@ -48,6 +50,20 @@ def test_a_break_is_where_ensembles_of_just_that_size_break() -> None:
 
     assert worst(margin.held) <= limit < worst(margin.size)
     assert margin.violated[0].value == pytest.approx(worst(margin.size), rel=1e-6)
+
+
+def test_effects_that_the_base_lacks_are_in_the_runs() -> None:
+    """Gear loss of its own size in a plain run of such a machine, and in what the test finds of it."""
+    experiment = override(short(), {"controller.observer.l0": 60.0})
+    base = bare(experiment)
+    lossy = of('[ensemble]\nname = "lossy"\n[plant.winch_1]\ngear_loss = 0.3\n[plant.winch_2]\ngear_loss = 0.3\n', base)
+    (without, within) = (simulate(each.experiment).metrics.mse for each in (base, lossy))
+    assert within > 2 * without
+    constraints = constraints_from([f"worst.mse<={(without + within) / 2}"], experiment)
+    (row,) = breakdowns({"paper": experiment.controller}, base, lossy, constraints, scenarios=1, seed=0).rows
+    margin = row.margins["paper"]
+    assert margin.size is not None
+    assert margin.size <= 1
 
 
 def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
