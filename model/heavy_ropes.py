@@ -267,9 +267,11 @@ def weight_in_water(mass_per_length: Scalar, density: Scalar) -> Scalar:
 def transverse_mass(rope: RopeLaw) -> Scalar:
     """Mass in kg/m that moves with the sag, that of the rope and the added mass of the water.
 
-    At least what the rope's weight in water requires, so that a rope may sag whose mass along the rope is left out.
+    Where the rope's mass is left out, at least that of a wire rope of its diameter: without a mass it could not sag.
     """
-    return maximum(rope.mass_per_length + rope.added_mass_per_length, rope.submerged_weight / GRAVITY)
+    if present(rope.mass_per_length):
+        return rope.mass_per_length + rope.added_mass_per_length
+    return maximum(rope.added_mass_per_length, wire_rope_mass(rope.diameter))
 
 
 LEAST_PULL = 50.0

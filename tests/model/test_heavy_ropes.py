@@ -237,6 +237,7 @@ def test_waves_and_sag_neither_gain_nor_lose_energy() -> None:
     assert abs(end.omega_1 - 0.02) > 1e-3
 
 
-def test_a_rope_that_sags_without_mass_of_its_own_moves_with_what_its_weight_requires() -> None:
-    assert transverse_mass(Rope(submerged_weight=20.2)) == pytest.approx(20.2 / 9.81)
+def test_a_rope_that_sags_without_mass_of_its_own_has_that_of_a_wire_rope() -> None:
+    assert transverse_mass(Rope(submerged_weight=20.2)) == pytest.approx(2.36, rel=0.01)
+    assert transverse_mass(Rope(submerged_weight=20.2, added_mass_per_length=2.96)) == 2.96
     assert transverse_mass(Rope(submerged_weight=20.2, mass_per_length=2.36, added_mass_per_length=0.6)) == 2.36 + 0.6
