@@ -271,9 +271,12 @@ class ScaledEnsemble:
                 integrator = solver_of(experiment).integrator
                 try:
                     fastest = fastest_swing(experiment.plant, integrator, experiment.controller.limits)
-                    needed = max(needed, substeps_for(fastest, simulation, integrator))
-                except ArithmeticError:  # values not allowed; `prepare` gives the reason
+                    wanted = float(substeps_for(fastest, simulation, integrator))
+                except ArithmeticError:
+                    wanted = math.inf
+                if not math.isfinite(wanted):  # values not allowed; `prepare` gives the reason
                     break
+                needed = max(needed, wanted)
             power = 1 << math.ceil(math.log2(max(needed, 1)))
             known[chosen] = min(power, MOST_SUBSTEPS) if needed > simulation.substeps else simulation.substeps
         found = known[chosen]
