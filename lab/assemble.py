@@ -97,12 +97,12 @@ def encoded(column: NDArray[np.float64]) -> str:
 
 
 def differences(experiment: Experiment) -> dict[str, Any]:
-    """Scalar values that differ from the paper's Case 2, by key."""
+    """Values that differ from the paper's Case 2, by key."""
     usual = leaves(Experiment())
     return {
         key: plain(value)
         for key, value in leaves(experiment).items()
-        if isinstance(value, (str, bool, int, float)) and value != usual.get(key)
+        if isinstance(value, (str, bool, int, float, tuple)) and value != usual.get(key)
     }
 
 

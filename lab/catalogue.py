@@ -5,22 +5,24 @@ paper; machines from the ensemble `rig`.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from dualwinch.controllers.nominal import nominal_plant
 from dualwinch.lab.wasm.settings import DURATION, LAG, MOTIONS, REFERENCE_KIND, Settings
 from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure
+from dualwinch.model.actuators import ACTUATORS
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import leaves
+from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import cruise_speed
 from dualwinch.simulation.analysis.idealisations import idealisation_checks
 from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTROLLERS, REDUCTIONS, case
+from dualwinch.simulation.results.file_formats import plain
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.space import own_bounds
 
@@ -259,6 +261,43 @@ def claims() -> dict[str, Any]:
     return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in REDUCTIONS.items()}}
 
 
+ACTUATOR = "actuator.kind"
+
+SAME_RUN = frozenset({"engine", "readings", "integrator", "substeps"})
+"""Settings of the simulation that change how a run is computed or recorded, not the machine."""
+
+
+def file_defaults() -> dict[str, Any]:
+    """Values of the keys that an experiment's file does not give.
+
+    Returns:
+        ``common``: key → value, for the keys of every experiment; ``parts``: choice → option → key → value, for those
+        that only some options of a choice have.
+    """
+    common, parts = leaves(Experiment()), {}
+    for choice, registry in {**REGISTRIES, ACTUATOR: ACTUATORS}.items():
+        by_option = {option: leaves(with_leaves(Experiment(), {choice: option})) for option in registry}
+        shared = set.intersection(*map(set, by_option.values()))
+        parts[choice] = {option: _plain(values, shared) for option, values in by_option.items()}
+        common = {key: value for key, value in common.items() if key in shared}
+    same = {f"simulation.{name}" for name in SAME_RUN}
+    return {"common": _plain(common, same), "parts": parts, "same": sorted(same)}
+
+
+def _plain(values: Mapping[str, Any], without: Collection[str]) -> dict[str, Any]:
+    return {key: plain(value) for key, value in values.items() if key not in without}
+
+
+def fixed(structure: LabStructure) -> dict[str, Any]:
+    """Key → value, where a structure has no parameter for a key and not the default of `Experiment`."""
+    usual = leaves(Experiment())
+    return {
+        key: plain(value)
+        for key, value in leaves(structure.experiment).items()
+        if key in usual and value != usual[key] and key not in {*structure.module.keys, *structure.chosen}
+    }
+
+
 def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -> dict[str, Any]:
     """The catalogue of structures.
 
@@ -286,6 +325,7 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
         "paper": reproduced(),
         "claims": claims(),
         "rig": drawn(rig, structures[0].module),
+        "file": file_defaults(),
     }
 
 
@@ -302,6 +342,8 @@ def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[
         "nominal": list(module.nominal),
         "optional": list(module.optional),
         "defaults": defaults,
+        "fixed": fixed(structure),
+        "idle": sorted(module.idle),
         "idealised": [
             {"name": one.name, "part": one.part, "atLeast": one.at_least, "brief": one.brief}
             for one in idealisation_checks(module.wide.plant, module.wide.controller.limits.tension_min)

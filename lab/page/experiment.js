@@ -72,6 +72,12 @@ export function withSetting(catalogue, experiment, key, choice) {
   return withStructure(catalogue, wanted, structureOf(catalogue, wanted, key));
 }
 
+// A new experiment with several parts at once, the law first where no structure combines them.
+export function withSettings(catalogue, experiment, settings) {
+  const wanted = {...experiment, settings: {...experiment.settings, ...settings}};
+  return withStructure(catalogue, wanted, structureOf(catalogue, wanted));
+}
+
 function withStructure(catalogue, experiment, structure) {
   const base = structureById(catalogue, caseOf(catalogue, experiment).structure).settings;
   const settings = Object.fromEntries(Object.entries(structure.settings).filter(([key, choice]) => base[key] !== choice));

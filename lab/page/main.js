@@ -9,6 +9,7 @@ import {follow} from "./live.js";
 import {connectMenu} from "./menu.js";
 import {idealised} from "./idealised.js";
 import {claims, showMerits} from "./merits.js";
+import {Notice, waysToRun} from "./notice.js";
 import {digits} from "./numbers.js";
 import {finished, openFile} from "./open.js";
 import {Playback} from "./playback.js";
@@ -28,7 +29,8 @@ function withSeed(read) {
   return {...read, keys: {...read.keys, [SEED]: ABOUT_SEED}};
 }
 
-let experiment = location.hash.length > 1 ? fromHash(catalogue, location.hash) : blank(catalogue, "case-4");
+const notice = new Notice(element("notice"), () => element("menu").querySelector("summary").focus());
+let experiment = location.hash.length > 1 ? ofLink() : blank(catalogue, "case-4");
 let run = null, pinned = null;
 
 const COMPENSATION = "controller.kalman.compensation";
@@ -54,15 +56,20 @@ new Tuning(element("tuning"), catalogue, background, () => experiment, (found) =
 // ---- changes and their effects ----
 
 const simulate = latest(async (wanted) => {
-  document.documentElement.dataset.busy = "true";
+  busy(true);
   try {
     const result = await runner.run(request(catalogue, wanted));
     showRun({...result, label: "this run", experiment: wanted});
   } catch (error) {
     say(error.message, true);
   }
-  document.documentElement.dataset.busy = String(wanted !== experiment);
+  busy(wanted !== experiment);
 });
+
+function busy(is) {
+  document.documentElement.dataset.busy = String(is);
+  element("plots").setAttribute("aria-busy", String(is));
+}
 
 function change(next) {
   experiment = next;
@@ -200,10 +207,17 @@ async function openAs(file) {
     const opened = await openFile(catalogue, file);
     if (opened.run) pin(opened.run);
     else change(opened.experiment);
-    say(opened.run ? `${file.name} is now A.` : `${file.name} is open${opened.unknown.length ? `, without ${opened.unknown.length} keys that this page does not support` : ""}.`);
+    if (!opened.run) notice.show(`This is not the machine of ${file.name}.`, opened.unsupported, waysToRun(file.name));
+    if (!opened.unsupported?.length) say(opened.run ? `${file.name} is now A.` : `${file.name} is open.`);
   } catch (error) {
     say(error.message, true);
   }
+}
+
+function ofLink() {
+  const linked = fromHash(catalogue, location.hash);
+  notice.show("This is not the experiment of the link.", linked.unsupported);
+  return linked.experiment;
 }
 
 let silence = null;
@@ -217,8 +231,8 @@ function say(text, wrong = false) {
 // ---- keys, theme, start ----
 
 element("find").addEventListener("input", ({target}) => controls.filter(target.value));
-element("reset").addEventListener("click", () => change(blank(catalogue, experiment.case)));
-window.addEventListener("hashchange", () => change(fromHash(catalogue, location.hash)));
+element("reset").addEventListener("click", () => { notice.clear(); change(blank(catalogue, experiment.case)); });
+window.addEventListener("hashchange", () => change(ofLink()));
 window.addEventListener("keydown", (event) => {
   if (event.key !== " " || event.target.closest("input, select, button, summary, textarea, label")) return;
   event.preventDefault();
@@ -232,7 +246,11 @@ connectTheme(element("theme"), () => { plots.redraw(); showMoment(); });
 if (ownRun) {
   if (ownRun.live) follow(ownRun, columnsOf, showLive, say);
   else pin(ofOwn(finished(ownRun.label, columnsOf(ownRun), ownRun.metrics)));
-  if (location.hash.length < 2 && ownRun.settings) experiment = fromFile(catalogue, ownRun.settings).experiment;
+  if (location.hash.length < 2 && ownRun.settings) {
+    const opened = fromFile(catalogue, ownRun.settings);
+    experiment = opened.experiment;
+    notice.show("The run beside A is not of A’s machine.", opened.unsupported);
+  }
 }
 change(experiment);
 

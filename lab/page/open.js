@@ -3,13 +3,24 @@
 import {fromFile} from "./share.js";
 import {readToml} from "./toml.js";
 
-// {experiment, unknown} from a TOML file, {run} from a file with rows.
+// {experiment, unsupported} from a TOML file, {run} from a file with rows.
 export async function openFile(catalogue, file) {
   const kind = file.name.split(".").at(-1).toLowerCase();
-  if (kind === "toml") return fromFile(catalogue, readToml(await file.text()));
+  if (kind === "toml") return fromFile(catalogue, entriesOf(file.name, await file.text()));
   if (kind === "csv") return {run: finished(file.name, readCsv(await file.text()), {})};
   if (kind === "parquet") return {run: await readParquet(file)};
   throw new Error(`${file.name}: must be a .toml, .csv or .parquet file`);
+}
+
+function entriesOf(name, text) {
+  let entries;
+  try {
+    entries = readToml(text);
+  } catch (error) {
+    throw new Error(`${name}, ${error.message}`);
+  }
+  if ("ensemble.name" in entries) throw new Error(`${name} is an ensemble, no experiment: run it with dualwinch simulate --ensemble ${name}`);
+  return entries;
 }
 
 export function readCsv(text) {

@@ -1,6 +1,6 @@
 // Export of an experiment as link, command line or file, and import from link or file.
 
-import {blank, caseOf, choices, differences, structureOf, SEED, withSetting, withValue} from "./experiment.js";
+import {blank, caseOf, choices, differences, structureOf, SEED, valueOf, withSettings, withValue} from "./experiment.js";
 import {literal, writeToml} from "./toml.js";
 
 const LAG = "actuator.motor.time_constant";
@@ -11,10 +11,18 @@ export function hashOf(catalogue, experiment) {
   return `#${words}`;
 }
 
+// {experiment, unsupported} of a link.
 export function fromHash(catalogue, hash) {
   const words = new URLSearchParams(hash.replace(/^#/, ""));
-  const {case: id, ...entries} = Object.fromEntries(words);
-  return fromEntries(catalogue, blank(catalogue, `case-${id}`), Object.fromEntries(Object.entries(entries).map(([key, text]) => [key, typed(text)]))).experiment;
+  const {case: id, ...texts} = Object.fromEntries(words);
+  const entries = Object.fromEntries(Object.entries(texts).map(([key, text]) => [key, typed(text)]));
+  let experiment = withOptions(catalogue, blank(catalogue, `case-${id}`), entries);
+  for (const [key, value] of Object.entries(entries)) {
+    const number = inLoop(value, catalogue.keys[key]);
+    if (number !== undefined && isNumber(catalogue, experiment, key)) experiment = withValue(catalogue, experiment, key, number);
+  }
+  const written = Object.entries(entries).map(([key, value]) => [key, typeof value === "number" ? asFile(value, catalogue.keys[key]) : value]);
+  return {experiment, unsupported: unsupported(catalogue, experiment, withActuator(Object.fromEntries(written)))};
 }
 
 function typed(text) {
@@ -22,30 +30,66 @@ function typed(text) {
   return text !== "" && !Number.isNaN(Number(text)) ? Number(text) : text;
 }
 
-// {experiment, unknown} from entries by key; `unknown` are keys that the page does not support.
-export function fromEntries(catalogue, start, entries) {
-  let experiment = start;
-  const unknown = [], options = choices(catalogue);
-  for (const [key, value] of Object.entries(entries)) {
-    const option = options.get(key)?.find((known) => String(known) === String(value));
-    if (option !== undefined) experiment = withSetting(catalogue, experiment, key, option);
-  }
-  for (const [key, value] of Object.entries(entries)) {
-    const number = inLoop(value, catalogue.keys[key]);
-    if (options.has(key) || key === "actuator.kind") continue;
-    else if (number !== undefined && (key === SEED || structureOf(catalogue, experiment).parameters.includes(key))) experiment = withValue(catalogue, experiment, key, number);
-    else unknown.push(key);
-  }
-  return {experiment, unknown};
+// {experiment, unsupported} of a file's entries by key; missing keys have their defaults. Of all cases it is the one that
+// leaves the least unsupported, then the one that needs the fewest changes.
+export function fromFile(catalogue, entries) {
+  const whole = completed(catalogue, entries);
+  const given = (key) => key in entries || key in catalogue.file.common;
+  const wanted = Object.fromEntries(Object.entries(whole).filter(([key]) => given(key)));
+  const changes = ({experiment: {settings, values}}) => Object.keys({...settings, ...values}).length;
+  const found = catalogue.cases.map(({id}) => {
+    const experiment = adopted(catalogue, blank(catalogue, id), whole);
+    return {experiment, unsupported: unsupported(catalogue, experiment, wanted)};
+  });
+  return found.reduce((best, next) => ((next.unsupported.length - best.unsupported.length || changes(next) - changes(best)) < 0 ? next : best));
 }
 
-// The experiment of a file, on the case that agrees with most of its values; missing keys have their defaults.
-export function fromFile(catalogue, entries) {
-  const keys = [...new Set(catalogue.cases.flatMap((known) => Object.keys(known.values)))];
-  const given = (key) => inLoop(entries[key], catalogue.keys[key]) ?? catalogue.keys[key].default;
-  const matches = (known) => keys.filter((key) => (known.values[key] ?? catalogue.keys[key].default) === given(key)).length;
-  const nearest = catalogue.cases.reduce((best, known) => (matches(known) > matches(best) ? known : best));
-  return fromEntries(catalogue, blank(catalogue, nearest.id), entries);
+// An experiment with the parts and numbers of a whole file, as far as the page supports them.
+function adopted(catalogue, start, whole) {
+  let experiment = withOptions(catalogue, start, whole);
+  for (const key of [...structureOf(catalogue, experiment).parameters, SEED]) {
+    const about = catalogue.keys[key], usual = key === LAG ? 0 : catalogue.file.common[key];
+    const number = inLoop(whole[key], about) ?? inLoop(usual, about);
+    const outside = number !== null && (number < (about.low ?? -Infinity) || number > (about.high ?? Infinity));
+    if (number !== undefined && !outside) experiment = withValue(catalogue, experiment, key, number);
+  }
+  return experiment;
+}
+
+function withOptions(catalogue, experiment, entries) {
+  const known = [...choices(catalogue)].map(([key, options]) => [key, options.find((option) => String(option) === String(entries[key]))]);
+  return withSettings(catalogue, experiment, Object.fromEntries(known.filter(([, option]) => option !== undefined)));
+}
+
+function isNumber(catalogue, experiment, key) {
+  return key === SEED || structureOf(catalogue, experiment).parameters.includes(key);
+}
+
+// Entries of a file and the defaults of all other keys, without those of parts that it does not use and those that change
+// how a run is computed, not the machine.
+function completed(catalogue, entries) {
+  const {common, parts, same} = catalogue.file;
+  const used = Object.assign({...common}, ...Object.entries(parts).map(([choice, options]) => options[entries[choice] ?? common[choice]]));
+  const ofParts = new Set(Object.values(parts).flatMap((options) => Object.values(options).flatMap(Object.keys)));
+  const given = Object.entries(entries).filter(([key]) => !same.includes(key) && (key in used || !ofParts.has(key)));
+  return {...used, ...Object.fromEntries(given)};
+}
+
+// [{key, wanted, used}] of the entries that are not the page's own, parts first; `used` is undefined if nothing is in their place.
+function unsupported(catalogue, experiment, entries) {
+  const structure = structureOf(catalogue, experiment);
+  const numbers = Object.fromEntries([...structure.parameters, SEED].map((key) => [key, asFile(valueOf(catalogue, experiment, key), catalogue.keys[key])]));
+  const own = completed(catalogue, {...structure.fixed, ...structure.settings, ...withActuator(numbers)});
+  const found = Object.entries(entries).map(([key, wanted]) => ({key, wanted, used: own[key]})).filter(({wanted, used}) => !same(wanted, used));
+  const matter = found.filter(({key}) => !structure.idle.includes(key));
+  const plantDiffers = matter.some(({key}) => key.startsWith("plant."));
+  const isPart = ({key, wanted}) => Number(typeof wanted === "string" || key in structure.settings);
+  return (plantDiffers ? found : matter).sort((one, other) => isPart(other) - isPart(one));
+}
+
+function same(one, other) {
+  if (Array.isArray(one) && Array.isArray(other)) return one.length === other.length && one.every((item, index) => same(item, other[index]));
+  return one === other || (one ?? null) === (other ?? null);
 }
 
 export function commandLine(catalogue, experiment) {
@@ -75,7 +119,7 @@ function asFile(value, about) {
 // The inverse; undefined if the value is no number of the loop.
 function inLoop(value, about) {
   if (about?.kind === "choice" && typeof value === "string") return about.choices.includes(value) ? about.choices.indexOf(value) : undefined;
-  if (value === "none" && about?.optional) return null;
+  if ((value === "none" || value === null) && about?.optional) return null;
   return typeof value === "number" || typeof value === "boolean" ? Number(value) : undefined;
 }
 

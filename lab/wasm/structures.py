@@ -33,6 +33,8 @@ HEAVY = "site"
 
 HEAVY_ESTIMATORS = ("lowpass", "self-calibrating-kalman")
 
+HEAVY_COORDINATIONS = ("differential-tension", "proportional-tension")
+
 DAMPING = 164.0
 """Damping of its drums in N m s/rad: the wave impedance of its ropes (docs/site.md)."""
 
@@ -104,5 +106,9 @@ def structures() -> tuple[LabStructure, ...]:
     changes += [{COORDINATION: kind} for kind in COORDINATIONS if kind != usual[COORDINATION]]
     changes += [{SLACK: False}]
     found = [LabStructure(tuple((usual | change).items())) for change in changes]
-    heavy = [tuple((usual | {ESTIMATOR: estimator}).items()) for estimator in HEAVY_ESTIMATORS]
+    heavy = [
+        tuple((usual | {ESTIMATOR: estimator, COORDINATION: coordination}).items())
+        for coordination in HEAVY_COORDINATIONS
+        for estimator in HEAVY_ESTIMATORS
+    ]
     return (*found, *(LabStructure(settings, heavy_machine(), HEAVY) for settings in heavy))

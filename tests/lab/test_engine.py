@@ -26,6 +26,7 @@ OTHERS = (
     "fando-nftsm+two-sided",
 )
 HEAVY = "fando-nftsm+site"
+HEAVY_TUNED = "fando-nftsm+self-calibrating-kalman+proportional-tension+site"
 
 NOISE = {"sensors.position_noise": 5e-4, "sensors.speed_noise": 2e-3, "sensors.tension_noise": 10.0}
 SEA = {"disturbance.current_sigma": 0.05, "disturbance.normal_force_sigma": 0.1, "sensors.position_drift": 1e-4}
@@ -51,7 +52,7 @@ ALTERED: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(scope="module")
 def made() -> Content:
-    return content_of(*OTHERS, HEAVY)
+    return content_of(*OTHERS, HEAVY, HEAVY_TUNED)
 
 
 def asked(settings: dict[str, Any]) -> dict[str, Any]:
@@ -111,6 +112,12 @@ def test_other_structures_are_those_of_simulate(made: Content, tmp_path: Path) -
     chosen = {structure["id"]: structure["settings"] for structure in made.catalogue["structures"]}
     for name, answer in zip(OTHERS, answers, strict=True):
         check(answer, dw.simulate(dw.override(dw.case(4), chosen[name])))
+
+
+def test_proportional_tension_on_the_heavy_machine_is_that_of_simulate(made: Content, tmp_path: Path) -> None:
+    (case,) = (case for case in made.catalogue["cases"] if case["id"] == "case-site")
+    (answer,) = run_in_node(made, tmp_path, [{"structure": HEAVY_TUNED, "values": case["values"]}])
+    check(answer, dw.simulate(of_id(HEAVY_TUNED).experiment))
 
 
 def test_a_drawn_machine_is_that_of_the_ensemble(made: Content, tmp_path: Path) -> None:
