@@ -113,11 +113,8 @@ def tuning_problem(
             machines, chosen = _with_defaults(machines, values, {*values, *_named(config), *_named(ensemble)})
         else:
             machines = reset(machines, values)
-            chosen += (
-                []
-                if not (keys := undamped(machines.experiment))
-                else [f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}"]
-            )
+            if keys := undamped(machines.experiment):
+                chosen.append(f"gains as the experiment has them, with {' and '.join(keys)} = 0, though {SWINGING}")
         for key, distribution in machines.distributions.items():
             check_range(key, distribution, machines.experiment)
         base = machines.experiment
@@ -185,7 +182,7 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
         parts[COORDINATION] = sharing
         chosen.append(f"coordination {sharing}: none is named, and {where} ropes sag between rollers")
-    ensemble = reset(reset(ensemble, parts), values)
+    ensemble = reset(ensemble, parts | values)
     gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
     started = {key: value for key, value in gains.items() if key not in named}
     damped = [f"{key} = {value:.3g}" for key, value in started.items() if key in DAMPING]
