@@ -182,7 +182,7 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     if (sharing := default_coordination(ensemble)) and COORDINATION not in named:
         parts[COORDINATION] = sharing
         chosen.append(f"coordination {sharing}: none is named, and {where} ropes sag between rollers")
-    ensemble = reset(ensemble, parts | values)
+    ensemble = reset(ensemble, {**parts, **values})
     gains = {RESERVE: default_reserve(ensemble)} | starting_gains(ensemble)
     started = {key: value for key, value in gains.items() if key not in named}
     damped = [f"{key} = {value:.3g}" for key, value in started.items() if key in DAMPING]
