@@ -19,9 +19,6 @@ from dualwinch.codegen.source.operations import Style
 
 Floats = NDArray[np.float64]
 
-VECTOR = 8
-"""Vector length; rows of matrices are padded with zeros to a multiple of it."""
-
 
 @dataclass(frozen=True)
 class FilterData:
@@ -233,21 +230,16 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
-    sizes |= {"VECTOR": VECTOR, "COLUMNS": _whole_vectors(sizes["STATES"]), "WAYS": _whole_vectors(sizes["FITTED"] + 1)}
     return unit(
         sizes,
         hoisted,
         "elementary.h",
         "lanes.h",
+        "vectors.h",
         c_source(hoisted, Style(compares=True), lanes),
         "\n".join(defines) + "\n",
         *(f"filter/{name}" for name in ("linear.h", "kalman.c", "predict.c", "smooth.c")),
     )
-
-
-def _whole_vectors(count: int) -> int:
-    """A count rounded up to a multiple of `VECTOR`."""
-    return -(-count // VECTOR) * VECTOR
 
 
 def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:

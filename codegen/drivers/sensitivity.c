@@ -1,19 +1,25 @@
 /* Runs a sampled system with the sensitivities of its state along directions of its parameters.
    LANES samples are stepped, then their slopes computed in parallel, a sample in each lane, then the tangents propagated
    through these samples in sequence, a direction in each lane.
-   Comes after driver.h, elementary.h, the sizes and the functions of codegen/drivers/sensitivity.py: those of
+   Comes after vectors.h, elementary.h, the sizes and the functions of codegen/drivers/sensitivity.py: those of
    codegen/sampled.py with derive(parameters, derived), and over arrays of stride LANES
      sample_slopes(state, exogenous, parameters, derived, slopes)
      one_step_slopes(motion, hold, parameters, derived, slopes)
      observe_slopes(state, exogenous, parameters, derived, slopes)
    and with tangents of stride DIRECTIONS
      along_move(motion, hold, part, parameters, motion_tangent, hold_tangent, direction, next_motion_tangent).
-   SAMPLE_PRODUCT, ONE_STEP_PRODUCT and OBSERVE_PRODUCT are the statements of codegen/drivers/tangents.py for one lane:
+   SAMPLE_PRODUCT, ONE_STEP_PRODUCT and OBSERVE_PRODUCT are the statements of codegen/drivers/tangents.py:
    tangents of the outputs from slopes and tangents of the inputs. `observe` writes the ROW requested columns. */
+
+enum { VECTORS = DIRECTIONS / VECTOR };
+
+/* The states and exogenous signals that slopes read; the motion is first among them. */
+static const int read_state[] = READ_STATE, read_exogenous[] = READ_EXOGENOUS;
+enum { STATES_READ = sizeof read_state / sizeof(int), EXOGENOUS_READ = sizeof read_exogenous / sizeof(int) };
 
 /* Arguments of the slopes of LANES samples of the run. Element i of sample t is at [i * LANES + t]. */
 typedef struct {
-  LANE_ARRAY state[STATES * LANES], exogenous[(EXOGENOUS + 1) * LANES], hold[HOLD * LANES];
+  LANE_ARRAY state[STATES_READ * LANES], exogenous[EXOGENOUS_READ * LANES], hold[HOLD * LANES];
   LANE_ARRAY sample_slopes[(SAMPLE_SLOPES + 1) * LANES];
 #if HAS_ONE_STEP
   LANE_ARRAY one_step_slopes[(ONE_STEP_SLOPES + 1) * LANES];
@@ -28,6 +34,10 @@ static inline void put(double *to, const double *values, int count) {
   for (int i = 0; i < count; ++i) to[i * LANES] = values[i];
 }
 
+static inline void put_chosen(double *to, const double *values, const int *chosen, int count) {
+  for (int i = 0; i < count; ++i) to[i * LANES] = values[chosen[i]];
+}
+
 static inline void take(double *values, const double *from, int count) {
   for (int i = 0; i < count; ++i) values[i] = from[i * LANES];
 }
@@ -37,15 +47,12 @@ IN_LANES sample_slopes_lanes(const double *restrict state, const double *restric
   EACH_CALL sample_slopes(state + l, exogenous + l, p, derived, slopes + l);
 }
 
-IN_LANES sample_product(const double *restrict slopes, const double *restrict states, const double *restrict directions,
-                       const double *restrict signals, double *restrict discretes, double *restrict holds) {
-  EACH_OF(DIRECTIONS) {
-    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
-    const double *restrict signal_tangent = signals + l;
-    double *restrict discrete_tangent = discretes + l, *restrict hold_tangent = holds + l;
-    (void)direction, (void)signal_tangent;
-    SAMPLE_PRODUCT
-  }
+IN_LANES sample_product(const double *restrict slopes, const void *states, const void *directions,
+                        const void *signals, void *discretes, void *holds) {
+  const Vector *restrict state_tangent = states, *restrict direction = directions, *restrict signal_tangent = signals;
+  Vector *restrict discrete_tangent = discretes, *restrict hold_tangent = holds;
+  (void)direction, (void)signal_tangent;
+  SAMPLE_PRODUCT
 }
 
 #if HAS_ONE_STEP
@@ -54,15 +61,12 @@ IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *rest
   EACH_CALL one_step_slopes(motion + l, hold + l, p, derived, slopes + l);
 }
 
-IN_LANES one_step_product(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                     const double *restrict directions, double *restrict nexts) {
-  EACH_OF(DIRECTIONS) {
-    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
-    const double *restrict direction = directions + l;
-    double *restrict next_motion_tangent = nexts + l;
-    (void)direction;
-    ONE_STEP_PRODUCT
-  }
+IN_LANES one_step_product(const double *restrict slopes, const void *motions, const void *holds,
+                          const void *directions, void *nexts) {
+  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
+  Vector *restrict next_motion_tangent = nexts;
+  (void)direction;
+  ONE_STEP_PRODUCT
 }
 #endif
 
@@ -72,15 +76,12 @@ IN_LANES observe_slopes_lanes(const double *restrict state, const double *restri
   EACH_CALL observe_slopes(state + l, exogenous + l, p, derived, slopes + l);
 }
 
-IN_LANES observe_product(const double *restrict slopes, const double *restrict states,
-                         const double *restrict directions, const double *restrict signals, double *restrict rows) {
-  EACH_OF(DIRECTIONS) {
-    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
-    const double *restrict signal_tangent = signals + l;
-    double *restrict row_tangent = rows + l;
-    (void)slopes, (void)direction, (void)signal_tangent;
-    OBSERVE_PRODUCT
-  }
+IN_LANES observe_product(const double *restrict slopes, const void *states, const void *directions,
+                         const void *signals, void *rows) {
+  const Vector *restrict state_tangent = states, *restrict direction = directions, *restrict signal_tangent = signals;
+  Vector *restrict row_tangent = rows;
+  (void)slopes, (void)direction, (void)signal_tangent;
+  OBSERVE_PRODUCT
 }
 #endif
 
@@ -93,9 +94,9 @@ IN_LANES along_move_lanes(const double *restrict motion, const double *restrict 
 }
 
 /* One rollout with its sensitivities.
-   for_slopes holds the values that the slopes derive from the parameters alone. direction (VARIED, DIRECTIONS) holds the directions, signals (samples, SIGNALS, DIRECTIONS) the
-   tangents of exogenous signals; state (STATES) and its tangent (STATES, DIRECTIONS) are initial values, and then the
-   final ones. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS),
+   for_slopes holds the values that the slopes derive from the parameters alone. direction (VARIED, DIRECTIONS) holds the
+   directions, signals (samples, SIGNALS, DIRECTIONS) the tangents of exogenous signals; state (STATES) and its tangent
+   (STATES, DIRECTIONS) are initial values, and then the final ones. Every stride-th sample writes state TRACKED to values and its tangent to tangents (kept, DIRECTIONS),
    columns to rows (kept, ROW) and their tangents to row_tangents (kept, ROW, DIRECTIONS); all four may be null. Returns
    the outcome as in rollout.c; *done is the number of samples stepped. Tangents do not affect the outcome. */
 EXPORT int sensitivity(const double *parameters, const double *for_slopes, const double *direction, const double *exogenous,
@@ -120,8 +121,8 @@ EXPORT int sensitivity(const double *parameters, const double *for_slopes, const
   while (k < samples && outcome == COMPLETED) {
     int stepped = 0;
     for (; stepped < LANES && k + stepped < samples && outcome == COMPLETED; ++stepped, exogenous += EXOGENOUS) {
-      put(of.state + stepped, now, STATES);
-      put(of.exogenous + stepped, exogenous, EXOGENOUS);
+      put_chosen(of.state + stepped, now, read_state, STATES_READ);
+      put_chosen(of.exogenous + stepped, exogenous, read_exogenous, EXOGENOUS_READ);
 #if ROW
       if (rows && (k + stepped) % stride == 0) {
         observe(now, exogenous, parameters, derived, rows);

@@ -14,7 +14,7 @@ from dualwinch.codegen.cache import loaded
 from dualwinch.codegen.compiler import Compiler, find_compiler, with_compiler
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.tangents import JacobianProduct, Tangents, jacobian_product
-from dualwinch.codegen.drivers.unit import hoisted_all, kept_rows, recipe, unit
+from dualwinch.codegen.drivers.unit import all_read, hoisted_all, kept_rows, macros_of_lists, recipe, unit
 from dualwinch.codegen.sampled import Sampled
 from dualwinch.codegen.source.c_source import LANES, LaneLayout, c_source, lane_flags, lane_sizes
 from dualwinch.codegen.source.expressions import BUILDING, GRAPHS, as_written
@@ -120,15 +120,20 @@ def sensitivity_source(
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
     derive, sloped = hoisted_together(tuple(product.slopes for product in products.values()))
     along = _along(smooth.move, varied)
-    lanes = {slopes.name(): LaneLayout(compiler.pairs, shared=("parameters", "derived")) for slopes in sloped}
+    motion, signals = range(system.sizes["MOTION"]), all_read(sloped, "exogenous")
+    packed = {"state": sorted({*motion, *all_read(sloped, "state")}), "exogenous": signals}
+    layout = LaneLayout(compiler.pairs, shared=("parameters", "derived"), packed=packed)
+    lanes = {slopes.name(): layout for slopes in sloped}
     lanes[along.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
+    listed = macros_of_lists(READ_STATE=packed["state"], READ_EXOGENOUS=signals)
     text = f'EXPORT const char {DERIVE}[] = "{derive.serialize()}";'
     sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}
     sizes |= {"VARIED": len(varied.parameters), "SIGNALS": len(varied.signals), "ROW": len(varied.columns)}
     sizes |= {slopes.name().upper(): slopes.numel_out("slopes") for slopes in sloped}
-    return unit(sizes, run, "elementary.h", "lanes.h", definitions, "\n".join([*defines, text, ""]), "sensitivity.c")
+    macros = "\n".join([listed, *defines, text, ""])
+    return unit(sizes, run, "elementary.h", "lanes.h", "vectors.h", definitions, macros, "sensitivity.c")
 
 
 class Kept(NamedTuple):
@@ -169,6 +174,7 @@ class Sensitivity:
         tangent: Floats,
         stride: int = 1,
         signals: Floats | None = None,
+        into: Floats | None = None,
     ) -> Kept:
         """Run without the global interpreter lock.
 
@@ -180,10 +186,13 @@ class Sensitivity:
             tangent: (states, directions), tangents of the initial state; overwritten with those of the final state.
             stride: every `stride`-th sample keeps the first state, the columns and their tangents; 0: none.
             signals: (samples, varied signals, directions), tangents of these signals; required if there are any.
+            into: (kept, directions), C-contiguous, for the tangents of the first state; rows after an early end are
+                left as they are. Default: a new array.
         """
         samples, columns, width = len(exogenous), len(self.varied.columns), self.varied.directions
         kept, done = kept_rows(samples, stride), ctypes.c_int64()
-        arrays = [np.empty((kept, *shape)) for shape in ((), (width,), (columns,), (columns, width))]
+        first, rows, row_tangents = (np.empty((kept, *shape)) for shape in ((), (columns,), (columns, width)))
+        arrays = first, np.empty((kept, width)) if into is None else into, rows, row_tangents
         moved = np.empty((samples, len(self.varied.signals), width)) if signals is None else signals
         outcome = self._call(
             parameters,

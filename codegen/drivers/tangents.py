@@ -224,8 +224,8 @@ class JacobianProduct:
     Attributes:
         slopes: ``NAME_slopes(...) -> slopes``: from the function's inputs, the non-constant partial derivatives.
         statements: C statements that compute the tangents of the outputs, ``OUTPUT_tangent``, from the slopes and the
-            tangents of the inputs, for one lane. The stride of the slopes' elements is LANES by default, that of the
-            tangents' DIRECTIONS.
+            tangents of the inputs. The stride of the slopes' elements is LANES by default; an element's tangents along
+            all directions are VECTORS vectors (`vectors.h`).
         still: elements of outputs, ``(name, element)``, with zero tangents.
     """
 
@@ -250,21 +250,21 @@ def jacobian_product(
     for name, tangents in along.items():
         elements = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
         held = enumerate(elements) if tangents.packed else zip(elements, elements, strict=True)
-        sources |= {(name, element): f"{tangents.array}[{k}*DIRECTIONS]" for k, element in held}
+        sources |= {(name, element): f"{tangents.array}[{k}*VECTORS + v]" for k, element in held}
     graph = LinearisedGraph(function, symbols, sources, outputs, ["parameters"])
     graph.eliminate()
 
     inner = sorted(vertex for vertex in graph.into if isinstance(vertex, int))
     joints = {vertex: f"joint_{k}" for k, vertex in enumerate(inner)}
-    targets = {vertex: f"const double {name}" for vertex, name in joints.items()}
+    targets = {vertex: f"{name}[v]" for vertex, name in joints.items()}
     targets |= {
-        (name, element): f"{name}_tangent[{element}*DIRECTIONS]"
+        (name, element): f"{name}_tangent[{element}*VECTORS + v]"
         for name in outputs
         for element in range(function.numel_out(name))
     }
-    sources |= joints
+    sources |= {vertex: f"{name}[v]" for vertex, name in joints.items()}
     slopes: list[ca.SX] = []
-    statements = []
+    statements = [f"Vector {', '.join(f'{name}[VECTORS]' for name in joints.values())};"] if joints else []
     for vertex, target in targets.items():
         terms = []
         for source, slope in graph.into.get(vertex, {}).items():
@@ -275,7 +275,7 @@ def jacobian_product(
             else:
                 terms.append(f"slopes[{len(slopes)}*{lanes}] * {sources[source]}")
                 slopes.append(slope)
-        statements.append(f"{target} = {' + '.join(terms) or '0.0'};")
+        statements.append(f"EACH_VECTOR {target} = {' + '.join(terms) or 'ZEROS'};")
     return JacobianProduct(
         slopes=ca.Function(
             f"{function.name()}_slopes",

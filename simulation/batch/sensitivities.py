@@ -402,14 +402,16 @@ def _differentiate(
     at: tuple[int, int],
 ) -> None:
     """Run a pair and fill in its result and its derivatives with respect to the chosen names."""
-    pairs, loop, width, count = seeds.pairs, seeds.pairs.loop, run.varied.directions, len(chosen)
+    pairs, loop, width = seeds.pairs, seeds.pairs.loop, run.varied.directions
+    p, count = len(seeds.names), len(chosen)
     directions = seeds.directions(chosen, width)
     vectors = pairs.vectors(np.array([pair]))
     (vector,), (state,) = vectors, pairs.starts(vectors, pair[1:])
     x = pairs.beginnings[pair[1]]
     by_parameters = np.array(start_slopes(pairs.structure)(vector, x))[:, pairs.columns]
     tangent = np.ascontiguousarray(by_parameters @ directions)
-    kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width))
+    into = result.slopes[at] if p == count == width else None
+    kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width), into)
     completed, rows, among = kept.outcome == Outcome.COMPLETED, len(kept.first), slice(chosen.start, chosen.stop)
     result.outcomes[at] = WORDS[kept.outcome]
     result.end_times[at] = kept.done * pairs.shared.simulation.sample_time
@@ -417,7 +419,8 @@ def _differentiate(
     numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
     samples = slice(0, rows * max(stride, 1), max(stride, 1))
     result.errors[at][:rows] = kept.first - _reference_position(outside, loop.exogenous, numbers)[samples]
-    result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
+    if into is None:
+        result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
     for number in chosen:
         if (name := seeds.names[number]) in FRAME:
             moved = _reference_position(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * COMPLEX_STEP})

@@ -1,14 +1,15 @@
-/* The system of codegen/sampled.py with its slopes. Comes after driver.h, elementary.h, lanes.h, the sizes and the
+/* The system of codegen/sampled.py with its slopes. Comes after vectors.h, elementary.h, lanes.h, the sizes and the
    functions of codegen/drivers/prediction.py with derive(parameters, derived):
      NAME           sense, prepare, move, one_step
      linear_NAME    the same with slopes by the state, for `move` also by the fitted parameters
      NAME_slopes    slopes by the state and by the fitted parameters, over arrays of stride LANES; not of `move`
-   Tangents are matrices, row by row: COLUMNS directions by the state, or WAYS, one for each fitted parameter.
+   Tangents are matrices, row by row, padded with zeros to whole vectors: COLUMNS directions by the state, or WAYS, one for
+   each fitted parameter and one more.
    NAME_BY_STATE and NAME_BY_ALL are the statements of codegen/drivers/tangents.py for the tangents of the outputs. */
 
 #include <math.h>
 
-typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias));
+enum { COLUMNS = WHOLE_VECTORS(STATES), WAYS = WHOLE_VECTORS(FITTED + 1) };
 
 /* Slopes of the transition from a sample to the next. */
 typedef struct {
@@ -42,46 +43,35 @@ static inline void put_identity(double *matrix) {
   for (int i = 0; i < STATES; ++i) matrix[i * COLUMNS + i] = 1;
 }
 
-IN_LANES sense_columns(const double *restrict slopes, const double *restrict states, double *restrict readings) {
-  enum { DIRECTIONS = COLUMNS };
-  EACH_OF(COLUMNS) {
-    const double *restrict state_tangent = states + l;
-    double *restrict reading_tangent = readings + l;
-    SENSE_BY_STATE
-  }
+IN_LANES sense_columns(const double *restrict slopes, const void *states, void *readings) {
+  enum { VECTORS = COLUMNS / VECTOR };
+  const Vector *restrict state_tangent = states;
+  Vector *restrict reading_tangent = readings;
+  SENSE_BY_STATE
 }
 
-IN_LANES prepare_columns(const double *restrict slopes, const double *restrict states, double *restrict rests,
-                         double *restrict holds) {
-  enum { DIRECTIONS = COLUMNS };
-  EACH_OF(COLUMNS) {
-    const double *restrict state_tangent = states + l;
-    double *restrict rest_tangent = rests + l, *restrict hold_tangent = holds + l;
-    PREPARE_BY_STATE
-  }
+IN_LANES prepare_columns(const double *restrict slopes, const void *states, void *rests, void *holds) {
+  enum { VECTORS = COLUMNS / VECTOR };
+  const Vector *restrict state_tangent = states;
+  Vector *restrict rest_tangent = rests, *restrict hold_tangent = holds;
+  PREPARE_BY_STATE
 }
 
-IN_LANES move_columns(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                      double *restrict nexts) {
-  enum { DIRECTIONS = COLUMNS };
-  static const double direction[FITTED * COLUMNS + 1]; /* zeros: constant parameters */
+IN_LANES move_columns(const double *restrict slopes, const void *motions, const void *holds, void *nexts) {
+  enum { VECTORS = COLUMNS / VECTOR };
+  static const Vector direction[FITTED * VECTORS + 1]; /* zeros: constant parameters */
   (void)direction;
-  EACH_OF(COLUMNS) {
-    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
-    double *restrict next_motion_tangent = nexts + l;
-    MOVE_BY_ALL
-  }
+  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds;
+  Vector *restrict next_motion_tangent = nexts;
+  MOVE_BY_ALL
 }
 
 #if HAS_ONE_STEP
-IN_LANES one_step_columns(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                          double *restrict nexts) {
-  enum { DIRECTIONS = COLUMNS };
-  EACH_OF(COLUMNS) {
-    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
-    double *restrict next_motion_tangent = nexts + l;
-    ONE_STEP_BY_STATE
-  }
+IN_LANES one_step_columns(const double *restrict slopes, const void *motions, const void *holds, void *nexts) {
+  enum { VECTORS = COLUMNS / VECTOR };
+  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds;
+  Vector *restrict next_motion_tangent = nexts;
+  ONE_STEP_BY_STATE
 }
 #endif
 

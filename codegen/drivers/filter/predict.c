@@ -31,38 +31,30 @@ IN_LANES prepare_slopes_lanes(const double *restrict state, const double *restri
   EACH_CALL prepare_slopes(state + l, input + l, p, derived, slopes + l);
 }
 
-IN_LANES sense_ways(const double *restrict slopes, const double *restrict states, const double *restrict directions,
-                    double *restrict readings) {
-  enum { DIRECTIONS = WAYS };
-  EACH_OF(WAYS) {
-    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
-    double *restrict reading_tangent = readings + l;
-    (void)direction;
-    SENSE_BY_ALL
-  }
+IN_LANES sense_ways(const double *restrict slopes, const void *states, const void *directions, void *readings) {
+  enum { VECTORS = WAYS / VECTOR };
+  const Vector *restrict state_tangent = states, *restrict direction = directions;
+  Vector *restrict reading_tangent = readings;
+  (void)direction;
+  SENSE_BY_ALL
 }
 
-IN_LANES prepare_ways(const double *restrict slopes, const double *restrict states, const double *restrict directions,
-                      double *restrict rests, double *restrict holds) {
-  enum { DIRECTIONS = WAYS };
-  EACH_OF(WAYS) {
-    const double *restrict state_tangent = states + l, *restrict direction = directions + l;
-    double *restrict rest_tangent = rests + l, *restrict hold_tangent = holds + l;
-    (void)direction;
-    PREPARE_BY_ALL
-  }
+IN_LANES prepare_ways(const double *restrict slopes, const void *states, const void *directions, void *rests,
+                      void *holds) {
+  enum { VECTORS = WAYS / VECTOR };
+  const Vector *restrict state_tangent = states, *restrict direction = directions;
+  Vector *restrict rest_tangent = rests, *restrict hold_tangent = holds;
+  (void)direction;
+  PREPARE_BY_ALL
 }
 
-IN_LANES move_ways(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                   const double *restrict directions, double *restrict nexts) {
-  enum { DIRECTIONS = WAYS };
-  EACH_OF(WAYS) {
-    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
-    const double *restrict direction = directions + l;
-    double *restrict next_motion_tangent = nexts + l;
-    (void)direction;
-    MOVE_BY_ALL
-  }
+IN_LANES move_ways(const double *restrict slopes, const void *motions, const void *holds, const void *directions,
+                   void *nexts) {
+  enum { VECTORS = WAYS / VECTOR };
+  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
+  Vector *restrict next_motion_tangent = nexts;
+  (void)direction;
+  MOVE_BY_ALL
 }
 
 #if HAS_ONE_STEP
@@ -71,16 +63,13 @@ IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *rest
   EACH_CALL one_step_slopes(motion + l, hold + l, p, derived, slopes + l);
 }
 
-IN_LANES one_step_ways(const double *restrict slopes, const double *restrict motions, const double *restrict holds,
-                       const double *restrict directions, double *restrict nexts) {
-  enum { DIRECTIONS = WAYS };
-  EACH_OF(WAYS) {
-    const double *restrict motion_tangent = motions + l, *restrict hold_tangent = holds + l;
-    const double *restrict direction = directions + l;
-    double *restrict next_motion_tangent = nexts + l;
-    (void)direction;
-    ONE_STEP_BY_ALL
-  }
+IN_LANES one_step_ways(const double *restrict slopes, const void *motions, const void *holds, const void *directions,
+                       void *nexts) {
+  enum { VECTORS = WAYS / VECTOR };
+  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
+  Vector *restrict next_motion_tangent = nexts;
+  (void)direction;
+  ONE_STEP_BY_ALL
 }
 #endif
 

@@ -30,15 +30,20 @@ def carried_out(
     product: JacobianProduct, state: np.ndarray, gains: np.ndarray, along: np.ndarray, seeds: np.ndarray
 ) -> list:
     names = {
-        "DIRECTIONS": 1,
+        "VECTORS": 1,
+        "v": 0,
+        "ZEROS": 0.0,
         "LANES": 1,
         "slopes": np.array(product.slopes(state, gains)).ravel(),
         "state_tangent": along,
         "direction": seeds,
         "following_tangent": [0.0] * 4,
     }
-    for statement in product.statements:
-        exec(statement.removeprefix("const double ").rstrip(";"), names)  # noqa: S102 - what was just generated
+    declared, *statements = product.statements
+    assert declared == "Vector joint_0[VECTORS];"
+    names["joint_0"] = [0.0]
+    for statement in statements:
+        exec(statement.removeprefix("EACH_VECTOR ").rstrip(";"), names)  # noqa: S102 - what was just generated
     return names["following_tangent"]
 
 
@@ -66,14 +71,14 @@ def test_accumulated_partial_derivatives_are_the_jacobian(drawn: list[float]) ->
 
 def test_a_bottleneck_stays_and_saves_products() -> None:
     product = jacobian_product(function(), ALONG, ["following"])
-    assert product.statements[0].startswith("const double joint_0 = ")
+    assert product.statements[1].startswith("EACH_VECTOR joint_0[v] = ")
     assert sum(line.count(" * ") for line in product.statements) < 5 + 3 + 3  # the joint's inputs, then the outputs'
 
 
 def test_what_does_not_move_is_named() -> None:
     product = jacobian_product(function(), ALONG, ["following"])
     assert product.still == {("following", 3)}
-    assert product.statements[-1] == "following_tangent[3*DIRECTIONS] = 0.0;"
+    assert product.statements[-1] == "EACH_VECTOR following_tangent[3*VECTORS + v] = ZEROS;"
 
 
 def test_elimination_leaves_no_more_edges() -> None:
