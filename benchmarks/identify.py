@@ -3,7 +3,8 @@
 ``python -m benchmarks.identify --logs 1000 --file coverage.jsonl`` draws machines of the ensemble `rig`, simulates a
 log of each, fits everything that the ensemble draws and a log can tell, and looks where the truth lies. Each is a line
 of the file, and those that are there already are not done again. ``--write FILE`` puts the table between the file's two
-marks.
+marks. ``--ensemble site --config FILE --file heavy.jsonl`` does so with machines of another ensemble, under the
+controller of a file, for a table of its own.
 
 A parameter that its log does not determine is one that an oracle, a filter at the true values, does not determine, too.
 """
@@ -23,6 +24,7 @@ from scipy.stats import binomtest
 from benchmarks.document import markdown, put
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.ensemble_file import load_ensemble
+from dualwinch.config.experiment_file import load
 from dualwinch.identification.diagnostics import unidentifiable_directions, uninformed_keys
 from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
 from dualwinch.identification.identify import identify
@@ -138,6 +140,8 @@ def done(file: Path) -> list[dict[str, Any]]:
 def main() -> int:
     """Run the command line; 0 done, 1 where dualwinch cannot run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ensemble", default="rig", metavar="NAME", help="of the machines (rig)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="of their controller (that of the ensemble)")
     parser.add_argument("--logs", type=int, default=1000, metavar="N", help="logs, those there are counted (1000)")
     parser.add_argument("--file", type=Path, default=Path("coverage.jsonl"), help="of the logs (coverage.jsonl)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="document whose table is replaced")
@@ -145,11 +149,13 @@ def main() -> int:
     if chosen.logs < 1:
         parser.error(f"--logs {chosen.logs}: must be >= 1")
     try:
-        rig = load_ensemble("rig")
-        nominal, _, priors = problem_of([], None, rig, {})
+        ensemble = load_ensemble(chosen.ensemble)
+        if chosen.config:
+            ensemble = ensemble.controlled_as(load(chosen.config))
+        nominal, _, priors = problem_of([], None, ensemble, {})
         records = done(chosen.file)
         there = {record["scenario"] for record in records}
-        wanted = [scenario for scenario in rig.scenarios(chosen.logs, SEED) if scenario.index not in there]
+        wanted = [scenario for scenario in ensemble.scenarios(chosen.logs, SEED) if scenario.index not in there]
         with Pool(cores()) as pool:
             for record in pool.imap_unordered(partial(one_log, nominal=nominal, priors=priors), wanted):
                 records.append(record)
@@ -162,7 +168,7 @@ def main() -> int:
     text = table(sorted(records, key=lambda record: record["scenario"])[: chosen.logs])
     print(text)
     if chosen.write:
-        put(chosen.write, "coverage", text)
+        put(chosen.write, "coverage" if chosen.ensemble == "rig" else f"coverage in {chosen.ensemble}", text)
     return 0
 
 

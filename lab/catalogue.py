@@ -1,7 +1,7 @@
 """The catalogue: description of the closed loops for the page and its engine, as one JSON object.
 
 Units, meanings, bounds, defaults and ranges of sliders come from the annotations; cases and figures of merit from the
-paper; machines from the ensemble `rig`.
+paper; machines from the ensemble `rig`, and ranges of what it lacks from `site`.
 """
 
 import math
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.lab.wasm.settings import DURATION, LAG, MOTIONS, REFERENCE_KIND, Settings
-from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure
+from dualwinch.lab.wasm.settings import DURATION, MOTIONS, OFF_AT_ZERO, REFERENCE_KIND, Settings
+from dualwinch.lab.wasm.structures import REGISTRIES, LabStructure, heavy_ensemble
 from dualwinch.model.actuators import ACTUATORS
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark
@@ -85,14 +85,15 @@ def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
 
 def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
     default = default_of(key, structure)
-    low, high = leaf.bounds if key != LAG else (0.0, math.inf)
+    low, high = leaf.bounds if key not in OFF_AT_ZERO else (0.0, math.inf)
     if key == REFERENCE_KIND:
         low, high = 0.0, float(len(MOTIONS) - 1)
     experiment = structure.experiment
     around = _typical(key, experiment) if default is None else default
     searched = own_bounds([key], leaf.tunable, structure.module.wide) if leaf.tunable else None
-    slider = _slider(leaf, around, (low, high), _of_rig(key, rig), searched)
-    if Mark.SHAPES_CODE_AT_ZERO in leaf.marks:  # zero is another structure
+    reach = _range_in(rig, key) or _range_in(heavy_ensemble(), key)
+    slider = _slider(leaf, around, (low, high), reach, searched)
+    if Mark.SHAPES_CODE_AT_ZERO in leaf.marks and key not in OFF_AT_ZERO:  # zero is another structure
         low = slider.low
     return {
         "unit": leaf.quantity.unit,
@@ -134,7 +135,7 @@ def _slider(
         leaf: description of the number.
         around: its default.
         bounds: allowed range.
-        reach: range in the ensemble `rig`, if it differs from the default.
+        reach: range in an ensemble, if it differs from the default.
         searched: range of the search for gains.
     """
     if leaf.tunable and searched:
@@ -167,13 +168,13 @@ def _typical(key: str, experiment: Experiment) -> float:
     return instead or 0.0
 
 
-def _of_rig(key: str, rig: Ensemble) -> tuple[float, float] | None:
-    """Range of a key in the ensemble `rig`; None if the rig neither draws nor sets it."""
-    if key in rig.distributions:
-        ends = rig.distributions[key].ends(leaves(rig.experiment)[key])
+def _range_in(ensemble: Ensemble, key: str) -> tuple[float, float] | None:
+    """Range of a key in an ensemble; None if that neither draws nor sets it."""
+    if key in ensemble.distributions:
+        ends = ensemble.distributions[key].ends(leaves(ensemble.experiment)[key])
         numbers = [float(end) for end in ends]
         return min(numbers), max(numbers)
-    value = leaves(rig.experiment).get(key)
+    value = leaves(ensemble.experiment).get(key)
     return (0.0, float(value)) if isinstance(value, (int, float)) and value else None
 
 

@@ -231,9 +231,10 @@ def read_encoders(exact: Measurement, plant: Plant, sensors: Sensors) -> dict[st
 
 def drum_speed(exact: Scalar, difference: Scalar, sensors: Sensors) -> Scalar:
     """A drum's speed in rad/s: measured by its drive at the drive's own rate, else from two encoder readings."""
-    if present(sensors.drum_speed_resolution):
-        return quantise(exact, sensors.drum_speed_resolution)
-    return where(sensors.encoder_counts > 0, difference, exact)
+    by_encoder = where(sensors.encoder_counts > 0, difference, exact)
+    if not present(resolution := sensors.drum_speed_resolution):
+        return by_encoder
+    return where(resolution > 0, quantise(exact, resolution), by_encoder)
 
 
 def load_cells(

@@ -20,11 +20,14 @@ from dualwinch.simulation.loop.structure import structure_of, unknown_keys
 DELAY = "simulation.delay_samples"
 """A parameter at run time here; elsewhere it shapes the code."""
 
-LAG = "actuator.motor.time_constant"
-"""May be 0 here: the motors are ideal."""
+LAGS = "actuator.motor.time_constant", "sensors.load_cell_time_constant"
+"""May be 0 here: motors and load cells without lag."""
 
 SHORTEST_LAG = 1e-15
-"""Time constant in s of a motor without lag, with an effect below the round-off of its torque."""
+"""Time constant in s instead of 0, with an effect below the round-off of a torque or tension."""
+
+OFF_AT_ZERO = frozenset({*LAGS, "sensors.drum_speed_resolution"})
+"""Keys that have no effect at 0 here; elsewhere their code is left out there."""
 
 DRAWN = frozenset({"plant.vehicle.height"})
 """Keys that the page needs for drawing alone."""
@@ -34,14 +37,20 @@ QUEUE = ("queue.0.tau_1", "queue.0.tau_2")
 
 
 def wide(experiment: Experiment) -> Experiment:
-    """The experiment with motor lag, torque delay, jitter and outages of the position sensor.
+    """The experiment with lags, rounded drum speeds, torque delay, jitter and outages of the position sensor.
 
     Each has no effect at 0.
     """
     return replace(
         experiment,
         actuator=Motor(),
-        sensors=replace(experiment.sensors, outage="held", outage_length=1.0),
+        sensors=replace(
+            experiment.sensors,
+            outage="held",
+            outage_length=1.0,
+            load_cell_time_constant=1.0,
+            drum_speed_resolution=1.0,
+        ),
         simulation=replace(experiment.simulation, delay_samples=1, jitter=experiment.simulation.sample_time / 4),
     )
 

@@ -14,7 +14,7 @@ from dualwinch.controllers.nominal import Nominal, nominal_plant
 from dualwinch.lab.wasm.settings import (
     DURATION,
     GIVEN,
-    LAG,
+    LAGS,
     MOTIONS,
     NOMINAL,
     REFERENCE_KIND,
@@ -84,7 +84,8 @@ SIGNAL_FIELDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_ze
 
 def parameters_function(settings: Settings) -> ca.Function:
     """``parameters_of(parameters) -> values``: the parameters of the closed loop."""
-    symbols = parameters_of(settings.wide) | settings.symbols | {LAG: maximum(settings.symbols[LAG], SHORTEST_LAG)}
+    lags = {key: maximum(settings.symbols[key], SHORTEST_LAG) for key in LAGS}
+    symbols = parameters_of(settings.wide) | settings.symbols | lags
     nominal = _nominal_plant(settings)
     known = numbers(settings.wide.plant, "nominal.")
     symbols |= {key: value for key, value in leaves(nominal, "nominal.").items() if key in known}

@@ -9,6 +9,7 @@ from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_L
 from dualwinch.lab.wasm.settings import Settings
 from dualwinch.model.quantities.part import Registry
 from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 
@@ -43,9 +44,15 @@ SUBSTEPS = 10
 
 
 @cache
+def heavy_ensemble() -> Ensemble:
+    """The ensemble of heavy machines."""
+    return load_ensemble(HEAVY)
+
+
+@cache
 def heavy_machine() -> Experiment:
     """The paper's Case 4 on the heavy machine, its drums damped."""
-    plant = load_ensemble(HEAVY).experiment.plant
+    plant = heavy_ensemble().experiment.plant
     damping = {f"controller.winch_{number}.damping": DAMPING for number in (1, 2)}
     return with_leaves(replace(case(4), plant=plant), damping | {"simulation.substeps": SUBSTEPS})
 

@@ -12,7 +12,7 @@ import dualwinch as dw
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.lab.catalogue import catalogue
-from dualwinch.lab.wasm.settings import LAG
+from dualwinch.lab.wasm.settings import OFF_AT_ZERO
 from dualwinch.lab.wasm.structures import structures
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
@@ -41,7 +41,7 @@ def test_keys_are_described_as_in_the_configuration() -> None:
     for key in made()["structures"][0]["parameters"]:
         entry, leaf = made()["keys"][key], known[key]
         assert (entry["unit"], entry["meaning"]) == (leaf.quantity.unit, leaf.quantity.meaning)
-        if key in {LAG, "reference.kind"}:
+        if key in {*OFF_AT_ZERO, "reference.kind"}:
             continue
         ends = (
             -math.inf if entry["low"] is None else entry["low"],

@@ -100,6 +100,9 @@ def site(**changes: Any) -> dw.Experiment:
     return dw.override(of_id("fando-nftsm+site").experiment, changes)
 
 
+LAGGING = {"sensors.load_cell_time_constant": 1e-3, "sensors.drum_speed_resolution": 7e-4}
+
+
 def test_files_of_supported_experiments_leave_nothing_out(opens: Opens) -> None:
     tuned = {"controller.estimator": "self-calibrating-kalman", "controller.coordination.kind": "proportional-tension"}
     experiments = [
@@ -107,7 +110,9 @@ def test_files_of_supported_experiments_leave_nothing_out(opens: Opens) -> None:
         dw.case(3, "pid-cascade"),
         dw.override(dw.case(4), {"plant.rope_slack": False, "simulation.seed": 7, "simulation.substeps": 3}),
         dw.override(dw.case(4), {"actuator.kind": "motor", "plant.vehicle.mass": 11000.0}),
+        dw.override(dw.case(4), LAGGING),
         site(),
+        site(**LAGGING),
         site(**tuned, **{"controller.proportional_tension.slow_time": 0.4}),
     ]
     for experiment, opened in zip(experiments, opens(*map(to_toml, experiments)), strict=True):
@@ -132,8 +137,8 @@ def test_keys_that_a_file_does_not_give_have_their_defaults(opens: Opens) -> Non
 
 def test_parts_arrays_and_numbers_of_another_machine_are_named(opens: Opens) -> None:
     points, machine, coordination, own, ensemble = opens(
-        "[reference]\nkind = 'way-points'\npoints = [10, 40]\n[sensors]\ndrum_speed_resolution = 7e-4\n",
-        to_toml(site(**{"controller.kind": "pid-cascade", "sensors.load_cell_time_constant": 1e-3})),
+        "[reference]\nkind = 'way-points'\npoints = [10, 40]\n[plant.rope_2]\nsubmerged_weight = 20\n",
+        to_toml(site(**{"controller.kind": "pid-cascade"})),
         "[controller]\nkind = 'pid-cascade'\ncoordination.kind = 'proportional-tension'\n",
         "[controller]\nkind = 'my-law'\n[controller.my_law]\nk = 3\n[plant.rope_1]\nsubmerged_weight = 20\n",
         "[simulation]\nseed = 12345678901234567890\nsample_tme = 1\n",
@@ -141,13 +146,12 @@ def test_parts_arrays_and_numbers_of_another_machine_are_named(opens: Opens) -> 
     assert listed(points) == {
         "reference.kind": ("way-points", "profile"),
         "reference.points": ([10, 40], []),
-        "sensors.drum_speed_resolution": (7e-4, 0),
+        "plant.rope_2.submerged_weight": (20, 0),
     }
     assert points["unsupported"][0]["key"] == "reference.kind"
     assert machine["structure"] == "fando-nftsm+site"
     named = listed(machine)
     assert named.pop("controller.kind") == ("pid-cascade", "fando-nftsm")
-    assert named.pop("sensors.load_cell_time_constant") == (1e-3, 0)
     assert {(key.startswith("controller.pid_cascade."), used) for key, (_, used) in named.items()} == {(True, None)}
     assert coordination["structure"] == "pid-cascade"
     assert listed(coordination) == {

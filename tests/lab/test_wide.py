@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
-from dualwinch.lab.wasm.settings import wide, wide_loop
+from dualwinch.lab.wasm.settings import LAGS, OFF_AT_ZERO, SHORTEST_LAG, wide, wide_loop
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import initial_state_of
@@ -21,7 +21,8 @@ def test_the_delay_is_a_number(delay: int) -> None:
     plain = dw.case(4)
     late = dw.override(plain, {"simulation.delay_samples": delay})
     broad = wide(plain)
-    values = parameters_of(broad) | {"actuator.motor.time_constant": 1e-15, "simulation.jitter": 0.0}
+    without = dict.fromkeys(OFF_AT_ZERO, 0.0) | dict.fromkeys(LAGS, SHORTEST_LAG) | {"simulation.jitter": 0.0}
+    values = parameters_of(broad) | without
     loop = wide_loop(broad)
     parameters = np.array([*values.values(), float(delay)])
     state = np.array(list(initial_state_of(broad).values()))

@@ -26,6 +26,8 @@ points = [
   10, 40,  # m
 ]
 pauses = [1, 1]
+[plant.rope_1]
+submerged_weight = 20
 [sensors]
 drum_speed_resolution = 7e-4
 outage = "held"
@@ -34,9 +36,9 @@ outage = "held"
 NAMED = [
     "controller.coordination.kind: proportional-tension → differential-tension",
     "reference.kind: way-points → profile",
+    "plant.rope_1.submerged_weight: 20 → 0",
     "reference.points: [10, 40] → []",
     "reference.pauses: [1, 1] → []",
-    "sensors.drum_speed_resolution: 0.0007 → 0",
     "controller.proportional_tension.slow_time: 0.5 is left out",
 ]
 
