@@ -214,6 +214,10 @@ class Predictor:
         return FixedGainPrediction(Outcome(outcome), done.value, normal, innovations)
 
 
+DIRECTION = "direction"
+"""Array of the tangents of the fitted parameters."""
+
+
 def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     """C99 translation unit of a filter over a log."""
     functions = {function.name(): function for function in system.functions}
@@ -226,7 +230,9 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
     lanes = {each.name(): LaneLayout(compiler.pairs, shared=("parameters", "derived")) for each in sloped}
     macros = {f"{name}_BY_STATE": product for name, product in by_state.items()} | {"MOVE_BY_ALL": by_parts}
     macros |= {f"{name}_BY_ALL": product for name, product in fitted.items()}
-    defines = [f"#define {name.upper()} {' '.join(product.statements)}" for name, product in macros.items()]
+    statements = {name: product.statements() for name, product in macros.items()}
+    statements["MOVE_BY_STATE"] = by_parts.statements(without=DIRECTION)
+    defines = [f"#define {name.upper()} {' '.join(lines)}" for name, lines in statements.items()]
     sizes = {"LINEAR_ONE_STEP_SLOPES": 0} | system.sizes | lane_sizes(compiler)
     sizes |= {f"{each.name().upper()}_SLOPES": each.numel_out("slopes") for each in linear}
     sizes |= {each.name().upper(): each.numel_out("slopes") for each in sloped}
@@ -245,7 +251,7 @@ def prediction_source(system: PredictedSystem, compiler: Compiler) -> str:
 def _product(function: ca.Function, fitted: tuple[int, ...], lanes: str) -> JacobianProduct:
     """Product with the Jacobian of a function with respect to its state, motion or hold, and the fitted parameters."""
     along = {name: Tangents(f"{name}_tangent") for name in ("state", "motion", "hold") if name in function.name_in()}
-    along |= {"parameters": Tangents("direction", fitted)} if fitted else {}
+    along |= {"parameters": Tangents(DIRECTION, fitted)} if fitted else {}
     outputs = [name for name in function.name_out() if name not in {"margin", "valid"}]
     return jacobian_product(function, along, outputs, lanes)
 

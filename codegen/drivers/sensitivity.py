@@ -126,7 +126,7 @@ def sensitivity_source(
     lanes = {slopes.name(): layout for slopes in sloped}
     lanes[along.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
     definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
-    defines = [f"#define {name} {' '.join(product.statements)}" for name, product in products.items()]
+    defines = [f"#define {name} {' '.join(product.statements())}" for name, product in products.items()]
     listed = macros_of_lists(READ_STATE=packed["state"], READ_EXOGENOUS=signals)
     text = f'EXPORT const char {DERIVE}[] = "{derive.serialize()}";'
     sizes = system.sizes | lane_sizes(compiler) | {"DIRECTIONS": varied.directions, "TRACKED": 0}

@@ -93,12 +93,13 @@ class LinearisedGraph:
         edges[source] = edges[source] + slope if source in edges else slope
         self._out_of.setdefault(source, set()).add(target)
 
-    def _inner(self) -> list[int]:
+    def inner(self) -> list[int]:
+        """The inner vertices."""
         return [vertex for vertex in self.into if isinstance(vertex, int)]
 
     def _drop_unused(self) -> None:
         """Remove vertices on which no output depends."""
-        for vertex in reversed(self._inner()):
+        for vertex in reversed(self.inner()):
             if not self._out_of.get(vertex):
                 self._remove(vertex)
 
@@ -120,7 +121,7 @@ class LinearisedGraph:
         With many columns that takes a fraction of the operations of a sweep for each (Griewank and Walther,
         *Evaluating Derivatives*, 2008, Chapter 9).
         """
-        heap = [(self._growth(vertex)[1], vertex) for vertex in self._inner()]
+        heap = [(self._growth(vertex)[1], vertex) for vertex in self.inner()]
         heapq.heapify(heap)
         while heap:
             products, vertex = heapq.heappop(heap)
@@ -137,10 +138,10 @@ class LinearisedGraph:
 
         Fixed vertices that lead to fixed values only are eliminated first in any case.
         """
-        for vertex in self._inner():
+        for vertex in self.inner():
             if vertex in self._fixed and self._fixed.issuperset(self._out_of[vertex]):
                 self._take_out(vertex)
-        heap = [(*self._growth(vertex), vertex) for vertex in self._inner()]
+        heap = [(*self._growth(vertex), vertex) for vertex in self.inner()]
         heapq.heapify(heap)
         while heap and heap[0][0] <= 0:
             growth, products, vertex = heapq.heappop(heap)
@@ -223,15 +224,31 @@ class JacobianProduct:
 
     Attributes:
         slopes: ``NAME_slopes(...) -> slopes``: from the function's inputs, the non-constant partial derivatives.
-        statements: C statements that compute the tangents of the outputs, ``OUTPUT_tangent``, from the slopes and the
-            tangents of the inputs. The stride of the slopes' elements is LANES by default; an element's tangents along
-            all directions are VECTORS vectors (`vectors.h`).
+        joints: names of the inner vertices.
+        terms: C text of a vector of tangents, of a joint or an output → the terms of its sum, each with the array of
+            the tangents that it multiplies.
         still: elements of outputs, ``(name, element)``, with zero tangents.
     """
 
     slopes: ca.Function
-    statements: list[str]
+    joints: tuple[str, ...]
+    terms: Mapping[str, Sequence[tuple[str, str]]]
     still: frozenset[Vertex]
+
+    def statements(self, without: str = "") -> list[str]:
+        """C statements that compute the outputs' tangents, ``OUTPUT_tangent``, from slopes and the inputs' tangents.
+
+        The stride of the slopes' elements is LANES by default; an element's tangents along all directions are VECTORS
+        vectors (`vectors.h`).
+
+        Args:
+            without: array of tangents that are zero.
+        """
+        found = [f"Vector {', '.join(f'{joint}[VECTORS]' for joint in self.joints)};"] if self.joints else []
+        for target, terms in self.terms.items():
+            total = " + ".join(term for array, term in terms if array != without)
+            found.append(f"EACH_VECTOR {target} = {total or 'ZEROS'};")
+        return found
 
 
 def jacobian_product(
@@ -246,36 +263,37 @@ def jacobian_product(
         lanes: stride of the slopes' elements, as C text.
     """
     symbols = {name: ca.SX.sym(name, function.size1_in(name)) for name in function.name_in()}
-    sources: dict[Vertex, str] = {}
+    arrays: dict[Vertex, str] = {}
+    elements: dict[Vertex, str] = {}
     for name, tangents in along.items():
-        elements = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
-        held = enumerate(elements) if tangents.packed else zip(elements, elements, strict=True)
-        sources |= {(name, element): f"{tangents.array}[{k}*VECTORS + v]" for k, element in held}
-    graph = LinearisedGraph(function, symbols, sources, outputs, ["parameters"])
+        chosen = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
+        for place, element in enumerate(chosen) if tangents.packed else zip(chosen, chosen, strict=True):
+            arrays[name, element] = tangents.array
+            elements[name, element] = f"{tangents.array}[{place}*VECTORS + v]"
+    graph = LinearisedGraph(function, symbols, elements, outputs, ["parameters"])
     graph.eliminate()
 
-    inner = sorted(vertex for vertex in graph.into if isinstance(vertex, int))
-    joints = {vertex: f"joint_{k}" for k, vertex in enumerate(inner)}
-    targets = {vertex: f"{name}[v]" for vertex, name in joints.items()}
+    joints = {vertex: f"joint_{k}" for k, vertex in enumerate(sorted(graph.inner()))}
+    arrays |= joints
+    elements |= {vertex: f"{name}[v]" for vertex, name in joints.items()}
+    targets: dict[Vertex, str] = {vertex: elements[vertex] for vertex in joints}
     targets |= {
         (name, element): f"{name}_tangent[{element}*VECTORS + v]"
         for name in outputs
         for element in range(function.numel_out(name))
     }
-    sources |= {vertex: f"{name}[v]" for vertex, name in joints.items()}
     slopes: list[ca.SX] = []
-    statements = [f"Vector {', '.join(f'{name}[VECTORS]' for name in joints.values())};"] if joints else []
+    terms: dict[str, list[tuple[str, str]]] = {target: [] for target in targets.values()}
     for vertex, target in targets.items():
-        terms = []
         for source, slope in graph.into.get(vertex, {}).items():
-            if slope.is_one():
-                terms.append(sources[source])
-            elif slope.is_constant():
-                terms.append(f"{float(slope)!r} * {sources[source]}")
-            else:
-                terms.append(f"slopes[{len(slopes)}*{lanes}] * {sources[source]}")
+            factor = ""
+            if not slope.is_constant():
+                factor = f"slopes[{len(slopes)}*{lanes}] * "
                 slopes.append(slope)
-        statements.append(f"EACH_VECTOR {target} = {' + '.join(terms) or 'ZEROS'};")
+            elif not slope.is_one():
+                factor = f"{float(slope)!r} * "
+            if not slope.is_zero():
+                terms[target].append((arrays[source], factor + elements[source]))
     return JacobianProduct(
         slopes=ca.Function(
             f"{function.name()}_slopes",
@@ -285,6 +303,7 @@ def jacobian_product(
             ["slopes"],
             {"cse": True},
         ),
-        statements=statements,
+        joints=tuple(joints.values()),
+        terms=terms,
         still=frozenset(vertex for vertex in targets if not graph.into.get(vertex)),
     )

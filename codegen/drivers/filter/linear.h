@@ -59,11 +59,9 @@ IN_LANES prepare_columns(const double *restrict slopes, const void *states, void
 
 IN_LANES move_columns(const double *restrict slopes, const void *motions, const void *holds, void *nexts) {
   enum { VECTORS = COLUMNS / VECTOR };
-  static const Vector direction[FITTED * VECTORS + 1]; /* zeros: constant parameters */
-  (void)direction;
   const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds;
   Vector *restrict next_motion_tangent = nexts;
-  MOVE_BY_ALL
+  MOVE_BY_STATE
 }
 
 #if HAS_ONE_STEP
@@ -96,7 +94,7 @@ static void linearise(const double *state, const double *input, const double *pa
 
 /* Tangents (STATES × COLUMNS) of the state at the next sample, from those of the state. */
 static void carry(const Slopes *slopes, const double *tangents, double *next) {
-  LANE_ARRAY held[HOLD * COLUMNS], moved[MOTION * COLUMNS];
+  LANE_ARRAY held[HOLD * COLUMNS], between[MOTION * COLUMNS];
   prepare_columns(slopes->prepare, tangents, next + MOTION * COLUMNS, held);
 #if HAS_ONE_STEP
   if (slopes->in_one_step) {
@@ -104,9 +102,9 @@ static void carry(const Slopes *slopes, const double *tangents, double *next) {
     return;
   }
 #endif
-  memcpy(moved, tangents, sizeof moved);
   for (int part = 0; part < PARTS; ++part) {
-    move_columns(slopes->move + part * LINEAR_MOVE_SLOPES, moved, held, next);
-    memcpy(moved, next, sizeof moved);
+    double *to = (PARTS - part) % 2 ? next : between;
+    move_columns(slopes->move + part * LINEAR_MOVE_SLOPES, tangents, held, to);
+    tangents = to;
   }
 }

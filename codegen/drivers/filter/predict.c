@@ -94,16 +94,16 @@ static int advance(const double *state, const double *hold, const double *parame
 static void carry_by_parts(const Stretch *of, int t, const double *parameters, const double *derived,
                            const double *directions, const double *tangents, const double *held, double *next) {
   double motion[MOTION], hold[HOLD], there[MOTION], slopes[LINEAR_MOVE_SLOPES + 1], margin;
-  LANE_ARRAY moved[MOTION * WAYS];
+  LANE_ARRAY between[MOTION * WAYS];
   take(motion, of->after + t, MOTION);
   take(hold, of->hold + t, HOLD);
-  memcpy(moved, tangents, sizeof moved);
   for (int part = 0; part < PARTS; ++part) {
     const double number = part;
+    double *to = (PARTS - part) % 2 ? next : between;
     linear_move(motion, hold, &number, parameters, derived, there, &margin, slopes);
-    move_ways(slopes, moved, held, directions, next);
+    move_ways(slopes, tangents, held, directions, to);
     memcpy(motion, there, sizeof motion);
-    memcpy(moved, next, sizeof moved);
+    tangents = to;
   }
 }
 
