@@ -1,7 +1,7 @@
 """Many rollouts in one call: every set of parameters in every scenario, in vector lanes and on all cores."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -270,8 +270,12 @@ def _batch(
     ]
     found = _empty_result(parts[0][0], len(scenarios), stride)
     if isinstance(workers, Executor):
-        grids = [(pairs, places) for pairs, places, _ in parts]
-        return replace(found, interrupted=not _spread(workers, grids, found, stride, max_slack, progress))
+        tasks = (
+            (np.ix_(sets, places[scenes]), (*pairs.part(sets, scenes), stride, max_slack))
+            for pairs, places, _ in parts
+            for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1]))
+        )
+        return replace(found, interrupted=not fill_on_workers(workers, rollout_portion, tasks, found, progress))
     threads = threads_of(workers)
     whole = all(_rollout(pairs, found, places, stride, max_slack, threads, report) for pairs, places, report in parts)
     return replace(found, interrupted=not whole)
@@ -285,29 +289,29 @@ def _empty_result(pairs: ParameterScenarioGrid, scenarios: int, stride: int) -> 
     return BatchResult(none.outcomes, none.end_times, none.metrics, columns)
 
 
-def _spread(
+def fill_on_workers(
     executor: Executor,
-    grids: Sequence[tuple[ParameterScenarioGrid, NDArray[np.int64]]],
-    found: BatchResult,
-    stride: int,
-    max_slack: float | None,
+    work: Callable[..., RunOutcomes],
+    tasks: Iterable[tuple[tuple[NDArray[np.int64], ...], tuple[Any, ...]]],
+    found: RunOutcomes,
     progress: Progress,
 ) -> bool:
-    """Run the pairs of grids on an executor's workers and fill in their results; False if interrupted."""
-    at = list[tuple[NDArray[np.int64], ...]]()
+    """Compute portions of a result on an executor's workers and store them in it; False if interrupted.
 
-    def tasks() -> Iterator[tuple[Any, ...]]:
-        for pairs, places in grids:
-            for sets, scenes in pairs.portions(portion_of(pairs.shape[0] * pairs.shape[1])):
-                at.append(np.ix_(sets, places[scenes]))
-                yield *pairs.part(sets, scenes), stride, max_slack
+    Each task consists of the indices of a portion in the result and the arguments of `work`.
+    """
+    places, done = list[tuple[NDArray[np.int64], ...]](), 0
 
-    done, runs = 0, found.outcomes.size
+    def arguments() -> Iterator[tuple[Any, ...]]:
+        for place, given in tasks:
+            places.append(place)
+            yield given
+
     try:
-        for number, portion in spread(executor, rollout_portion, tasks()):
-            found.put(at[number], portion)
+        for number, portion in spread(executor, work, arguments()):
+            found.put(places[number], portion)
             done += portion.outcomes.size
-            progress(done / runs)
+            progress(done / found.outcomes.size)
     except KeyboardInterrupt:
         return False
     return True

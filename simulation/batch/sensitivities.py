@@ -1,8 +1,9 @@
 """Sensitivities of runs: exact derivatives of error, other columns and figures of merit with respect to parameters."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -17,9 +18,9 @@ from dualwinch.model.motions import Setpoint, later
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.batch.rollout import ParameterScenarioGrid
+from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, fill_on_workers
 from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_shape, experiment_of
-from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, spread, threads_of
+from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, threads_of
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
@@ -145,6 +146,13 @@ class TangentSeeds:
         values = dict(zip(self.names, self._values[i].tolist(), strict=True))
         return with_leaves(self.pairs.experiment(j), {name: values[name] for name in self._shaped})
 
+    def portions(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Split into parts of some scenarios with all sets: indices of sets and of scenarios."""
+        sets, count = self.pairs.shape
+        size = portion_of(count, least=1)
+        for first in range(0, count, size):
+            yield np.arange(sets), np.arange(first, min(first + size, count))
+
     def part(
         self, sets: NDArray[np.int64], scenarios: NDArray[np.int64]
     ) -> tuple[tuple[str, ...], Floats, Scenarios, frozenset[str]]:
@@ -256,44 +264,22 @@ def sensitivities(
     ]
     found = _empty_result(parts[0][0], len(scenarios), asked, stride)
     if isinstance(workers, Executor):
-        whole = all(_spread(workers, seeds, places, found, stride, report) for seeds, places, report in parts)
-        return replace(found, interrupted=not whole)
+        tasks = (
+            (np.ix_(sets, places[scenes]), (*seeds.part(sets, scenes), asked, stride))
+            for seeds, places, _ in parts
+            for sets, scenes in seeds.portions()
+        )
+        return replace(found, interrupted=not fill_on_workers(workers, sensitivities_portion, tasks, found, progress))
 
     def complete(seeds: TangentSeeds, places: NDArray[np.int64], report: Progress) -> bool:
         run = _compiled(seeds, asked)
-
-        def one(i: int, j: int) -> None:
-            _differentiate_pair(run, seeds, (i, j), stride, found, (i, int(places[j])))
-
-        return run_all(
-            [lambda i=i, j=j: one(i, j) for i, j in seeds.pairs.indices.tolist()], threads_of(workers), report
-        )
+        jobs = [
+            partial(_differentiate, run, seeds, (i, j), stride, found, (i, int(places[j])))
+            for i, j in seeds.pairs.indices.tolist()
+        ]
+        return run_all(jobs, threads_of(workers), report)
 
     return replace(found, interrupted=not all(complete(*part) for part in parts))
-
-
-def _spread(
-    executor: Executor,
-    seeds: TangentSeeds,
-    places: NDArray[np.int64],
-    found: Sensitivities,
-    stride: int,
-    progress: Progress,
-) -> bool:
-    """Differentiate runs on an executor's workers and fill in their results; False if interrupted."""
-    sets, count = seeds.pairs.shape
-    size = portion_of(count, least=1)
-    chosen = [np.arange(first, min(first + size, count)) for first in range(0, count, size)]
-    tasks = (seeds.part(np.arange(sets), scenes) for scenes in chosen)
-    columns, done = tuple(found.columns), 0
-    try:
-        for number, part in spread(executor, sensitivities_portion, ((*task, columns, stride) for task in tasks)):
-            found.put((slice(None), places[chosen[number]]), part)
-            done += len(chosen[number])
-            progress(done / count)
-    except KeyboardInterrupt:
-        return False
-    return True
 
 
 def sensitivities_portion(
@@ -308,7 +294,7 @@ def sensitivities_portion(
     seeds = TangentSeeds(names, parameters, scenarios, zeros)
     found = _empty_result(seeds, len(scenarios), columns, stride)
     for i, j in seeds.pairs.indices.tolist():
-        _differentiate_pair(_compiled(seeds, columns), seeds, (i, j), stride, found, (i, j))
+        _differentiate(_compiled(seeds, columns), seeds, (i, j), stride, found, (i, j))
     return found
 
 
@@ -376,65 +362,49 @@ def steps(structure: Experiment) -> frozenset[str]:
     return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
 
 
-def _differentiate_pair(
-    run: Sensitivity,
-    seeds: TangentSeeds,
-    pair: tuple[int, int],
-    stride: int,
-    result: Sensitivities,
-    at: tuple[int, int],
-) -> None:
-    """Run a pair and fill in its result and its derivatives with respect to all names."""
-    outside, p = seeds.outside(*pair), len(seeds.names)
-    for first in range(0, p, run.varied.directions):
-        chosen = range(first, min(first + run.varied.directions, p))
-        _differentiate(run, seeds, pair, outside, chosen, stride, result, at)
-
-
 def _differentiate(
     run: Sensitivity,
     seeds: TangentSeeds,
     pair: tuple[int, int],
-    outside: Floats,
-    chosen: range,
     stride: int,
     result: Sensitivities,
     at: tuple[int, int],
 ) -> None:
-    """Run a pair and fill in its result and its derivatives with respect to the chosen names."""
+    """Run a pair, once for every few names, and fill in its result and its derivatives."""
     pairs, loop, width = seeds.pairs, seeds.pairs.loop, run.varied.directions
-    p, count = len(seeds.names), len(chosen)
-    directions = seeds.directions(chosen, width)
-    vectors = pairs.vectors(np.array([pair]))
-    (vector,), (state,) = vectors, pairs.starts(vectors, pair[1:])
-    x = pairs.beginnings[pair[1]]
-    by_parameters = np.array(start_slopes(pairs.structure)(vector, x))[:, pairs.columns]
-    tangent = np.ascontiguousarray(by_parameters @ directions)
-    into = result.slopes[at] if p == count == width else None
-    kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width), into)
-    completed, rows, among = kept.outcome == Outcome.COMPLETED, len(kept.first), slice(chosen.start, chosen.stop)
-    result.outcomes[at] = WORDS[kept.outcome]
-    result.end_times[at] = kept.done * pairs.shared.simulation.sample_time
-
+    outside, vectors = seeds.outside(*pair), pairs.vectors(np.array([pair]))
+    (vector,), (start,) = vectors, pairs.starts(vectors, pair[1:])
+    by_parameters = np.array(start_slopes(pairs.structure)(vector, pairs.beginnings[pair[1]]))[:, pairs.columns]
     numbers = dict(zip(loop.parameters, vector.tolist(), strict=True))
-    samples = slice(0, rows * max(stride, 1), max(stride, 1))
-    result.errors[at][:rows] = kept.first - _reference_position(outside, loop.exogenous, numbers)[samples]
-    if into is None:
-        result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
-    for number in chosen:
-        if (name := seeds.names[number]) in FRAME:
-            moved = _reference_position(outside, loop.exogenous, numbers | {name: numbers[name] + 1j * COMPLEX_STEP})
-            result.slopes[at][:rows, number] -= np.imag(moved)[samples] / COMPLEX_STEP
-    for number, name in enumerate(result.columns):
-        result.columns[name][at][:rows] = kept.rows[:, number]
-        result.column_slopes[name][at][:rows, among] = kept.row_tangents[:, number, :count]
-
+    reference = _reference_position(outside, loop.exogenous, numbers)
     own = pairs.experiment(pair[1]).metrics
-    metrics = metrics_of(dict(zip(loop.states, state.tolist(), strict=True)), completed=completed, own=own)
-    gradients = _gradients(loop.states, state, tangent, own, completed=completed)
-    for name, table in result.metrics.items():
-        table[at] = metrics[name]
-        result.gradients[name][at][among] = gradients[name][:count]
+
+    for first in range(0, len(seeds.names), width):
+        chosen = range(first, min(first + width, len(seeds.names)))
+        among, count, directions = slice(chosen.start, chosen.stop), len(chosen), seeds.directions(chosen, width)
+        state, tangent = start.copy(), np.ascontiguousarray(by_parameters @ directions)
+        into = result.slopes[at] if count == width == len(seeds.names) else None
+        kept = run(vector, directions, outside, state, tangent, stride, seeds.moved(*pair, chosen, width), into)
+        completed, rows = kept.outcome == Outcome.COMPLETED, len(kept.first)
+        samples = slice(0, rows * max(stride, 1), max(stride, 1))
+        result.outcomes[at] = WORDS[kept.outcome]
+        result.end_times[at] = kept.done * pairs.shared.simulation.sample_time
+        result.errors[at][:rows] = kept.first - reference[samples]
+        if into is None:
+            result.slopes[at][:rows, among] = kept.first_tangents[:, :count]
+        for number in chosen:
+            if (name := seeds.names[number]) in FRAME:
+                stepped = numbers | {name: numbers[name] + 1j * COMPLEX_STEP}
+                moved = _reference_position(outside, loop.exogenous, stepped)
+                result.slopes[at][:rows, number] -= np.imag(moved)[samples] / COMPLEX_STEP
+        for number, name in enumerate(result.columns):
+            result.columns[name][at][:rows] = kept.rows[:, number]
+            result.column_slopes[name][at][:rows, among] = kept.row_tangents[:, number, :count]
+        metrics = metrics_of(dict(zip(loop.states, state.tolist(), strict=True)), completed=completed, own=own)
+        gradients = _gradients(loop.states, state, tangent, own, completed=completed)
+        for name, table in result.metrics.items():
+            table[at] = metrics[name]
+            result.gradients[name][at][among] = gradients[name][:count]
 
 
 def _reference_position(outside: Floats, names: Sequence[str], numbers: Mapping[str, complex]) -> NDArray[Any]:
