@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -26,8 +27,8 @@ from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.simulation.batch.task import WorkerTask
 from dualwinch.simulation.batch.workers import cores, portion_of, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.ensembles.run import TRACE_POINTS, ensemble_portion, run_ensemble
-from dualwinch.simulation.ensembles.streamed import ensemble_statistics, statistics_portion
+from dualwinch.simulation.ensembles.run import TRACE_POINTS, ensemble_portion, run_ensemble, whole
+from dualwinch.simulation.ensembles.streamed import ensemble_statistics, portion_statistics
 
 RUNS, SEED = 20_000, 1
 
@@ -141,15 +142,15 @@ def traffic(ensemble: Ensemble) -> str:
     size, rows = portion_of(RUNS), []
     stride = -(-ensemble.experiment.samples // TRACE_POINTS)
     indices = range(4 * size, 5 * size)
-    for name, work, more in (
-        ("`run_ensemble`, metrics and draws", ensemble_portion, (0,)),
-        ("`run_ensemble`, traces, beyond the first 2000 runs", ensemble_portion, (stride,)),
-        ("`ensemble_statistics`", statistics_portion, (0, 1e-3)),
+    for name, every, reduced in (
+        ("`run_ensemble`, metrics and draws", 0, whole),
+        ("`run_ensemble`, traces, beyond the first 2000 runs", stride, whole),
+        ("`ensemble_statistics`", 0, partial(portion_statistics, ensemble, SEED, 1e-3)),
     ):
         start = 10 * size if "beyond" in name else 0
-        arguments: list[Any] = [[ensemble], range(indices.start + start, indices.stop + start), SEED, *more]
-        there = len(pickle.dumps(WorkerTask.of(work, *arguments)))
-        back = len(pickle.dumps(work(*arguments)))
+        arguments: list[Any] = [[ensemble], range(indices.start + start, indices.stop + start), SEED, every, reduced]
+        there = len(pickle.dumps(WorkerTask.of(ensemble_portion, *arguments)))
+        back = len(pickle.dumps(ensemble_portion(*arguments)))
         rows.append([name, f"{there / size:.0f} B", f"{back / size:.0f} B"])
     return markdown([f"a portion of {size} runs", "to the worker, a run", "back, a run"], rows)
 

@@ -1,9 +1,9 @@
 """Run ensembles in portions, on all cores and in vector lanes, with bounded memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +86,7 @@ def run_side_by_side(
     portions = list[EnsemblePortion]()
     traces: list[Traces | None] = [None] * len(ensembles)
     try:
-        for portion in portions_of(ensembles, scenarios, seed, points, workers, progress):
+        for portion in portions_of(ensembles, scenarios, seed, points, workers, progress, whole):
             portions.append(replace(portion, traces=()))
             traces = [_merged(before, more) for before, more in zip(traces, portion.traces, strict=True)]
     except KeyboardInterrupt:
@@ -118,6 +118,14 @@ class EnsemblePortion:
     traces: Sequence[Traces | None]
 
 
+Reduced = TypeVar("Reduced")
+
+
+def whole(portion: EnsemblePortion) -> EnsemblePortion:
+    """A portion as it is."""
+    return portion
+
+
 def portions_of(
     ensembles: Sequence[Ensemble],
     scenarios: int,
@@ -125,8 +133,11 @@ def portions_of(
     points: int,
     workers: Workers,
     progress: Progress,
-) -> Iterator[EnsemblePortion]:
-    """Portions of the scenarios of `run_side_by_side`; the last one is shorter after an interrupt.
+    reduced: Callable[[EnsemblePortion], Reduced],
+) -> Iterator[Reduced]:
+    """Portions of the scenarios of `run_side_by_side`, in order, each reduced where it was run.
+
+    After an interrupt, threads end with a shorter portion; workers raise `KeyboardInterrupt`.
 
     Raises:
         ConfigurationError: a count or seed out of range, or inconsistent values.
@@ -136,19 +147,19 @@ def portions_of(
     size, threads = portion_size(ensembles[0].experiment, threads_of(workers))
     stride = -(-ensembles[0].experiment.samples // points) if points else 0
     if isinstance(workers, Executor):
-        tasks, done = portion_tasks(ensembles, scenarios, seed, stride), 0
-        with suppress(KeyboardInterrupt):
-            for portion in in_order(spread(workers, ensemble_portion, tasks)):
-                yield portion
-                done += len(portion.draws)
-                progress(done / scenarios)
+        size = portion_of(scenarios)
+        chosen = [range(first, min(first + size, scenarios)) for first in range(0, scenarios, size)]
+        tasks = ((ensembles, indices, seed, stride, reduced) for indices in chosen)
+        for indices, portion in zip(chosen, in_order(spread(workers, ensemble_portion, tasks)), strict=True):
+            yield portion
+            progress(indices.stop / scenarios)
         return
     for portion in zip(*(in_portions(each.scenarios(scenarios, seed), size) for each in ensembles), strict=True):
         report = part(progress, portion[0][0].index / scenarios, (portion[0][-1].index + 1) / scenarios)
         ran = _run_portion(portion, stride, threads, report)
         finished = min(map(_finished, ran)) if len(ran) == len(portion) else 0
         if finished:
-            yield _portion(portion[0][:finished], ran)
+            yield reduced(_portion(portion[0][:finished], ran))
         if ran[-1].interrupted:
             return
 
@@ -162,19 +173,16 @@ def check_counts(ensembles: Sequence[Ensemble], scenarios: int, seed: int) -> No
         prepare(ensemble.experiment)
 
 
-def portion_tasks(
-    ensembles: Sequence[Ensemble], scenarios: int, seed: int, stride: int
-) -> Iterator[tuple[Sequence[Ensemble], range, int, int]]:
-    """Arguments of `ensemble_portion` for all scenarios."""
-    size = portion_of(scenarios)
-    for first in range(0, scenarios, size):
-        yield ensembles, range(first, min(first + size, scenarios)), seed, stride
-
-
-def ensemble_portion(ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int) -> EnsemblePortion:
+def ensemble_portion(
+    ensembles: Sequence[Ensemble],
+    indices: range,
+    seed: int,
+    stride: int,
+    reduced: Callable[[EnsemblePortion], Reduced],
+) -> Reduced:
     """Draw scenarios by index and run them with every ensemble, on one thread of a worker."""
     drawn = [ensemble.chosen(indices, seed) for ensemble in ensembles]
-    return _portion(drawn[0], _run_portion(drawn, stride, 1, no_progress))
+    return reduced(_portion(drawn[0], _run_portion(drawn, stride, 1, no_progress)))
 
 
 def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> EnsemblePortion:
@@ -182,7 +190,9 @@ def _portion(scenarios: Sequence[Scenario], ran: Sequence[BatchResult]) -> Ensem
     finished, sampled = len(scenarios), max(0, SAMPLED - scenarios[0].index)
     return EnsemblePortion(
         draws=[tuple(scenario.draws.values()) for scenario in scenarios],
-        runs=[_outcomes_of(run, finished) for run in ran],
+        runs=[
+            RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished)) for run in ran
+        ],
         traces=[_traces(run, finished, sampled) for run in ran],
     )
 
@@ -202,11 +212,6 @@ def _finished(run: BatchResult) -> int:
     """Number of a portion's scenarios before the first that was not run because of an interrupt."""
     left_out = run.outcomes[0] == WORDS[Outcome.NOT_RUN]
     return int(left_out.argmax()) if left_out.any() else len(left_out)
-
-
-def _outcomes_of(run: BatchResult, finished: int) -> RunOutcomes:
-    """Outcomes of a portion's finished scenarios, without traces."""
-    return RunOutcomes(run.outcomes, run.end_times, run.metrics).take(0, axis=0).take(range(finished))
 
 
 def _traces(run: BatchResult, finished: int, sampled: int) -> Traces | None:

@@ -7,11 +7,11 @@ Sums are exact and quantiles come from counts (DDSketch: C. Masson, J. E. Rim an
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -20,16 +20,10 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.files import write_whole
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.workers import Workers, in_order, spread
+from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import STATISTIC_KINDS, facts_of, statistic_from
-from dualwinch.simulation.ensembles.run import (
-    EnsemblePortion,
-    check_counts,
-    ensemble_portion,
-    portion_tasks,
-    portions_of,
-)
+from dualwinch.simulation.ensembles.run import EnsemblePortion, check_counts, portions_of
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.file_formats import plain
@@ -230,9 +224,10 @@ def ensemble_statistics(
         raise ConfigurationError(f"accuracy = {accuracy:g}: must be > 0 and < 1")
     check_counts([ensemble], scenarios, seed)
     found = _none(ensemble, seed, scenarios, accuracy)
+    statistics = partial(portion_statistics, ensemble, seed, accuracy)
     with suppress(KeyboardInterrupt):
-        for part in _parts(ensemble, scenarios, seed, accuracy, workers, progress):
-            found.merge(part)
+        for portion in portions_of([ensemble], scenarios, seed, 0, workers, progress, statistics):
+            found.merge(portion)
     if not len(found):
         raise KeyboardInterrupt
     return found
@@ -243,36 +238,8 @@ def _none(ensemble: Ensemble, seed: int, asked: int, accuracy: float) -> Ensembl
     return EnsembleStatistics(ensemble, seed, asked, Counter(), streams)
 
 
-def _parts(
-    ensemble: Ensemble,
-    scenarios: int,
-    seed: int,
-    accuracy: float,
-    workers: Workers,
-    progress: Progress,
-) -> Iterator[EnsembleStatistics]:
-    """The statistics of successive portions."""
-    if not isinstance(workers, Executor):
-        for portion in portions_of([ensemble], scenarios, seed, 0, workers, progress):
-            yield _statistics(ensemble, seed, accuracy, portion)
-        return
-    check_counts([ensemble], scenarios, seed)
-    tasks = ((*task, accuracy) for task in portion_tasks([ensemble], scenarios, seed, 0))
-    done = 0
-    for part in in_order(spread(workers, statistics_portion, tasks)):
-        yield part
-        done += len(part)
-        progress(done / scenarios)
-
-
-def statistics_portion(
-    ensembles: Sequence[Ensemble], indices: range, seed: int, stride: int, accuracy: float
-) -> EnsembleStatistics:
-    """The statistics of scenarios by index, on one thread of a worker."""
-    return _statistics(ensembles[0], seed, accuracy, ensemble_portion(ensembles, indices, seed, stride))
-
-
-def _statistics(ensemble: Ensemble, seed: int, accuracy: float, portion: EnsemblePortion) -> EnsembleStatistics:
+def portion_statistics(ensemble: Ensemble, seed: int, accuracy: float, portion: EnsemblePortion) -> EnsembleStatistics:
+    """The statistics of a portion of an ensemble's scenarios."""
     (runs,) = portion.runs
     found = _none(ensemble, seed, len(runs.outcomes), accuracy)
     found.outcomes.update(runs.outcomes.tolist())
