@@ -399,16 +399,7 @@ class Panel:
 
 
 def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel], play: Play, frames: int) -> None:
-    """Draw stacked panels.
-
-    Args:
-        parent: the picture.
-        t: (rows,) times of all signals in s.
-        duration: end of the time axis in s.
-        panels: from top to bottom.
-        play: playback of the frames.
-        frames: number of frames.
-    """
+    """Draw stacked panels of signals over times (rows,) in s, up to a duration in s."""
     scale = (AXIS_RIGHT - AXIS_LEFT) / duration
     top, bottom = panels[0].top, panels[-1].bottom
     reveal = add(add(parent, "clipPath", id="past"), "rect", x=AXIS_LEFT, y=top - 6, height=bottom - top + 12)

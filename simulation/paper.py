@@ -123,19 +123,13 @@ def steady_change(results: Mapping[str, Result]) -> dict[str, float] | None:
 
 
 def reductions(runs: Mapping[tuple[int, str], Result]) -> dict[str, float] | None:
-    """Figure 21's reductions: `steady_change` of Case 4; ``None`` if it was not run with both controllers.
-
-    Args:
-        runs: (case, controller) → result.
-    """
+    """Figure 21's reductions, from (case, controller) → result; ``None`` if Case 4 was not run with both."""
     return steady_change({kind: result for (number, kind), result in runs.items() if number == COMPARED_CASE})
 
 
 def percent(share: float, form: str = "+.1f") -> str:
-    """A relative change in percent, with a true minus sign (U+2212), e.g. −74.4 %.
+    """A relative change in percent, with a true minus sign (U+2212), e.g. −74.4 % for −0.744.
 
-    Args:
-        share: the change; −0.744 is 74.4 % less.
-        form: format of the number; ``+g`` for all its digits.
+    `form` is the format of the number; ``+g`` shows all its digits.
     """
     return f"{round(100 * share, 6):{form}} %".replace("-", "−")

@@ -81,9 +81,7 @@ class PreparedExperiment:
 def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExperiment:
     """Check that an experiment's values are consistent, and prepare it for running.
 
-    Args:
-        experiment: the experiment to run.
-        nominal: the plant the controller was designed for; default: the simulated one.
+    `nominal` is the plant the controller was designed for; default: the simulated one.
 
     Raises:
         ConfigurationError: values are inconsistent; the message names the key and its range.
@@ -210,12 +208,8 @@ def _check_substeps(experiment: Experiment) -> None:
 def fastest_swing(plant: Plant, integrator: IntegratorName = DISTRIBUTED, limits: Limits | None = None) -> Any:
     """Rate in rad/s of ropes with their winches, or of a vehicle on its bristles, that limits an integrator's step.
 
-    An array if the plant's numbers are arrays.
-
-    Args:
-        plant: with Kelvin–Voigt ropes.
-        integrator: default: the one with the largest rates, an upper bound for the others.
-        limits: on the ropes' tensions; default: the paper's.
+    For Kelvin–Voigt ropes; an array if the plant's numbers are arrays. By default with the paper's limits on tensions,
+    and for the integrator with the largest rates, an upper bound for the others.
     """
     return np.maximum.reduce(np.broadcast_arrays(*swing_rates(plant, integrator, limits or Limits()).values()))
 

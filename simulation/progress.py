@@ -20,13 +20,7 @@ class PhaseProgress(Progress, Protocol):
     """Receiver of progress reports of a computation with several phases."""
 
     def __call__(self, fraction: float, phase: str = "", status: str = "") -> None:
-        """Report progress.
-
-        Args:
-            fraction: completed fraction of the whole computation, from 0 to 1.
-            phase: name of the current phase; empty: as before.
-            status: status of the computation as a line of numbers with units.
-        """
+        """Report the completed `fraction`, the current phase (empty: as before), and a line of numbers with units."""
         ...
 
 

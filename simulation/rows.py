@@ -96,18 +96,8 @@ def row_of(
     ``d_true`` is the acceleration that the nominal model leaves unexplained, given the true tensions: the value that
     an observer should estimate. With a perfect nominal model it is the disturbance force divided by the mass.
 
-    Args:
-        t: time in s.
-        state: the plant's state.
-        forces: tensions in N.
-        reference: where the vehicle should be at that time.
-        output: output of the controller.
-        environment: exogenous disturbances of the vehicle.
-        plant: the plant.
-        nominal: the controller's model of the plant.
-        bias: of the position sensor in m; the tracking error does not include it.
-        torques: of the motors, where they differ from the commands.
-        measurement: readings of the sensors, if rows include them.
+    Time is in s, tensions in N, and the position sensor's bias in m; the tracking error does not include it. `torques`
+    are those of the motors, where they differ from the commands; `measurement` is given if rows include readings.
 
     Raises:
         ConfigurationError: a part of the controller gives a signal the name of an existing column.

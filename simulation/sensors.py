@@ -201,12 +201,7 @@ def measurement(
 ) -> Measurement:
     """Evaluate the measurement equation: readings without noise and rounding, encoders on the motor shafts.
 
-    Args:
-        state: state of the plant.
-        tensions: true tensions in N.
-        plant: source of drum radii.
-        sensors: source of zeros and scales.
-        drift: of the position sensor in m.
+    Tensions are the true ones in N, the drift of the position sensor is in m.
     """
     (shaft_1, speed_1), (shaft_2, speed_2) = state.shafts
     return Measurement(
@@ -271,20 +266,10 @@ def measure(
     sample_time: Scalar,
     silence: Silence | None = None,
 ) -> tuple[Readings, Measurement]:
-    """Sensor values of one sample.
+    """Readings of one sample, which the next sample needs, and the measurement.
 
-    Args:
-        state: the plant's state.
-        tensions: true tensions in N.
-        noise: this sample's draws.
-        last: the readings of the last sample.
-        plant: source of gear ratios and drum radii.
-        sensors: errors of the sensors.
-        sample_time: in s; where drives do not measure drum speeds, these are differences of encoder readings over it.
-        silence: `silence_of` these sensors.
-
-    Returns:
-        The readings, which the next sample needs, and the measurement.
+    Sample time in s, tensions in N without errors. Where drives do not measure drum speeds, these are differences of
+    encoder readings over the sample time. `silence` is `silence_of` these sensors.
     """
     carried = last.load_cells
     if isinstance(carried, LoadCells):

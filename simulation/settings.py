@@ -87,10 +87,7 @@ def with_settings(
 ) -> tuple[Experiment, list[str]]:
     """A copy of an experiment with some values set, and the keys that belong to parts it does not have.
 
-    Args:
-        experiment: source of all other values.
-        values: dotted key → value.
-        located: context that prefixes errors with the place of a key.
+    `located` is a context that prefixes errors with the place of a key.
 
     Raises:
         ConfigurationError: an unknown key, or a value of the wrong type or out of range.

@@ -39,11 +39,7 @@ def required_force(experiment: Experiment, every: int = 50) -> Floats:
 
     It follows from the equations of vehicle and drums (paper Sections 2.3, 2.4) with inextensible ropes: masses times
     the reference's acceleration, plus friction, drag and vortex forces at its speed. The motors can deliver
-    ``tension_max - tension_min`` in either direction (paper Section 3.1.1).
-
-    Args:
-        experiment: the experiment.
-        every: samples between two instants; disturbances vary over seconds.
+    ``tension_max - tension_min`` in either direction (paper Section 3.1.1). Disturbances vary over seconds.
     """
     return np.asarray(force_law()(outside_at(experiment, every), force_parameters(experiment)), float).ravel()
 
@@ -82,9 +78,7 @@ LANES, PIECE = 16, 64
 def force_demands(scenarios: Scenarios, every: int = 50) -> list[ForceDemand]:
     """The force that each of many runs requires of its motors; disturbances are drawn in vector lanes.
 
-    Args:
-        scenarios: the runs.
-        every: as in `required_force`.
+    Every `every`-th sample is evaluated, as in `required_force`.
 
     Raises:
         DualwinchError: no compiler or no usable cache folder.
@@ -250,17 +244,11 @@ def least_mse(experiment: Experiment, *, anticipating: bool = False, every: int 
 
 
 def saturated_motion(outside: Floats, parameters: Floats, limit: float, step: float, rate: float = 1.0) -> Floats:
-    """A motion within the motors' force limit: deviations in m from the reference at every instant.
+    """A motion within the motors' force limit in N: deviations in m from the reference at every instant.
 
-    From instant to instant the deviation decays exponentially, unless that requires more than the available force;
-    then all the available force is used.
-
-    Args:
-        outside: reference and disturbances, (7, instants).
-        parameters: of `force_law`.
-        limit: available force of the motors in N.
-        step: time in s between two instants.
-        rate: decay rate in 1/s.
+    From instant to instant the deviation decays exponentially at a rate in 1/s, unless that requires more than the
+    available force; then all the available force is used. `outside` are reference and disturbances, (7, instants), with
+    the parameters of `force_law`; instants are `step` s apart.
     """
     law, given = force_law(), 0.999 * limit
     deviation = np.zeros(outside.shape[1])
@@ -334,12 +322,7 @@ def infeasible_words(count: int) -> str:
 
 
 def least_errors(experiments: Sequence[Experiment], progress: Progress = no_progress) -> LeastErrors:
-    """Lower bounds of the errors of many runs (`least_mse`).
-
-    Args:
-        experiments: the runs.
-        progress: called from time to time with the completed fraction.
-    """
+    """Lower bounds of the errors of many runs (`least_mse`)."""
     found = []
     for done, experiment in enumerate(experiments, 1):
         blind = least_mse(experiment)

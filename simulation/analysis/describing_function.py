@@ -52,12 +52,8 @@ def describing_gain(amplitude: float | Floats, exponent: float | Floats, smoothi
     """First harmonic over amplitude of ``z (z² + eps²)^((a−1)/2)`` for ``z = A sin(w t)``: a real gain.
 
     It is ``eps^(a−1) 2F1((1−a)/2, 3/2; 2; −(A/eps)²)``: the slope at zero for small amplitudes, a constant times
-    ``A^(a−1)`` for large ones. Arguments may be arrays, which broadcast.
-
-    Args:
-        amplitude: A, in the unit of z.
-        exponent: a.
-        smoothing: eps, in the unit of z.
+    ``A^(a−1)`` for large ones. Amplitude A and smoothing eps are in the unit of z. Arguments may be arrays, which
+    broadcast.
     """
     from scipy.special import hyp2f1
 

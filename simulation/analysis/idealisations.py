@@ -110,13 +110,7 @@ class IdealisationCheck:
 def idealisation_checks(
     plant: Plant, tension: Scalar, limits: IdealisationLimits | None = None
 ) -> list[IdealisationCheck]:
-    """Checks for missing effects from the plant's data alone.
-
-    Args:
-        plant: the plant.
-        tension: smallest tension in N that the controller commands.
-        limits: limits beyond which an effect is reported.
-    """
+    """Checks for missing effects from the plant's data alone, at the smallest commanded tension in N."""
     limits, found = limits or IdealisationLimits(), list[IdealisationCheck]()
     for side in plant.sides:
         part, rope = f"winch_{side.number}", f"rope_{side.number}"

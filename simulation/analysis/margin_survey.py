@@ -199,14 +199,10 @@ class MarginSurvey:
     def _least(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices, group: Indices, *, roughly: bool = False
     ) -> list[list[dict[str, WorstMargin]]]:
-        """Kind → smallest margin of each group of loops, for each of the n sets.
+        """Kind → smallest margin of each group of loops, for each of the n sets; without `RESONANCE`.
 
-        Args:
-            values: (n, names).
-            kinds: kinds of margins; `RESONANCE` is left out.
-            loops: indices of loops.
-            group: index of the group of each loop, from 0.
-            roughly: whether margins far above the smallest of all groups are only read off a frequency grid.
+        `group` is the index of the group of each loop, from 0. Roughly: margins far above the smallest of all groups
+        are only read off a frequency grid.
         """
         given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
         found = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in given]
@@ -256,11 +252,7 @@ class MarginSurvey:
         return changed
 
     def _solve_initial_guesses(self, places: Collection[tuple[int, int]]) -> None:
-        """Solve for the operating points with the machines' own gains: initial guesses for other gains.
-
-        Args:
-            places: machine and point.
-        """
+        """Solve for the operating points with the machines' own gains at some machines and points: initial guesses."""
         waiting = [place for place in places if place not in self._near]
         compiling = waiting[: 0 if self._near else 1]  # compile once, before the threads start
         for chosen in (compiling, waiting[len(compiling) :]):
@@ -282,19 +274,11 @@ class MarginSurvey:
         *,
         roughly: bool,
     ) -> list[tuple[int, int, dict[str, WorstMargin]]]:
-        """The smallest margins of groups of loops at some places.
+        """The smallest margins of groups of loops at some places: row, group and margins.
 
-        The steady motion hardly depends on the amplitude: that of the first one is the initial guess for the others.
-
-        Args:
-            values: (n, names).
-            places: row of values, machine and point.
-            asked: machine and point → amplitude and group of every loop there.
-            kinds: kinds of margins.
-            roughly: as in `_least`.
-
-        Returns:
-            Row, group and its smallest margins.
+        A place is a row of the values (n, names), a machine and a point; `asked` are amplitude and group of every loop
+        there. The steady motion hardly depends on the amplitude: that of the first one is the initial guess for the
+        others.
         """
         rows, machines, _ = np.array(places).T
         parameters = self._parameters_with(values[rows], machines)

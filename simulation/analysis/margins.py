@@ -300,13 +300,9 @@ class ComplementarySensitivity:
         return np.moveaxis(values[:, :, self.rows, self.columns], 2, 1)
 
     def quick(self, omega: Floats, loop: Indices, locus: Indices, near: Complex) -> tuple[Complex, Complex]:
-        """Loci (a,) and their derivatives with respect to frequency, at one frequency each, by sums over poles.
+        """Loci (a,) and their slopes over frequency, at one frequency in rad/s each, by sums over poles.
 
-        Args:
-            omega: angular frequencies in rad/s.
-            loop: indices of the loops.
-            locus: indices of the loci.
-            near: approximate values, which distinguish the last two.
+        `loop` and `locus` are indices (a,); approximate values (a,) distinguish the last two loci.
         """
         z = np.exp(1j * self.dt * omega)
         residues, echoes = self._parts
@@ -419,14 +415,9 @@ def _halves(elements: Complex) -> tuple[Complex, Complex]:
 
 
 def complementary(A: Floats, B: Floats, C: Floats, D: Floats, dt: float) -> ComplementarySensitivity:
-    """T from state-space matrices of loops that are opened at all their openings.
+    """T from state-space matrices of s loops that are opened at all their m openings.
 
-    Args:
-        A: state matrix, (s, n, n).
-        B: input matrix of the injected signals, (s, n, m).
-        C: output matrix of the returned signals, (s, m, n).
-        D: feedthrough, (s, m, m).
-        dt: sample time in s.
+    A (s, n, n), B (s, n, m) of the injected signals, C (s, m, n) of the returned ones, D (s, m, m); sample time in s.
     """
     through = np.linalg.inv(np.eye(D.shape[1]) - D)
     C, entered = through @ C, B @ through
@@ -517,7 +508,7 @@ def least_margins(
     grid: FrequencyGrid = COARSE,
     among: Indices | None = None,
 ) -> list[dict[str, LeastMargin]]:
-    """The smallest margins of every group of loops; meaningless for a group with an unstable loop.
+    """The smallest margins of every group of loops, by kind; meaningless for a group with an unstable loop.
 
     Args:
         loops: the s loops.
@@ -527,9 +518,6 @@ def least_margins(
         openings: of `LOCI`.
         grid: frequency grid.
         among: (s,) larger groups: margins far above the smallest of these are only read off the grid. Default: `group`.
-
-    Returns:
-        Kind → smallest margin, for every group.
     """
     if not len(loops.D):
         return [dict.fromkeys(kinds, LeastMargin()) for _ in range(groups)]

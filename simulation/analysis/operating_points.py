@@ -107,13 +107,9 @@ class LoopOperatingPoint:
 def loop_operating_point(
     experiment: Experiment, x: float | None, v: float, nominal: Plant | None = None
 ) -> LoopOperatingPoint:
-    """Solve for steady motion through a position; at v = 0 that is rest.
+    """Solve for steady motion through a position in m (None: mid-track) at a speed in m/s; at v = 0 that is rest.
 
-    Args:
-        experiment: plant, gains and sample time.
-        x: position in m, on the track; None: mid-track.
-        v: speed in m/s.
-        nominal: the plant the controller was designed for, as in a `Scenario`; default: the simulated one.
+    `nominal` is the plant the controller was designed for, as in a `Scenario`; default: the simulated one.
 
     Raises:
         ConfigurationError: a position off the track, a speed whose resistance the ropes cannot overcome, or gains

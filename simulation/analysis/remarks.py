@@ -67,11 +67,8 @@ DEPENDENT: dict[str, tuple[str, ...]] = {
 def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str]:
     """Remarks on defaults that are still used although values they were chosen for have changed.
 
-    Equal remarks on both winches or ropes are merged, as ``winch_*``.
-
-    Args:
-        experiment: the experiment.
-        own: keys in its file: these are intended, even if they equal the default.
+    Keys in the experiment's file (`own`) are intended, even if they equal the default. Equal remarks on both winches or
+    ropes are merged, as ``winch_*``.
     """
     values, usual = leaves(experiment), leaves(Experiment())
     said: dict[str, dict[str, None]] = {}
@@ -140,9 +137,8 @@ DRAWN = frozenset(("plant.vehicle.height", "plant.vehicle.diameter", *(f"plant.{
 def without_effect(experiment: Experiment, own: Collection[str]) -> list[str]:
     """Remarks on values that the user has set and that nothing depends on, such as the damping of a rigid gearbox.
 
-    Args:
-        experiment: the experiment; nothing is said of one that cannot run, or that has another error.
-        own: keys that the user has set; zeros and values equal to the default are left out.
+    `own` are the keys that the user has set; zeros and values equal to the default are left out. Nothing is said of an
+    experiment that cannot run, or that has another error.
     """
     values, usual = leaves(experiment), leaves(Experiment())
     changed = {key: values[key] for key in set(own) - DRAWN if values.get(key) and values[key] != usual.get(key)}
@@ -217,12 +213,7 @@ def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = 
 
     An unstable loop comes first, as the cause of everything else; advice for stable loops is then left out. The loop is
     checked if the plant is not the default one, or if the run chatters or was not completed, so that figures of merit
-    say nothing.
-
-    Args:
-        result: the run.
-        limits: thresholds.
-        loop: False if torques came from another controller than the experiment's: no remarks on the loop.
+    say nothing; not at all (`loop` is False) if torques came from another controller than the experiment's.
     """
     figures = dict(result.metrics)
     yield from _remarks(
@@ -235,10 +226,7 @@ def ensemble_remarks(
 ) -> Iterator[str]:
     """Remarks on an ensemble, as `remarks` has them on a run: on its nominal loop, the worst scenario and the mean.
 
-    Args:
-        experiment: the ensemble's nominal one.
-        statistics: figure of merit → kind of statistic → value.
-        completed: whether all scenarios were.
+    `statistics` are those of each figure of merit by kind; `completed` tells whether all scenarios were.
     """
     worst, mean = ({name: of[kind] for name, of in statistics.items()} for kind in ("worst", "mean"))
     yield from _remarks(experiment, worst, mean, " of the worst scenario", None, loop=True, completed=completed)
@@ -316,12 +304,7 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], adv
     """Remark on amplitudes of the speed error in m/s that make a loop at mid-track unstable, by describing functions.
 
     There is no remark on laws without odd powers of the speed error, whose loop is the same at all amplitudes, nor on
-    loops that are already unstable at small amplitudes (`loop_remarks`).
-
-    Args:
-        experiment: the loop.
-        amplitudes: amplitudes to check.
-        advice: advice to append to the remark.
+    loops that are already unstable at small amplitudes (`loop_remarks`). The remark ends with the advice.
     """
     middle = experiment.plant.track.length / 2
     try:
@@ -338,11 +321,9 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], adv
 
 
 def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
-    """Remark on a loop at rest at mid-track whose delay margin is smaller than `least`.
+    """Remark on a loop at rest at mid-track whose delay margin is smaller than the required one in s.
 
-    Args:
-        experiment: the loop.
-        least: required delay margin in s. There is no remark on an unstable loop (`loop_remarks`).
+    There is no remark on an unstable loop (`loop_remarks`).
     """
     middle = experiment.plant.track.length / 2
     try:

@@ -113,10 +113,6 @@ def matched_damping(experiment: Experiment, winch: int) -> float:
     """Damping of a drum's speed, in N m s/rad at the motor, that matches the wave impedance of its rope at mid-track.
 
     ``sqrt(EA mu) R²/G``, with the tangent of the rope at half the preload (`controllers.coordinations.winch_pid`).
-
-    Args:
-        experiment: plant and preload.
-        winch: 1 or 2.
     """
     plant = experiment.plant
     side, length = plant.sides[winch - 1], plant.track.length / 2 + plant.track.rope_offset
@@ -130,11 +126,7 @@ def resonance_terms(
 ) -> Floats:
     """The rule for many machines and gains: (s, amplitudes, 2, 5), for both winches the numbers of a `ResonanceGain`.
 
-    Args:
-        structure: of the closed loop.
-        parameters: (s, parameters) of the closed loop.
-        x: (s,) positions in m.
-        amplitudes: of the speed error in m/s.
+    Parameters of the closed loop (s, parameters), positions (s,) in m, amplitudes of the speed error in m/s.
     """
     names = list(parameters_of(structure))
     p, q, smoothing = (parameters[:, names.index(f"controller.nftsm.{name}")] for name in ("p", "q", "smoothing"))

@@ -40,12 +40,8 @@ SLIDING_MODE = FandoNftsm, Nftsm
 def sliding_mode(experiment: Experiment, reason: str = "must be") -> FandoNftsm | Nftsm:
     """The sliding-mode law of an experiment.
 
-    Args:
-        experiment: the experiment.
-        reason: words of the error before the allowed kinds.
-
     Raises:
-        ConfigurationError: it has another law.
+        ConfigurationError: it has another law; `reason` are the words before the allowed kinds.
     """
     instance("experiment", experiment, Experiment)
     law = experiment.controller.law
@@ -126,14 +122,8 @@ class LyapunovTerms:
 def lyapunov_terms(s: Scalar, Z_a: Scalar, d_tilde: Scalar, L1: Scalar, l0: Scalar, kf: Scalar, mass: Scalar) -> Scalar:
     """The terms of V = s²/2 + Z_a²/2 + M d̃²/(2 L) + ΔL²/(2 K_f) (paper Section 3.1.5, step 1).
 
-    Args:
-        s: sliding variable in m.
-        Z_a: anti-saturation state in N s.
-        d_tilde: estimation error of the disturbance acceleration in m/s².
-        L1: observer gain in 1/s, > 0.
-        l0: its constant part in 1/s.
-        kf: gain of its fuzzy part in 1/s; 0 switches that term off.
-        mass: in kg.
+    s in m, Z_a in N s, the disturbance observer's error d̃ in m/s², its gain L > 0 with its constant part and the gain
+    of its fuzzy part in 1/s, mass in kg; `kf` = 0 switches the last term off.
     """
     adaptation = (L1 - l0) ** 2 / (2 * kf) if kf > 0 else 0.0 * L1
     return LyapunovTerms(s**2 / 2, Z_a**2 / 2, mass * d_tilde**2 / (2 * L1), adaptation)
@@ -150,12 +140,7 @@ def claimed_decay(s: Scalar, Z_a: Scalar, d_tilde: Scalar, eta: Scalar, k_a: Sca
 def switching_gain_needed(disturbance: Scalar, speed_error: Scalar, ratio: Scalar, beta: Scalar, eta: Scalar) -> Scalar:
     """Right side of the switching condition: 2 p D/(q β M) max|e2 + γ Z_a|^(p/q−1) + η (paper Section 3.1.5).
 
-    Args:
-        disturbance: D/M in m/s².
-        speed_error: max|e2 + γ Z_a| in m/s.
-        ratio: p/q.
-        beta: weight of the position error.
-        eta: rate of the exponential reaching law.
+    `disturbance` is D/M in m/s², `speed_error` max|e2 + γ Z_a| in m/s, `ratio` p/q.
     """
     return 2 * ratio / beta * disturbance * speed_error ** (ratio - 1) + eta
 
@@ -197,12 +182,7 @@ def bounds(columns: Mapping[str, Floats], experiment: Experiment, basis: str = I
 
 
 def conditions(experiment: Experiment, known: Mapping[str, Bounds]) -> list[Condition]:
-    """Every condition of the theorem with both its sides.
-
-    Args:
-        experiment: source of the gains.
-        known: basis → bounds of a run.
-    """
+    """Every condition of the theorem with both its sides, for the bounds of a run by basis."""
     law = sliding_mode(experiment)
     gains, auxiliary = law.nftsm, law.auxiliary
     units = {key: leaf.quantity.unit for key, leaf in describe_parts(law).items()}

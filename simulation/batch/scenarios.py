@@ -342,15 +342,11 @@ def by_structure(
 ) -> Iterator[tuple[NDArray[np.int64], Scenarios, Progress]]:
     """Split scenarios by compiled loop: equal structure, length, sample time and engine.
 
-    Sub-steps are part of the structure, as they may follow from the rope laws.
-
-    Args:
-        scenarios: the scenarios of a batch.
-        progress: called with the completed fraction of the batch.
-        alike: whether structures may differ only in their sub-steps.
+    Sub-steps are part of the structure, as they may follow from the rope laws. If `alike`, structures may
+    differ in nothing else.
 
     Yields:
-        Indices in the batch, the scenarios, and a receiver of progress for them.
+        Indices in the batch, the scenarios, and a receiver of progress for them, which reports that of the batch.
 
     Raises:
         ConfigurationError: scenarios differ in more than their sub-steps, though `alike`.

@@ -301,11 +301,6 @@ def sensitivities_portion(
 def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
     """Compile the code of `sensitivities` for scenarios like this one, so that its first call takes no longer.
 
-    Args:
-        names: keys of the numbers.
-        values: one value for each.
-        scenario: a typical scenario.
-
     Raises:
         ConfigurationError, DualwinchError: as in `sensitivities`.
     """

@@ -64,12 +64,7 @@ def threads_of(workers: Workers) -> int | None:
 
 
 def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, progress: Progress = no_progress) -> bool:
-    """Run jobs on threads; after an interrupt, running jobs finish and the rest is dropped.
-
-    Args:
-        jobs: the jobs.
-        threads: number of threads; default: one per core.
-        progress: called from time to time with the completed fraction.
+    """Run jobs on threads (default: one per core); after an interrupt, running jobs finish and the rest is dropped.
 
     Returns:
         False if interrupted.
@@ -90,12 +85,7 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
 
 
 def map_all(work: Callable[[Item], Returned], items: Sequence[Item], threads: int | None = None) -> list[Returned]:
-    """Apply a function to items on threads; results are in the order of the items.
-
-    Args:
-        work: the function.
-        items: its arguments.
-        threads: number of threads; default: one per core.
+    """Apply a function to items on threads (default: one per core); results are in the order of the items.
 
     Raises:
         KeyboardInterrupt: interrupted, after running calls have finished.

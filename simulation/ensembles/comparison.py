@@ -129,11 +129,7 @@ class Comparison:
         return self.find_least_errors()
 
     def find_least_errors(self, progress: Progress = no_progress) -> LeastErrors:
-        """Find `least_errors`, which may take minutes where many scenarios are infeasible.
-
-        Args:
-            progress: called from time to time with the completed fraction.
-        """
+        """Find `least_errors`, which may take minutes where many scenarios are infeasible."""
         scenarios = self.ensemble.scenarios(len(self), self.seed)
         found = least_errors([scenario.experiment for scenario in scenarios], progress)
         vars(self)["least_errors"] = found
@@ -163,12 +159,9 @@ class Comparison:
 
 
 def paired_ratio(values: Floats, references: Floats, seed: int) -> Paired:
-    """Ratios of paired values, with percentile-bootstrap intervals by resampling pairs with replacement.
+    """Ratios of paired positive values, with percentile-bootstrap intervals by resampling pairs with replacement.
 
-    Args:
-        values: (pairs,) positive.
-        references: (pairs,) positive, of the same scenarios.
-        seed: of the resampling; the same seed gives the same intervals.
+    Values and references are those of the same scenarios, (pairs,); the same seed gives the same intervals.
     """
     from scipy.stats import bootstrap
 

@@ -91,11 +91,7 @@ class Statistic:
 
 
 def statistic_from(text: str, own: Sequence[Metric] = ()) -> Statistic:
-    """Parse the name of a statistic; a figure of merit alone means its mean.
-
-    Args:
-        text: the name.
-        own: the experiment's user-defined metrics.
+    """Parse the name of a statistic; a figure of merit, also one of the experiment's `own` ones, alone means its mean.
 
     Raises:
         ConfigurationError: an unknown statistic or figure of merit.

@@ -73,15 +73,7 @@ def run_side_by_side(
     """Run the same scenarios of several ensembles that differ only in their controllers; see `run_ensemble`.
 
     Scenarios are drawn and run in portions, each portion by every ensemble. After an interrupt, results cover the
-    scenarios that all ensembles have finished.
-
-    Args:
-        ensembles: one or more ensembles.
-        scenarios: number of scenarios.
-        seed: seed of the draws.
-        points: maximum number of instants of the traces; 0 keeps none.
-        workers: number of workers on this machine, or an executor; default: one thread per core.
-        progress: called with the completed fraction.
+    scenarios that all ensembles have finished. Traces have at most `points` instants; 0 keeps none.
     """
     portions = list[EnsemblePortion]()
     traces: list[Traces | None] = [None] * len(ensembles)

@@ -50,10 +50,8 @@ def stream_number(word: str) -> int:
 def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequence[str]) -> Words:
     """Random words of `DIGITS` bits, one for each name and number, (names, numbers).
 
-    Args:
-        seed: a whole number from 0 to `LARGEST_WORD`, or one for each of the numbers.
-        numbers: whole numbers of the same range, such as those of scenarios.
-        names: purposes of the words; streams of different names or seeds are independent.
+    Streams of different names or seeds are independent. There may be a seed for each number, such as that of a
+    scenario; both are whole numbers from 0 to `LARGEST_WORD`.
 
     Raises:
         ConfigurationError: the seed is out of its range.
@@ -74,9 +72,7 @@ def named_words(seed: int | Sequence[int], numbers: Sequence[int], names: Sequen
 def named_seed(seed: int, name: str) -> int:
     """A seed for a purpose, such as the draws of a validation set; independent for different names and seeds.
 
-    Args:
-        seed: a whole number from 0 to `LARGEST_WORD`.
-        name: the purpose.
+    Seeds are whole numbers from 0 to `LARGEST_WORD`.
     """
     return int(named_words(seed, [0], [f"seed: {name}"])[0, 0])
 
@@ -137,11 +133,8 @@ class Sea(NamedTuple):
 def random_signals(experiment: Experiment, columns: Mapping[str, NDArray[Any]] = NO_COLUMNS) -> dict[str, Drawn]:
     """The random signals of an experiment by name; sensor noises have a standard deviation of 1.
 
-    Each has its own stream, so that switching one on does not change the others.
-
-    Args:
-        experiment: the experiment.
-        columns: key → numbers of many experiments, (n,), which this one represents.
+    Each has its own stream, so that switching one on does not change the others. The experiment may represent n ones,
+    with their numbers (n,) by key in `columns`.
     """
     simulation = with_leaves(experiment.simulation, columns, "simulation.")
     sensors = with_leaves(experiment.sensors, columns, "sensors.")
@@ -214,18 +207,10 @@ def _given(experiment: Experiment, names: Sequence[str], start: int, n: int) -> 
 def exogenous_pieces(
     experiment: Experiment, length: int, samples: int | None = None, names: Sequence[str] | None = None
 ) -> Iterator[Floats]:
-    """The exogenous signals of a run, in pieces of at most `length` samples.
+    """The exogenous signals of a run, (samples, names), in pieces of at most `length` samples.
 
-    Drawn from ``simulation.seed``: the same experiment gives the same bits for any length of pieces.
-
-    Args:
-        experiment: the experiment.
-        length: maximum length of a piece in samples.
-        samples: total number of samples; default: that of the run.
-        names: names of the signals; default: all exogenous signals of the closed loop, in its order.
-
-    Yields:
-        (samples, names).
+    Drawn from ``simulation.seed``: the same experiment gives the same bits for any length of pieces. By default all
+    samples of the run, and all exogenous signals of the closed loop in its order.
     """
     names = exogenous_names(experiment.controller) if names is None else names
     end, random = experiment.samples if samples is None else samples, random_signals(experiment)
@@ -302,11 +287,6 @@ def signal_slope(experiment: Experiment, name: str, key: str) -> Floats:
     """Derivative of a signal with respect to a number that shapes it, (samples,).
 
     A random signal at its limit depends only on the limit.
-
-    Args:
-        experiment: the experiment.
-        name: name of the signal.
-        key: key of the number.
     """
     sample_time, samples = experiment.simulation.sample_time, experiment.samples
     if key == _scale(name):

@@ -48,14 +48,8 @@ def _slow_acceleration(problem: Problem, t: Scalar, x: Scalar, v: Scalar, phase:
 def exponential_step(problem: Problem, motion: Motion, t: Scalar, h: Scalar, *, slack: bool) -> tuple[Motion, Scalar]:
     """The motion after one step (Eq. 16–19), and a number that is positive only if taut ropes stay taut (Eq. 27).
 
-    The slow acceleration is evaluated at the mid-step speed, which is predicted with that of the last step.
-
-    Args:
-        problem: the integration problem.
-        motion: motion at the beginning of the step.
-        t: time of its beginning in s.
-        h: its length in s.
-        slack: whether ropes can go slack; if not, the result is valid where the number is positive.
+    From t in s over h in s. The slow acceleration is evaluated at the mid-step speed, which is predicted with that of
+    the last step. If ropes cannot go slack (`slack` is False), the result is valid where the number is positive.
     """
     plant, state = problem.plant, motion.plant
     drum_1, drum_2 = winding(state.theta_1, plant.winch_1), winding(state.theta_2, plant.winch_2)

@@ -86,10 +86,8 @@ class Swing:
 def swing(kappa: Scalar, damping: Scalar, stiffening: Scalar) -> Swing:
     """The flow of a taut rope and its drum over a step.
 
-    Args:
-        kappa: square of the frequency at mid-step.
-        damping: due to rope and winch friction.
-        stiffening: relative rate of the stiffness.
+    `kappa` is the square of the frequency at mid-step, the damping that of rope and winch friction, `stiffening` the
+    relative rate of the stiffness.
     """
     cosine, sine = twice_cosine_and_sine(kappa - damping**2 / 4 - stiffening**2)  # of the angle in Eq. 8
     kappa = kappa - damping * stiffening
@@ -272,11 +270,7 @@ class Oscillator:
     def _switched(self, g: Scalar, ramp: Scalar, stretch: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
         """Stretch and rate at the end where the rope goes slack or tight within the step.
 
-        Args:
-            g: drive.
-            ramp: its growth.
-            stretch: stretch at the end without the switch.
-            rate: likewise.
+        The drive is g, with growth `ramp`; the given stretch and rate are those at the end without the switch.
         """
         # time of the switch (Eq. 22)
         taut = self._taut

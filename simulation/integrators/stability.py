@@ -130,16 +130,9 @@ def _assembled(masses: list[Any], links: list[tuple[Any, Any, dict[int, Any]]]) 
 
 
 def side_rate(side: Side, vehicle: Vehicle, track: Track, tensions: tuple[float, ...], rate: Rate) -> Any:
-    """Largest rate in rad/s of one side's chain, with its rope at its shortest and its longest.
+    """Largest rate in rad/s of one side's chain at some tensions in N, with its rope at its shortest and its longest.
 
-    Infinite where a number overflows; an array if numbers are arrays.
-
-    Args:
-        side: the winch and its rope.
-        vehicle: what it tows.
-        track: determines the rope's lengths.
-        tensions: in N.
-        rate: `pole_rate` or `leapfrog_rate`.
+    By `pole_rate` or `leapfrog_rate`; infinite where a number overflows; an array if numbers are arrays.
     """
     with np.errstate(all="ignore"):
         found = [rate(chain_of(side, vehicle, track, at)) for at in _tangents(side.rope, track, tensions)]
@@ -181,16 +174,10 @@ def bristle_swing_rate(vehicle: Vehicle) -> Any:
 
 @lru_cache(maxsize=1024)
 def fastest_rate(rope: RopeLaw, winch: Winch, track: Track, tensions: tuple[float, ...]) -> float:
-    """Largest rate in rad/s at which a massless rope of any law and its drum oscillate or settle at given tensions.
+    """Largest rate in rad/s at which a massless rope of any law and its drum oscillate or settle, at tensions in N.
 
     The largest magnitude of an eigenvalue of s'' = −mobility (spring s + damping s'), for the longest and the shortest
     rope; NaN if the law does not reach a tension, or has no spring rate there.
-
-    Args:
-        rope: the rope.
-        winch: its winch.
-        track: determines the rope's lengths.
-        tensions: in N.
     """
     mobility, fastest = base_radius(winch) ** 2 / total_inertia(winch), 0.0
     for length in (track.rope_offset, track.length + track.rope_offset):
@@ -223,12 +210,7 @@ RELIEF: Mapping[str, Mapping[str, float]] = {
 def stiff_keys(plant: Plant, parts: tuple[str, ...], rate: Callable[[Plant], float]) -> dict[str, float]:
     """Keys and values of the numbers that make a plant stiff: those whose relief by half lowers its rate the most.
 
-    Numbers that have their default are not among them where others have not.
-
-    Args:
-        plant: the plant.
-        parts: those of its parts to look at, such as ``rope_1``.
-        rate: a plant → its rate.
+    Only numbers of these parts, such as ``rope_1``; those that have their default are left out where others have not.
     """
     values, usual, lowered = leaves(plant, "plant."), leaves(Plant(), "plant."), dict[str, float]()
     for part in parts:

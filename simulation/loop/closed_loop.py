@@ -146,9 +146,7 @@ FORCE, DRIFT, SILENT, LATENESS = "force", "noise.drift", "noise.silent", "noise.
 def absent_signals(*experiments: Experiment, varying: Collection[str] = ()) -> frozenset[str]:
     """Exogenous signals that are always zero in all these experiments, so that their terms can be left out.
 
-    Args:
-        experiments: the experiments.
-        varying: keys whose values may differ elsewhere.
+    The values of `varying` keys may differ elsewhere.
     """
     present = {
         FORCE: any(experiment.disturbance.force.given for experiment in experiments)
@@ -182,12 +180,9 @@ class Timing:
 
 
 def initial_loop_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> LoopState:
-    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads x.
+    """Plant, controller, sensors and actuators before the first sample, where the position sensor reads x in m.
 
-    Args:
-        experiment: determines the structure.
-        parts: source of the numbers (`symbolic_parts`); default: the experiment.
-        x: in m; default: the beginning of the reference.
+    Numbers are those of `parts` (`symbolic_parts`) and x is the beginning of the reference, unless given.
     """
     given, begun = parts or experiment, experiment.reference.start if x is None else x
     preload, actuator, sensors = given.controller.limits.preload, given.actuator, given.sensors
@@ -231,13 +226,12 @@ def closed_loop(
 ) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
-    Args:
-        structure: determines the functions.
-        zeros: names of parameters (`structure.zeros_of`) and signals (`absent_signals`) that are always zero: the
-            functions leave out their terms and ignore their values.
-        openings: `ANALYSIS_POINTS` at which to open the loop for analysis: the signals injected there become a fourth
-            input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
-            ``returned``, of `sample`.
+    Parameters (`structure.zeros_of`) and signals (`absent_signals`) in `zeros` are always zero: the functions leave out
+    their terms and ignore their values.
+
+    At the `openings`, some of the `ANALYSIS_POINTS`, the loop is opened for analysis: the signals injected there become
+    a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
+    ``returned``, of `sample`.
     """
     return _closed_loop(structure, zeros, openings)
 
@@ -518,12 +512,8 @@ def between_samples(
 ) -> tuple[ca.Function, ca.Function | None]:
     """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`; the latter may be None.
 
-    Their `margin` in m is the distance of the next position to the nearer end of the track, overrun included.
-
-    Args:
-        structure: integrator and number of sub-steps.
-        problem: zero-order hold → integration problem.
-        parameters: the symbols of its parameters.
+    Their `margin` in m is the distance of the next position to the nearer end of the track, overrun included. The
+    structure gives integrator and sub-steps, `problem` the integration problem of a zero-order hold.
     """
     template, still = hold_template(structure), motion_template(structure)
     motion, hold = ca.SX.sym("motion", len(leaves(still))), ca.SX.sym("hold", len(leaves(template)))

@@ -213,9 +213,7 @@ def structure_of(experiment: Experiment) -> Experiment:
 def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
     """The parts of an experiment with other numbers, which may be symbols, in a namespace (`Experiment` takes none).
 
-    Args:
-        experiment: source of the parts, and of numbers without a key.
-        values: key → number.
+    Numbers without a key in `values` are those of the experiment.
     """
     groups = ("plant", "controller", "sensors", "actuator", "disturbance")
     parts = {name: with_leaves(getattr(experiment, name), values, f"{name}.") for name in groups}
@@ -243,12 +241,8 @@ def described_parameters(structure: Experiment) -> dict[str, Leaf]:
 def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
     """Run-time parameters of the closed loop of an experiment, by key.
 
-    ``plant.*`` is the simulated plant, ``nominal.*`` the controller's model of it.
-
-    Args:
-        experiment: source of the numbers.
-        nominal: the plant the controller was designed for, unless ``controller.nominal`` overrides it;
-            default: the simulated one.
+    ``plant.*`` is the simulated plant, ``nominal.*`` the controller's model of it: the plant it was designed for
+    (default: the simulated one), unless ``controller.nominal`` overrides it.
     """
     return dict(_parameters_of(experiment, nominal))
 
@@ -286,14 +280,10 @@ def _gains(controller: Controller) -> dict[str, float]:
 
 
 def zeros_of(structure: Experiment, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
-    """Parameters that are zero in all these sets, so that the compiled code can leave out their terms.
+    """Parameters that are zero in all these sets (`parameters_of`), so that compiled code can leave out their terms.
 
-    Only parameters marked `Mark.OFF_AT_ZERO` are considered, as every set of zeros needs its own compiled code.
-
-    Args:
-        structure: of the closed loop.
-        parameters: sets as returned by `parameters_of`.
-        varying: keys whose values may differ elsewhere; excluded from the result.
+    Only parameters marked `Mark.OFF_AT_ZERO` are considered, as every set of zeros needs its own compiled code;
+    `varying` keys, whose values may differ elsewhere, are excluded.
     """
     changing = set(varying)
     if any(name.startswith("controller.nominal.") for name in varying):

@@ -129,13 +129,7 @@ def states_before(metrics: Sequence[Metric]) -> dict[str, Scalar]:
 def states_after(
     metrics: Sequence[Metric], states: Mapping[str, Scalar], sample: Sample, sample_time: Scalar
 ) -> dict[str, Scalar]:
-    """States after one more sample, by name.
-
-    Args:
-        metrics: with symbols for their numbers.
-        states: name → symbol of (at least) every state.
-        sample: its signals.
-        sample_time: in s.
+    """States after one more sample, by name, of metrics with symbols for their numbers; sample time in s.
 
     Raises:
         ConfigurationError: a metric returns a state with other elements.
@@ -161,10 +155,8 @@ def states_after(
 def values_of(metrics: Sequence[Metric], final: Mapping[str, Any], samples: Any) -> dict[str, Any]:
     """Figures of merit by name; NaN without samples.
 
-    Args:
-        metrics: with numbers, or arrays that broadcast with the runs.
-        final: name → final value of (at least) every state, or an array over many runs.
-        samples: number of samples, or an array of them.
+    Numbers of the metrics, final values of (at least) every state and the number of samples may be arrays over many
+    runs.
 
     Raises:
         ConfigurationError: a metric does not return one number per run.
@@ -177,11 +169,7 @@ def slopes_of(
 ) -> dict[str, NDArray[np.float64]]:
     """(directions,) derivatives of the figures of merit by name, with central differences of only `Metric.value`.
 
-    Args:
-        metrics: with numbers.
-        final: name → final value of (at least) every state.
-        tangents: name → (directions,) exact derivatives of these.
-        samples: number of samples.
+    `final` has the final value of (at least) every state, `tangents` its exact derivatives (directions,).
     """
     found = {}
     for metric in metrics:

@@ -332,13 +332,10 @@ def final_states(own: Sequence[Metric] = ()) -> tuple[str, ...]:
 
 
 def metrics_of(final_state: Mapping[str, Any], *, completed: Any = True, own: Sequence[Metric] = ()) -> Metrics:
-    """The metrics from the final state of a closed loop.
+    """The metrics from the final state of a closed loop; NaN if the run was not completed.
 
-    Args:
-        final_state: name → value; the accumulators are ``metrics.*``. Values may be arrays over many runs, so that the
-            metrics are arrays.
-        completed: whether the run was completed, or an array; metrics of incomplete runs are NaN.
-        own: the experiment's user-defined metrics.
+    Accumulators are the states ``metrics.*``; `own` are the experiment's user-defined metrics. Values of states, and
+    `completed`, may be arrays over many runs, so that the metrics are arrays.
 
     Raises:
         ConfigurationError: a user-defined metric does not return one number per run.

@@ -118,12 +118,13 @@ def modal_frequencies(
 ) -> Figure:
     """Natural frequency and damping ratio of every mode that is not rigid drift of the position, along a sweep.
 
+    The frequencies with `SAMPLES_A_PERIOD` and with two samples per period of the controller are marked.
+
     Args:
         systems: the sweep.
         swept: its name: x, v or preload.
         plant: the plant that was linearised.
-        sample_time: of the controller in s; the frequencies with `SAMPLES_A_PERIOD` and with two samples per period
-            are marked.
+        sample_time: of the controller in s.
         ax: axes for frequency and damping; default: a figure of its own.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]

@@ -142,13 +142,7 @@ class Page:
         return [*self.drawn, *(Figure().subplots() for _ in range(missing))]
 
     def time_axes(self, panels: Sequence[Axes], experiment: Experiment, *, shaded: bool = True) -> None:
-        """Limit stacked panels to the run's duration in s, and label their time axis (`name_x`).
-
-        Args:
-            panels: from top to bottom.
-            experiment: source of duration and steady state.
-            shaded: whether to shade the steady-state window.
-        """
+        """Limit stacked panels to the run's duration in s, shade its steady state, and label their time axis."""
         start, end = experiment.steady_window
         for axes in panels:
             if shaded:
@@ -162,11 +156,7 @@ class Page:
             axes.set_xlabel(name)
 
     def legend(self, *others: Line2D | Patch) -> None:
-        """One legend for all panels, below them; with a caller's axes, inside the first.
-
-        Args:
-            others: further entries, after those of labelled lines and areas.
-        """
+        """One legend for all panels, with `others` last: below them, or inside the first of a caller's axes."""
         found: dict[str, Any] = {}
         for axes in self.drawn:
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

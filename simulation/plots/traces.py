@@ -19,15 +19,9 @@ LARGEST_DRAWN = 1e12
 
 
 def thin(t: Floats, values: Floats, columns: int = PIXEL_COLUMNS) -> tuple[Floats, Floats]:
-    """Keep the smallest and the largest value of every pixel column, and both ends.
+    """Thin a signal to the smallest and the largest value of every pixel column, and both ends.
 
-    Args:
-        t: (rows,) times in ascending order.
-        values: (rows,) signal; NaN where it has none.
-        columns: number of pixel columns spanned by the line.
-
-    Returns:
-        Times and values of the kept points, in their order; all of them if they are few.
+    Times, ascending, and values are (rows,); NaN where the signal has none. Short signals are kept whole.
     """
     drawn = drawable(values)
     if len(t) <= 4 * columns:
@@ -60,12 +54,9 @@ def within(t: Floats, start: float, end: float) -> slice:
 
 
 def peaks(t: Floats, values: Floats, width: float) -> tuple[Floats, Floats]:
-    """Largest magnitude in each interval, at the interval's middle; NaN where it is zero or missing.
+    """Largest magnitude in each interval of a width in s, at the interval's middle; NaN where it is zero or missing.
 
-    Args:
-        t: (rows,) times in ascending order.
-        values: (rows,) signal.
-        width: width of an interval, in the unit of `t`.
+    Times in ascending order and values are (rows,).
     """
     if not len(t):
         return t, values
@@ -85,15 +76,11 @@ DRUMS = ("theta_1", "omega_1", "theta_2", "omega_2")
 
 
 def between_samples(result: Result, rows: slice) -> tuple[Floats, dict[str, Floats]]:
-    """Times and tensions of both ropes in a part of a run, with `POINTS_A_SAMPLE` points per sample.
+    """Times and tensions of both ropes in some rows of a run, with `POINTS_A_SAMPLE` points per sample.
 
     From each row on, the drums are integrated again (fourth-order Runge–Kutta) under the torques of the row; the
     vehicle, ten tonnes that no rope moves noticeably within a millisecond, follows the cubic Hermite spline through
     its rows. If that does not lead to the next row (motors with lag, jitter, omitted rows), the rows are returned.
-
-    Args:
-        result: a run.
-        rows: rows of the part.
 
     Returns:
         Times in s, and the tensions ``F1`` and ``F2`` in N, each (points,).

@@ -315,11 +315,7 @@ def format_of(path: Path, suffixes: Collection[str] = FORMATS) -> Format:
 
 
 def rebuilt(values: Mapping[str, Any], base: Experiment) -> Experiment:
-    """Rebuild an experiment from its `leaves`.
-
-    Args:
-        values: dotted key → value; missing ones are taken from `base`.
-        base: an experiment; source of parts that are not registered.
+    """Rebuild an experiment from its `leaves`; missing values and parts that are not registered are those of `base`.
 
     Raises:
         ConfigurationError: an unknown kind of part, an unknown key, or a value out of range.

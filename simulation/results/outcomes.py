@@ -115,12 +115,7 @@ def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
 
 
 def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:
-    """Empty results of runs that have not started.
-
-    Args:
-        shape: shape of all arrays.
-        metrics: names of the figures of merit.
-    """
+    """Empty results, of a shape, of runs that have not started; `metrics` are names of figures of merit."""
     return RunOutcomes(
         outcomes=np.full(shape, WORDS[Outcome.NOT_RUN], dtype=_ALL_WORDS.dtype),
         end_times=np.full(shape, np.nan),

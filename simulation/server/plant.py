@@ -378,12 +378,8 @@ class ServedPlant:
 def approach(t: Floats, x: float, v: float, target: float, reference: Reference) -> Floats:
     """A motion that brakes to rest and then moves to a target: position, speed, acceleration, (3, samples).
 
-    Args:
-        t: (samples,) time in s since its beginning.
-        x: initial position in m.
-        v: initial speed in m/s.
-        target: final position in m.
-        reference: source of cruising speed, acceleration and jerk limit; braking ignores the jerk limit.
+    Times (samples,) in s count from its beginning, at x in m and v in m/s; the target is in m. The reference gives
+    cruising speed, acceleration and jerk limit; braking ignores the jerk limit.
     """
     braking = abs(v) / reference.acceleration
     rest = x + v * braking / 2

@@ -125,11 +125,6 @@ COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"
 def udp_client(block: Block, name: str, provenance: Provenance) -> str:
     """A C99 program that runs a controller of `codegen.export.package.c_package` against ``dualwinch serve``.
 
-    Args:
-        block: the controller.
-        name: name of the package.
-        provenance: provenance for a comment.
-
     Raises:
         CodegenError: the controller has an input that a served plant does not send, such as a previewed reference.
     """

@@ -144,9 +144,7 @@ COMMANDED_STATES: dict[CommandName, tuple[tuple[str, ...], ...]] = {
 def under_command(experiment: Experiment, command: CommandName) -> Experiment:
     """An experiment whose controller passes on external commands and keeps its estimator.
 
-    Args:
-        experiment: the experiment.
-        command: ``torques`` replaces law and coordination, ``force`` the law.
+    Torques replace law and coordination, a force the law.
     """
     controller = experiment.controller
     if command == "force":

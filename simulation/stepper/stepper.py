@@ -76,17 +76,9 @@ def replay(
     stride: int,
     nominal: Plant | None,
 ) -> Result:
-    """Run the first samples of a lane again.
+    """Run the first samples of a lane again; the code gives the same bits for the same lane at any index.
 
-    Args:
-        code: the compiled code; it gives the same bits for the same lane at any index.
-        loop: the closed loop, for names.
-        lane: start of the run.
-        samples: number of samples.
-        commands: command of each step.
-        hold: samples per step.
-        stride: keep every `stride`-th sample as a row.
-        nominal: nominal plant of the result.
+    Each command is held for `hold` samples. Every `stride`-th sample is kept as a row.
 
     Raises:
         ConfigurationError: the rows do not fit into memory.
