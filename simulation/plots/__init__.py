@@ -1,6 +1,10 @@
 """Figures of runs: the paper's Figures 5 to 21, an overview of one run, the fan chart of an ensemble, and V(t).
 
-Every function returns a new `matplotlib.figure.Figure`, without using pyplot or changing global settings.
+Every function returns a new `matplotlib.figure.Figure`, without using pyplot or changing global settings; or it draws
+into `ax`, axes for its panels, in the order of its documentation. With fewer axes, only the first panels are drawn.
+
+Results of runs are given as one result, as several, which are labelled by their position laws, or by label. All
+functions raise `ConfigurationError` where there is nothing to draw.
 """
 
 from dualwinch.simulation.plots.analyses import lyapunov, preloads

@@ -47,9 +47,7 @@ TERMS = {
 def lyapunov(certificate: Certificate, *, ax: GivenAxes = None) -> Figure:
     """V with its terms, and positive and negative parts of dV/dt, on logarithmic axes.
 
-    Args:
-        certificate: certificate of a run with at least two samples.
-        ax: axes for V and for its rate; default: a figure of its own.
+    Panels: V, and its rate.
 
     Raises:
         ConfigurationError: the run ended with its first sample.
@@ -94,12 +92,7 @@ PRELOAD_COLOURS = {"as configured": GOLD, "constant": GREY, "best constant": VER
 
 
 def preloads(found: Preloads, *, ax: GivenAxes = None) -> Figure:
-    """Sum of both tensions, smaller tension, and error over time, for every preload.
-
-    Args:
-        found: the preloads.
-        ax: axes for the three panels; default: a figure of its own.
-    """
+    """Sum of both tensions, smaller tension, and error over time, for every preload; a panel each."""
     experiment, best = found.scheduled.experiment, found.optimum
     loads = ", ".join(f"{name} {run.metrics.continuous_load:.1f}" for name, run in found.runs.items())
     words = f"Continuous load in N m: {loads}, optimum {best.continuous_load:.1f}"
@@ -134,14 +127,7 @@ def effects_figure(
     *,
     ax: GivenAxes = None,
 ) -> Figure:
-    """First-order changes of columns of a run, one panel per column.
-
-    Args:
-        experiment: experiment of the run.
-        changes: column → description of the changed number → change of the column (samples,).
-        quantities: column → quantity.
-        ax: axes for the columns; default: a figure of its own.
-    """
+    """First-order changes of columns of a run (column → label → (samples,)), one panel per column."""
     t: Floats = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time
     styles = looks(next(iter(changes.values())), PALETTE[::-1])
     height, words = 1.2 + 1.6 * len(changes) + 0.09 * len(styles), f"{law_label(experiment)}; {scenario(experiment)}"

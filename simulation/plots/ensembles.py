@@ -55,9 +55,7 @@ SEEN = {"50 %": 0.68, "90 %": 0.37, "all scenarios": ALL_SHADE}
 def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> Figure:
     """Error and rope tensions over time: median, central 50 % and 90 %, and range of all scenarios.
 
-    Args:
-        result: result of an ensemble, with traces.
-        ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
+    Panels: the error, and the tensions of rope 1 and rope 2.
 
     Raises:
         ConfigurationError: no traces were kept, or no scenario completed.
@@ -121,9 +119,7 @@ PANELS = ("mse", "chatter")
 def comparison(result: Comparison, *, ax: GivenAxes = None) -> Figure:
     """Cumulative distributions of error and chatter, and ratios to the first controller with confidence intervals.
 
-    Args:
-        result: comparison of controllers.
-        ax: axes for error, chatter and ratios; default: a figure of its own.
+    Panels: error, chatter, ratios.
     """
     styles = looks(result.contenders, CONTROLLER_COLOURS)
     others = list(result.contenders)[1:]

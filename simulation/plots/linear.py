@@ -1,4 +1,7 @@
-"""Figures of linear systems: Bode plots, modes and poles of plant and closed loop, margins by amplitude."""
+"""Figures of linear systems: Bode plots, modes and poles of plant and closed loop, margins by amplitude.
+
+They draw a sweep of systems along the quantity `swept`, which is x, v or preload; some also a single one, without it.
+"""
 
 import math
 from collections.abc import Sequence
@@ -118,14 +121,8 @@ def modal_frequencies(
 ) -> Figure:
     """Natural frequency and damping ratio of every mode that is not rigid drift of the position, along a sweep.
 
-    The frequencies with `SAMPLES_A_PERIOD` and with two samples per period of the controller are marked.
-
-    Args:
-        systems: the sweep.
-        swept: its name: x, v or preload.
-        plant: the plant that was linearised.
-        sample_time: of the controller in s.
-        ax: axes for frequency and damping; default: a figure of its own.
+    The frequencies with `SAMPLES_A_PERIOD` and with two samples per period of the controller, whose sample time is in
+    s, are marked. Panels: frequency and damping.
     """
     tracks = [track for track in track_modes(systems, plant) if np.any(track.natural_frequencies > 0)]
     others = _track_looks([track.label for track in tracks if track.label not in ROPE_TRACKS])
@@ -152,13 +149,7 @@ def modal_frequencies(
 def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: GivenAxes = None) -> Figure:
     """Poles along a sweep: oscillations in the upper half-plane, and real poles against the swept quantity.
 
-    For a discrete system, the equivalent continuous-time poles.
-
-    Args:
-        systems: the sweep.
-        swept: its name: x, v or preload.
-        plant: the plant that was linearised.
-        ax: axes for the oscillations and for the real poles; default: a figure of its own.
+    For a discrete system, the equivalent continuous-time poles. Panels: oscillations, real poles.
     """
     values = np.array([system.operating_point[swept] for system in systems])
     norm = Normalize(values.min(), values.max())
@@ -186,12 +177,8 @@ def pole_map(systems: Sequence[LinearSystem], swept: str, plant: Plant, *, ax: G
 def mode_shapes(system: LinearSystem, plant: Plant, *, ax: GivenAxes = None) -> Figure:
     """Displacements along the track in every mode, normalised to a maximum of one; modes of one name are numbered.
 
-    Dots are nodes of ropes, squares the rotors behind elastic gearboxes, triangles the depth of a sag.
-
-    Args:
-        system: has the plant's states.
-        plant: the plant that was linearised.
-        ax: axes for the modes, the slowest first; default: a figure of its own.
+    Dots are nodes of ropes, squares the rotors behind elastic gearboxes, triangles the depth of a sag. A panel for each
+    mode, the slowest first.
 
     Raises:
         ConfigurationError: the system does not have the plant's states.
@@ -254,12 +241,9 @@ CHANNELS = (("tau_1", "F1"), ("tau_2", "F2"), ("tau_1", "v"))
 
 
 def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: GivenAxes = None) -> Figure:
-    """Bode diagram of each winch's tension and of the vehicle's speed, from the torques.
+    """Bode diagram of each winch's tension and of the vehicle's speed, from the torques, of one plant or a sweep.
 
-    Args:
-        systems: of the plant: one, or a sweep (at most `MOST_CURVES`, evenly spaced).
-        swept: name of the swept quantity.
-        ax: axes for gain and phase of each of the `CHANNELS`; default: a figure of its own.
+    Panels: gain and phase of each of the `CHANNELS`.
     """
     title = "Bode diagram of the open plant" if swept is None else f"Bode diagrams of the open plant, along {swept}"
     units = systems[0].units
@@ -308,13 +292,9 @@ def _opening(system: LinearSystem) -> str:
 def loop_bode(
     systems: Sequence[LinearSystem], found: Sequence[Margins], swept: str | None = None, *, ax: GivenAxes = None
 ) -> Figure:
-    """Gain and phase of an opened loop; of a single one with its margins.
+    """Gain and phase of a loop opened at one signal or at both torques; of a single one with its margins.
 
-    Args:
-        systems: one, or a sweep, with one input and output each, or with both torques.
-        found: their margins.
-        swept: name of the swept quantity.
-        ax: axes for gain and phase; default: a figure of its own.
+    Panels: gain, phase.
     """
     drawn = _styled(systems, swept)
     title = f"Loop opened at {_opening(systems[0])}"
@@ -363,13 +343,7 @@ def _mark_margins(gain: Axes, phase: Axes, found: Margins) -> None:
 
 
 def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: GivenAxes = None) -> Figure:
-    """Eigenvalues over one sample in the unit circle, and the equivalent rates.
-
-    Args:
-        systems: closed loops: one, or a sweep.
-        swept: name of the swept quantity.
-        ax: axes for the eigenvalues and for the rates; default: a figure of its own.
-    """
+    """Eigenvalues of closed loops over one sample in the unit circle, and the equivalent rates; a panel each."""
     angle = np.linspace(0, TURN, 400)
     with new_page(ax, 4.2, "Poles of the closed loop", _point_in_words(systems[0], swept)) as page:
         circle, plane = page.panels(1, 2)
@@ -391,9 +365,7 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None,
 def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None) -> Figure:
     """Margins against the amplitude of the speed error, with the Jacobian's at the left end; gaps where unstable.
 
-    Args:
-        points: result of `simulation.analysis.describing_function.amplitude_sweep`.
-        ax: axes for the gain margins and for the delay margin; default: a figure of its own.
+    For the points of `simulation.analysis.describing_function.amplitude_sweep`. Panels: gain margins, delay margin.
     """
     system, margins = points[0].system, [point.margins for point in points]
     amplitude = 1e3 * np.array([point.amplitude for point in points])

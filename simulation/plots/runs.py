@@ -98,9 +98,6 @@ def curves(runs: Runs) -> list[Curve]:
     A run has the colour and line style of its position law unless an earlier run has them. A label that is the `kind`
     of the run's law is replaced by the law's name in figures.
 
-    Args:
-        runs: label → run, runs, or one run.
-
     Raises:
         ConfigurationError: there are no runs, or one kept no rows.
     """
@@ -198,12 +195,7 @@ def _headings(runs: Sequence[Curve], content: str) -> tuple[str, str]:
 def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Position and speed against the reference, with an enlarged part of the position (Figures 5, 9, 13, 17).
 
-    Args:
-        results: label → result, or results labelled by their position laws.
-        ax: axes for the position and the speed; default: a figure of its own.
-
-    Raises:
-        ConfigurationError: there is nothing to draw.
+    Panels: position, speed.
     """
     runs = curves(results)
     references = list({(run.experiment.reference, run.experiment.duration): run for run in reversed(runs)}.values())
@@ -238,14 +230,9 @@ def _zoom(axes: Axes, lines: Iterable[tuple[Curve, str, dict[str, Any]]], window
 
 
 def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Tracking error: whole run, largest magnitude on a logarithmic axis, steady state (Figures 6, 10, 14, 18).
+    """Tracking error (Figures 6, 10, 14, 18).
 
-    Args:
-        results: label → result, or results labelled by their position laws.
-        ax: axes for these three; default: a figure of its own.
-
-    Raises:
-        ConfigurationError: there is nothing to draw.
+    Panels: whole run, largest magnitude on a logarithmic axis, steady state.
     """
     runs = curves(results)
     experiment = longest(runs)
@@ -313,27 +300,17 @@ OVERSHOOT = 1.02
 
 
 def commands(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Tension commands of the coordination, one panel per rope, with their limits (Figures 7, 11, 15, 19).
+    """Tension commands of the coordination with their limits (Figures 7, 11, 15, 19).
 
-    Args:
-        results: label → result, or results labelled by their position laws.
-        ax: axes for rope 1 and rope 2, and for their enlarged parts; default: a figure of its own.
-
-    Raises:
-        ConfigurationError: there is nothing to draw.
+    Panels: rope 1 and rope 2, then their enlarged parts.
     """
     return _two_ropes(curves(results), "commands", ax)
 
 
 def tensions(results: Runs, *, ax: GivenAxes = None) -> Figure:
-    """Rope tensions, one panel per rope, with command limits, peak and slack (Figures 8, 12, 16, 20).
+    """Rope tensions with command limits, peak and slack (Figures 8, 12, 16, 20).
 
-    Args:
-        results: label → result, or results labelled by their position laws.
-        ax: axes for rope 1 and rope 2, and for their enlarged parts; default: a figure of its own.
-
-    Raises:
-        ConfigurationError: there is nothing to draw.
+    Panels: rope 1 and rope 2, then their enlarged parts.
     """
     return _two_ropes(curves(results), "tensions", ax)
 
@@ -434,11 +411,9 @@ FORCE_REACH = 1.25
 
 
 def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
-    """Overview of a run: trajectory, error, tensions with commands, force and, if estimated, disturbance.
+    """Overview of a run.
 
-    Args:
-        result: one run.
-        ax: axes for these; default: a figure of its own.
+    Panels: trajectory, error, tensions with commands, force and, if estimated, disturbance.
 
     Raises:
         ConfigurationError: the run kept no rows.
@@ -540,10 +515,8 @@ BAR_ROOM = 0.2
 def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
     """Steady-state errors with and without the observer, and their change compared with the paper's (Figure 21).
 
-    Args:
-        results: label → result, or results, of one case (in the paper Case 4); the first of `fando-nftsm` and the first
-            of `nftsm` are compared.
-        ax: axes for the three errors and for their changes; default: a figure of its own.
+    The runs are of one case (in the paper Case 4); the first of `fando-nftsm` and the first of `nftsm` are compared.
+    Panels: the three errors, and their changes.
 
     Raises:
         ConfigurationError: one of the two is missing.
