@@ -233,14 +233,10 @@ def learns(experiment: Experiment) -> bool:
 
 def _short_names(states: Sequence[str]) -> list[str]:
     """Short names of states: without their prefix where that is unambiguous."""
-    names = [_short(state) for state in states]
+    prefixes = (PLANT, "controller.law.", "controller.coordination.", "controller.", "")
+    names = [state.removeprefix(next(filter(state.startswith, prefixes))) for state in states]
     count = Counter(names)
     return [
         name if count[name] == 1 or state.startswith(PLANT) else state.removeprefix("controller.")
         for state, name in zip(states, names, strict=True)
     ]
-
-
-def _short(state: str) -> str:
-    prefixes = (PLANT, "controller.law.", "controller.coordination.", "controller.", "")
-    return state.removeprefix(next(prefix for prefix in prefixes if state.startswith(prefix)))

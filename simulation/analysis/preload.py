@@ -24,7 +24,6 @@ from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
-from dualwinch.controllers.parts import Coordination
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, rigid_plant
@@ -331,7 +330,8 @@ def preloads(
     bound = optimal_preload(experiment, minimise, error=error, torque_rate=torque_rate)
     progress(0.3)
     scheduled = simulate(experiment)
-    constant = _with_coordination(experiment, DifferentialTension(schedule.winch_1, schedule.winch_2))
+    coordination = DifferentialTension(schedule.winch_1, schedule.winch_2)
+    constant = replace(experiment, controller=replace(experiment.controller, coordination=coordination))
     as_it_is = simulate(constant)
     progress(0.5)
     best = _best_constant(as_it_is, scheduled, MEASURE[minimise], lambda share: progress(0.5 + 0.4 * share))
@@ -340,10 +340,6 @@ def preloads(
         own = simulate(configured)
     progress(1.0)
     return Preloads(MEASURE[minimise], as_it_is, best, scheduled, bound, own)
-
-
-def _with_coordination(experiment: Experiment, coordination: Coordination) -> Experiment:
-    return replace(experiment, controller=replace(experiment.controller, coordination=coordination))
 
 
 def _best_constant(constant: Result, scheduled: Result, measure: str, progress: Progress) -> Result | None:

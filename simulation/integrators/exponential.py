@@ -18,12 +18,11 @@ Kelvin–Voigt rope.
 
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.plant import PlantState, vehicle_acceleration
-from dualwinch.model.ropes import Rope, compliance, crept, kelvin_voigt, rope_lengths
+from dualwinch.model.ropes import compliance, crept, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, reciprocals, where
 from dualwinch.model.vehicle import inertia, slope_force
 from dualwinch.model.winch import (
     FRICTION_SPEED,
-    Winch,
     Winding,
     friction_slope,
     friction_torque,
@@ -98,88 +97,42 @@ def _turned(drum: Winding, rope: Scalar) -> tuple[Scalar, Scalar]:
 
 def _oscillators(
     problem: Problem, state: PlantState, drums: tuple[Winding, Winding], t: Scalar, h: Scalar, slack: bool
-) -> tuple[Oscillator, Oscillator]:
-    """Both ropes with their drums (Eq. 1–4), the rope lengths and the drums' radii at mid-step."""
-    plant, torques = problem.plant, problem.torques
-    travel = h * state.v
-    length_1, length_2 = rope_lengths(state.x + travel / 2, plant.track)
-    inverse_length_1, inverse_length_2 = reciprocals(length_1, length_2)
-    drum_1, drum_2 = drums
-    (longer_1, creeping_1), (longer_2, creeping_2) = crept(t, plant.creep_1), crept(t, plant.creep_2)
-    rope_1 = _oscillator(
-        stretch=drum_1.rope - state.x - longer_1,
-        rate=drum_1.radius * h * state.omega_1 - travel - h * creeping_1,
-        sign=-1.0,
-        omega=state.omega_1,
-        torque=torques.tau_1,
-        length=length_1,
-        inverse_length=inverse_length_1,
-        lengthening=-travel,
-        rope=kelvin_voigt(plant.rope_1),
-        winch=plant.winch_1,
-        drum=drum_1,
-        slack=slack,
-        h=h,
-    )
-    rope_2 = _oscillator(
-        stretch=drum_2.rope + state.x - longer_2,
-        rate=drum_2.radius * h * state.omega_2 + travel - h * creeping_2,
-        sign=1.0,
-        omega=state.omega_2,
-        torque=torques.tau_2,
-        length=length_2,
-        inverse_length=inverse_length_2,
-        lengthening=travel,
-        rope=kelvin_voigt(plant.rope_2),
-        winch=plant.winch_2,
-        drum=drum_2,
-        slack=slack,
-        h=h,
-    )
-    return rope_1, rope_2
+) -> list[Oscillator]:
+    """Both ropes with their drums (Eq. 1–4), the rope lengths and the drums' radii at mid-step.
 
-
-def _oscillator(
-    *,
-    stretch: Scalar,
-    rate: Scalar,
-    sign: float,
-    omega: Scalar,
-    torque: Scalar,
-    length: Scalar,
-    inverse_length: Scalar,
-    lengthening: Scalar,
-    rope: Rope,
-    winch: Winch,
-    drum: Winding,
-    slack: bool,
-    h: Scalar,
-) -> Oscillator:
-    """One rope and its drum (Eq. 2–4), with the sub-step h in s as the unit of time.
-
-    `sign` is that of the vehicle's position in the stretch, `inverse_length` in 1/m; `rate` and `lengthening` are in
-    m/step.
+    The unit of time is the sub-step h in s, so that rates are in m/step.
     """
-    drag = h / total_inertia(winch) * friction_slope(omega, winch)
-    turn = h * omega
-    radius = drum.radius_after(turn / 2)
-    turning = radius / total_inertia(winch) * h**2
-    return Oscillator(
-        stretch=stretch,
-        rate=rate,
-        drive=turning * winch.gear_ratio * torque
-        - turning * friction_torque(omega, winch)
-        + drag * rate
-        + (drum.growth + turn / 2 * drum.bend) * turn**2,
-        sign=sign,
-        spring=rope.modulus * rope.area * inverse_length,
-        compliance=compliance(length, rope),
-        damper=rope.damping / h,
-        stiffening=-lengthening * inverse_length,
-        mobility=radius**2 / total_inertia(winch) * h**2,
-        drag=drag,
-        slack=slack,
-    )
+    plant, found = problem.plant, []
+    travel = h * state.v
+    lengths = rope_lengths(state.x + travel / 2, plant.track)
+    speeds, torques = (state.omega_1, state.omega_2), (problem.torques.tau_1, problem.torques.tau_2)
+    terms = zip(plant.sides, drums, lengths, reciprocals(*lengths), speeds, torques, strict=True)
+    for side, drum, length, inverse_length, omega, torque in terms:
+        winch, rope, sign = side.winch, kelvin_voigt(side.rope), -side.direction
+        longer, creeping = crept(t, side.creep)
+        rate = drum.radius * h * omega + sign * travel - h * creeping
+        drag = h / total_inertia(winch) * friction_slope(omega, winch)
+        turn = h * omega
+        radius = drum.radius_after(turn / 2)
+        turning = radius / total_inertia(winch) * h**2
+        oscillator = Oscillator(
+            stretch=drum.rope + sign * state.x - longer,
+            rate=rate,
+            drive=turning * winch.gear_ratio * torque
+            - turning * friction_torque(omega, winch)
+            + drag * rate
+            + (drum.growth + turn / 2 * drum.bend) * turn**2,
+            sign=sign,
+            spring=rope.modulus * rope.area * inverse_length,
+            compliance=compliance(length, rope),
+            damper=rope.damping / h,
+            stiffening=-(sign * travel) * inverse_length,
+            mobility=radius**2 / total_inertia(winch) * h**2,
+            drag=drag,
+            slack=slack,
+        )
+        found.append(oscillator)
+    return found
 
 
 FRICTION_REACH = 3.0

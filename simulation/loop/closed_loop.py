@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
@@ -262,25 +262,18 @@ def _metric_sample(
     )
 
 
-class _Instant(NamedTuple):
-    """Timing of one sample."""
+def _instant(
+    state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter: Scalar
+) -> tuple[Scalar, Scalar, Setpoint, Any]:
+    """Time of a sample and time to the next in s, the setpoint at that time, and the next sample's timing state.
 
-    t: Scalar
-    """Time in s."""
-    duration: Scalar
-    """Time in s until the next sample."""
-    reference: Setpoint
-    """Setpoint at that time; the controller knows only the setpoint of a punctual sample."""
-    timing: Any
-    """Timing state of the next sample."""
-
-
-def _instant(state: LoopState, exogenous: Exogenous, sample_time: Scalar, jitter: Scalar) -> _Instant:
+    The controller knows only the setpoint of a punctual sample.
+    """
     t = state.sample * sample_time
     if not isinstance(state.timing, Timing):
-        return _Instant(t, sample_time, exogenous.reference, state.timing)
+        return t, sample_time, exogenous.reference, state.timing
     late, following = state.timing.late, jitter * exogenous.noise.lateness
-    return _Instant(t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following))
+    return t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following)
 
 
 def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[str, ...]) -> ClosedLoop:
@@ -311,8 +304,8 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
     plant_state = state.motion.plant
 
     # at the sample: sense and control
-    instant = _instant(state, exogenous, sample_time, values["simulation.jitter"])
-    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, instant.t), strict=True))
+    t, duration, reference, timing = _instant(state, exogenous, sample_time, values["simulation.jitter"])
+    pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, t), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
     readings, measurement = measure(
         plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, silence
@@ -337,12 +330,12 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
     )
     hold = zero_order_hold(
         structure,
-        t=instant.t,
-        torques=torques_amid(torques, plant_state, instant.duration, plant),
+        t=t,
+        torques=torques_amid(torques, plant_state, duration, plant),
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
         force=exogenous.force,
-        duration=instant.duration,
+        duration=duration,
     )
 
     def problem(hold: ZeroOrderHold) -> Problem:
@@ -355,7 +348,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
         t=hold.t,
         state=plant_state,
         forces=forces,
-        reference=instant.reference,
+        reference=reference,
         bias=sensors.position_bias,
         output=output,
         environment=environment,
@@ -367,9 +360,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
     sample = _metric_sample(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
     sums |= states_after(parts.metrics, of_state, sample, sample_time)
-    following = leaves(
-        LoopState(state.motion, controller_state, readings, *actuators, instant.timing, state.sample + 1)
-    )
+    following = leaves(LoopState(state.motion, controller_state, readings, *actuators, timing, state.sample + 1))
     following |= dict(zip(queued, queue[2:], strict=True)) | sums
     discrete = [following[name] for name in vectors["state"][len(leaves(state.motion)) :]]
     at_sample = {"discrete": ca.vertcat(*discrete), "hold": ca.vertcat(*leaves(hold).values())}
@@ -501,12 +492,6 @@ def motion_template(structure: Experiment) -> Motion:
     return Motion(blank_state(structure.plant))
 
 
-def hold_template(structure: Experiment) -> ZeroOrderHold:
-    """Template that names the elements of a hold; its numbers are placeholders."""
-    others = dict.fromkeys(("t", "current", "normal_force_variation", "force"), 0.0)
-    return zero_order_hold(structure, duration=0.0, torques=Torques(0.0, 0.0), **others)
-
-
 def between_samples(
     structure: Experiment, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
@@ -515,7 +500,9 @@ def between_samples(
     Their `margin` in m is the distance of the next position to the nearer end of the track, overrun included. The
     structure gives integrator and sub-steps, `problem` the integration problem of a zero-order hold.
     """
-    template, still = hold_template(structure), motion_template(structure)
+    others = dict.fromkeys(("t", "current", "normal_force_variation", "force"), 0.0)
+    template = zero_order_hold(structure, duration=0.0, torques=Torques(0.0, 0.0), **others)
+    still = motion_template(structure)
     motion, hold = ca.SX.sym("motion", len(leaves(still))), ca.SX.sym("hold", len(leaves(template)))
     part = ca.SX.sym("part")
     start = _with_elements(still, motion)

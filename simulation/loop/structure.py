@@ -95,19 +95,16 @@ def solver_of(experiment: Experiment) -> Solver:
             f"simulation.sample_time = {simulation.sample_time:g}: must be <= {MOST_SUBSTEPS * FINE / fastest:.4g} s "
             f'for plant.rope_{number}.kind = "{ropes[number][0].kind}", which oscillates at {fastest:.4g} rad/s'
         )
-    stable = _stable_substeps(plant, simulation, integrator, limits)
+    stable = stable_substeps(plant, simulation, integrator, limits)
     needed = max(math.ceil(fastest * simulation.sample_time / FINE), stable)
     return Solver(integrator, max(simulation.substeps, 1 << (needed - 1).bit_length()))
 
 
 @lru_cache(maxsize=1024)
-def _stable_substeps(plant: Plant, simulation: Simulation, integrator: IntegratorName, limits: Limits) -> int:
-    """`stable_substeps` of plain numbers; cached, as tangents of a rope of any law take Newton's method."""
-    return stable_substeps(plant, simulation, integrator, limits)
-
-
 def stable_substeps(plant: Plant, simulation: Simulation, integrator: IntegratorName, limits: Limits) -> int:
     """Least number of sub-steps per sample that an integrator needs for a plant.
+
+    Cached, as tangents of a rope of any law take Newton's method.
 
     Raises:
         ConfigurationError: it is more than `MOST_SUBSTEPS`.
