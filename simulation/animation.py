@@ -74,23 +74,17 @@ def path(xs: ArrayLike, ys: ArrayLike) -> str:
     return "M" + "L".join(f"{number(float(x))} {number(float(y))}" for x, y in points)
 
 
-def move(element: Element, attribute: str, frames: Sequence[str], play: Play) -> None:
-    """Animate an attribute through its frames."""
-    element.set(attribute, frames[play.still])
-    if len(set(frames)) > 1:
-        _animate(element, "animate", frames, play, attributeName=attribute)
-
-
-def transform(element: Element, kind: str, frames: Sequence[str], play: Play) -> None:
-    """Move (`kind` ``translate``) or rotate (``rotate``) an element through its frames."""
-    element.set("transform", f"{kind}({frames[play.still]})")
-    if len(set(frames)) > 1:
-        _animate(element, "animateTransform", frames, play, attributeName="transform", type=kind)
-
-
-def _animate(element: Element, tag: str, frames: Sequence[str], play: Play, **more: str) -> None:
+def animate(element: Element, attribute: str, frames: Sequence[str], play: Play) -> None:
+    """Animate an attribute through its frames; ``translate`` moves the element, ``rotate`` rotates it."""
     timing = {"dur": f"{play.seconds:g}s", "repeatCount": "indefinite", "values": ";".join(frames)}
-    SubElement(element, tag, more | timing)
+    if attribute in {"translate", "rotate"}:
+        element.set("transform", f"{attribute}({frames[play.still]})")
+        tag, target = "animateTransform", {"attributeName": "transform", "type": attribute}
+    else:
+        element.set(attribute, frames[play.still])
+        tag, target = "animate", {"attributeName": attribute}
+    if len(set(frames)) > 1:
+        SubElement(element, tag, target | timing)
 
 
 def written(root: Element) -> str:
@@ -189,7 +183,7 @@ def draw_machine(parent: Element, machine: Machine, frames: Frames, play: Play) 
     _drum(parent, machine, RIGHT + DRUM_GAP, frames["theta_1"], play)
     reference = add(parent, "g")
     add(reference, "path", d=f"M0 {number(machine.top - 8)}l-6 -10h12z", fill="none", stroke=INK, stroke_width=1.2)
-    transform(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames["x_ref"])], play)
+    animate(reference, "translate", [f"{number(x)} 0" for x in machine.at(frames["x_ref"])], play)
     _vehicle(parent, machine, vehicle, frames["d_true"], play)
 
 
@@ -234,8 +228,10 @@ def _rope(
     tension, sags = frames[f"F{number}"], frames.get(f"sag_{number}", np.zeros(len(ends)))
     drawn = sags * machine.scale * sag_enlargement(machine, frames)
     rope = add(parent, "path", fill="none", stroke_width=3.5, stroke_linecap="round")
-    move(rope, "d", [_rope_svg(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play)
-    move(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
+    animate(
+        rope, "d", [_rope_svg(machine, drum, *each) for each in zip(ends.tolist(), drawn.tolist(), strict=True)], play
+    )
+    animate(rope, "stroke", [colour(value, machine.highest) for value in tension.tolist()], play)
 
 
 def _rope_svg(machine: Machine, drum: float, end: float, sag: float) -> str:
@@ -269,7 +265,7 @@ def _drum(parent: Element, machine: Machine, x: float, clockwise: Floats, play: 
         across, down = DRUM * np.cos(angle), DRUM * np.sin(angle)
         add(spokes, "line", x1=x, y1=y, x2=x + across, y2=y + down)
     centre = f"{number(x)} {number(y)}"
-    transform(spokes, "rotate", [f"{number(degrees)} {centre}" for degrees in np.degrees(clockwise)], play)
+    animate(spokes, "rotate", [f"{number(degrees)} {centre}" for degrees in np.degrees(clockwise)], play)
     add(parent, "circle", cx=x, cy=y, r=5, fill=INK)
 
 
@@ -285,8 +281,8 @@ def _vehicle(parent: Element, machine: Machine, x: Floats, force: Floats, play: 
     largest = float(np.abs(force).max(initial=0.0))
     if largest > 0:
         arrow = add(vehicle, "path", fill="none", stroke=VERMILION, stroke_width=3.5)
-        move(arrow, "d", _arrows(force / largest * ARROW, machine.rope), play)
-    transform(vehicle, "translate", [f"{number(value)} 0" for value in x], play)
+        animate(arrow, "d", _arrows(force / largest * ARROW, machine.rope), play)
+    animate(vehicle, "translate", [f"{number(value)} 0" for value in x], play)
 
 
 def _arrows(lengths: Floats, height: float) -> Sequence[str]:
@@ -404,7 +400,7 @@ def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel]
     top, bottom = panels[0].top, panels[-1].bottom
     reveal = add(add(parent, "clipPath", id="past"), "rect", x=AXIS_LEFT, y=top - 6, height=bottom - top + 12)
     widths = [number(width) for width in np.linspace(0, AXIS_RIGHT - AXIS_LEFT, frames)]
-    move(reveal, "width", widths, play)
+    animate(reveal, "width", widths, play)
     ticks = MaxNLocator(6).tick_values(0, duration)
     for panel in panels:
         _axes(parent, panel, [(AXIS_LEFT + scale * value, f"{value:g}") for value in ticks if 0 <= value <= duration])
@@ -424,7 +420,7 @@ def draw_traces(parent: Element, t: Floats, duration: float, panels: list[Panel]
     text(parent, AXIS_RIGHT, bottom + 32, "time (s)", font_size=11, text_anchor="end", fill=GREY)
     now = add(parent, "line", y1=top, y2=bottom, stroke=INK, stroke_width=1)
     for end in ("x1", "x2"):
-        move(now, end, [number(AXIS_LEFT + float(width)) for width in widths], play)
+        animate(now, end, [number(AXIS_LEFT + float(width)) for width in widths], play)
 
 
 def _axes(parent: Element, panel: Panel, times: list[tuple[float, str]]) -> None:

@@ -8,6 +8,7 @@ from dualwinch.model.arguments import whole_number
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
 from dualwinch.simulation.experiment import EngineName, Experiment
+from dualwinch.simulation.loop.closed_loop import ClosedLoop
 from dualwinch.simulation.loop.engine import engine_of
 from dualwinch.simulation.metrics.metrics import metrics_of
 from dualwinch.simulation.prepare import check_memory, prepare
@@ -62,13 +63,25 @@ def simulate(
         if outcome != Outcome.COMPLETED:
             break
     rows = kept[0] if len(kept) == 1 else np.concatenate(kept)
-    columns = {name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)}
+    return result_of(loop, experiment, nominal, rows, state, outcome, done)
+
+
+def result_of(
+    loop: ClosedLoop,
+    experiment: Experiment,
+    nominal: Plant | None,
+    rows: NDArray[np.float64],
+    state: NDArray[np.float64],
+    outcome: Outcome,
+    samples: int,
+) -> Result:
+    """The result of a run, or of a part of it: its rows (rows, columns), last state (states,) and number of samples."""
     final = dict(zip(loop.states, state.tolist(), strict=True))
     return Result(
-        columns=columns,
+        columns={name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)},
         metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=experiment.metrics),
         outcome=WORDS[outcome],
-        end_time=done * experiment.simulation.sample_time,
+        end_time=samples * experiment.simulation.sample_time,
         final_state=final,
         experiment=experiment,
         quantities=loop.quantities,

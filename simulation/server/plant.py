@@ -14,6 +14,7 @@ import annotated_types as at
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.realtime import PacedRun, Pacing
 from dualwinch.codegen.drivers.stepping import SteppedRuns, compile_stepping
 from dualwinch.controllers.estimators.unfiltered import Unfiltered
@@ -32,9 +33,9 @@ from dualwinch.simulation.prepare import check_memory
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.rows import READ, READINGS
 from dualwinch.simulation.sensors import silence_of
+from dualwinch.simulation.simulate import result_of
 from dualwinch.simulation.stepper.commands import under_command
 from dualwinch.simulation.stepper.lanes import Scenarios
-from dualwinch.simulation.stepper.stepper import result_of
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -250,7 +251,9 @@ class ServedPlant:
             self._run.serve()
         with self._lock:
             samples = int(self._runs.done[0])
-            result = result_of(self._loop, self._runs, self.experiment, self._run.rows[:samples])
+            (state,), outcome = self._runs.states(np.zeros(1, np.int64)), Outcome(self._runs.outcomes[0])
+            rows = self._run.rows[:samples]
+            result = result_of(self._loop, self.experiment, None, rows, state, outcome, samples)
             self._finished = self._run, self._runs, self.events
             self._begun += 1
             if not self.closed:

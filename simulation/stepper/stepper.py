@@ -7,23 +7,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.stepping import SteppedRuns, Stepping, compile_stepping
+from dualwinch.codegen.drivers.stepping import compile_stepping
 from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import Quantity, suggestion
 from dualwinch.simulation.batch.workers import cores
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import ClosedLoop
 from dualwinch.simulation.metrics.metrics import final_states, metrics_of
 from dualwinch.simulation.prepare import check_memory
-from dualwinch.simulation.results.outcomes import WORDS, words_of
+from dualwinch.simulation.results.outcomes import words_of
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.simulate import result_of
 from dualwinch.simulation.stepper.commands import COMMANDS, NOUNS, CommandName, Sensed
-from dualwinch.simulation.stepper.lanes import LONGEST, Lane, Lanes, Scenarios, first_page
+from dualwinch.simulation.stepper.lanes import LONGEST, Lanes, Scenarios, first_page
 
 
 class Observation(Mapping[str, NDArray[np.float64]]):
@@ -64,51 +63,6 @@ class Observation(Mapping[str, NDArray[np.float64]]):
 
     def __repr__(self) -> str:
         return f"Observation({len(self)} signals of {self.array.shape[1]} lanes: {', '.join(self)})"
-
-
-def replay(
-    code: Stepping,
-    loop: ClosedLoop,
-    lane: Lane,
-    samples: int,
-    commands: Iterable[NDArray[np.float64]],
-    hold: int,
-    stride: int,
-    nominal: Plant | None,
-) -> Result:
-    """Run the first samples of a lane again; the code gives the same bits for the same lane at any index.
-
-    Each command is held for `hold` samples. Every `stride`-th sample is kept as a row.
-
-    Raises:
-        ConfigurationError: the rows do not fit into memory.
-    """
-    check_memory(samples, 1, len(loop.columns))
-    again = Lanes(code, 1, lane.experiment.samples, shared=True)
-    again.start(np.zeros(1, np.int64), [lane], [first_page(lane.experiment, LONGEST)])
-    rows = np.empty((samples, len(loop.columns)))
-    for start, given in zip(range(0, samples, hold), commands, strict=False):
-        again.runs.commands[:] = given
-        again.step(hold, row=rows[start:].ctypes.data)
-    return result_of(loop, again.runs, lane.experiment, rows[::stride] if stride else rows[:0], nominal)
-
-
-def result_of(
-    loop: ClosedLoop, runs: SteppedRuns, experiment: Experiment, rows: NDArray[np.float64], nominal: Plant | None = None
-) -> Result:
-    """The result of a single run so far, with some of its rows (rows, columns)."""
-    outcome = Outcome(runs.outcomes[0])
-    final = dict(zip(loop.states, runs.states(np.zeros(1, np.int64))[0].tolist(), strict=True))
-    return Result(
-        columns={name: column.copy() for name, column in zip(loop.columns, rows.T, strict=True)},
-        metrics=metrics_of(final, completed=outcome == Outcome.COMPLETED, own=experiment.metrics),
-        outcome=WORDS[outcome],
-        end_time=int(runs.done[0]) * experiment.simulation.sample_time,
-        final_state=final,
-        experiment=experiment,
-        quantities=loop.quantities,
-        nominal=nominal,
-    )
 
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -379,10 +333,23 @@ class Stepper:
         if self._log is None:
             raise ConfigurationError("result: commands were not recorded; make the stepper with record=True")
         index = int(self._indices([lane])[0])
-        commands = (given[index] for given in self._log[self._since[index] :])
-        started, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
-        nominal = started.scenario.nominal if self.source.ensemble else None
-        return replay(self._code, self._loop, started, samples, commands, self.hold, stride, nominal)
+        lane, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
+        check_memory(samples, 1, len(self._loop.columns))
+        again = Lanes(self._code, 1, lane.experiment.samples, shared=True)  # the same bits for any number of lanes
+        again.start(np.zeros(1, np.int64), [lane], [first_page(lane.experiment, LONGEST)])
+        rows, commands = np.empty((samples, len(self._loop.columns))), self._log[self._since[index] :]
+        for start, given in zip(range(0, samples, self.hold), commands, strict=False):
+            again.runs.commands[:] = given[index]
+            again.step(self.hold, row=rows[start:].ctypes.data)
+        return result_of(
+            self._loop,
+            lane.experiment,
+            lane.scenario.nominal if self.source.ensemble else None,
+            rows[::stride] if stride else rows[:0],
+            again.runs.states(np.zeros(1, np.int64))[0],
+            Outcome(again.runs.outcomes[0]),
+            samples,
+        )
 
     @property
     def _wanted(self) -> str:
