@@ -333,18 +333,18 @@ class Stepper:
         if self._log is None:
             raise ConfigurationError("result: commands were not recorded; make the stepper with record=True")
         index = int(self._indices([lane])[0])
-        lane, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
+        started, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
         check_memory(samples, 1, len(self._loop.columns))
-        again = Lanes(self._code, 1, lane.experiment.samples, shared=True)  # the same bits for any number of lanes
-        again.start(np.zeros(1, np.int64), [lane], [first_page(lane.experiment, LONGEST)])
+        again = Lanes(self._code, 1, started.experiment.samples, shared=True)  # the same bits for any number of lanes
+        again.start(np.zeros(1, np.int64), [started], [first_page(started.experiment, LONGEST)])
         rows, commands = np.empty((samples, len(self._loop.columns))), self._log[self._since[index] :]
         for start, given in zip(range(0, samples, self.hold), commands, strict=False):
             again.runs.commands[:] = given[index]
             again.step(self.hold, row=rows[start:].ctypes.data)
         return result_of(
             self._loop,
-            lane.experiment,
-            lane.scenario.nominal if self.source.ensemble else None,
+            started.experiment,
+            started.scenario.nominal if self.source.ensemble else None,
             rows[::stride] if stride else rows[:0],
             again.runs.states(np.zeros(1, np.int64))[0],
             Outcome(again.runs.outcomes[0]),
