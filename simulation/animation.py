@@ -27,12 +27,7 @@ FONT = "system-ui, 'DejaVu Sans', 'Segoe UI', Helvetica, Arial, sans-serif"
 
 @dataclass(frozen=True)
 class Play:
-    """Playback of frames.
-
-    Attributes:
-        seconds: duration of all frames, which are repeated.
-        still: index of the frame shown where animation is not supported.
-    """
+    """Playback of frames: duration in s of all, which are repeated, and index of the one shown without animation."""
 
     seconds: float
     still: int
@@ -125,12 +120,7 @@ SAGS = ("sag_1", "sag_2")
 
 @dataclass(frozen=True)
 class Machine:
-    """Geometry of the drawn machine.
-
-    Attributes:
-        experiment: the experiment of the machine.
-        rail: vertical position of the rail in pixels, downwards.
-    """
+    """Geometry of the drawn machine, with its rail at a vertical position in pixels, downwards."""
 
     experiment: Experiment
     rail: float
@@ -373,14 +363,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: position, signals and range.
-
-    Attributes:
-        title: its quantity and unit.
-        top, bottom: in pixels.
-        lines: its signals.
-        low, high: ends of its vertical axis.
-    """
+    """A panel: title with unit, position in pixels, signals, and ends of its vertical axis."""
 
     title: str
     top: float

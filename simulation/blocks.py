@@ -77,15 +77,6 @@ class Equations:
     nominal: dict[str, float] = field(default_factory=dict)
 
 
-def _symbolic(experiment: Experiment, symbols: Scalars) -> tuple[Controller, Plant, Plant]:
-    """Controller, plant and nominal plant of an experiment with symbols for their numbers."""
-    return (
-        with_leaves(experiment.controller, symbols, "controller."),
-        with_leaves(experiment.plant, symbols, "plant."),
-        with_leaves(nominal_structure(experiment.plant), symbols, "nominal."),
-    )
-
-
 def _new(names: Iterable[str]) -> Scalars:
     return {name: ca.SX.sym(name) for name in names}
 
@@ -113,7 +104,7 @@ def _setpoint(wanted: Sequence[Scalar], times: Sequence[float]) -> Previewed:
 
 def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the controller: from sensor values and reference to torques and internal signals."""
-    controller, _, nominal = _symbolic(experiment, symbols)
+    parts = symbolic_parts(experiment, symbols)
     start = initial_controller_state(experiment.controller, experiment.reference.start)
     state, sensed = _new(leaves(start)), _new(describe(Measurement))
     references = reference_inputs(experiment.controller)
@@ -122,8 +113,8 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         with_leaves(start, state),
         Measurement(**sensed),
         _setpoint(list(wanted.values()), experiment.controller.preview),
-        controller,
-        nominal,
+        parts.controller,
+        with_leaves(nominal_structure(experiment.plant), symbols, "nominal."),
         symbols["simulation.sample_time"],
     )
     winches, position, own = output.winches, output.position, own_signals(output)
@@ -144,7 +135,8 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
 
 def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the plant as `simulate` integrates it, and its time derivative."""
-    controller, plant, _ = _symbolic(experiment, symbols)
+    parts = symbolic_parts(experiment, symbols)
+    plant = parts.plant
     still = Motion(blank_state(plant))
     state = _new((*leaves(still.plant), PHASE, SAMPLE, SLOW))
     torques, sea = _new(describe(Torques)), _new(describe(DisturbanceInputs))
@@ -156,7 +148,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         duration=sample_time,
         torques=torques_amid(Torques(**torques), here, sample_time, plant),
         environment=DisturbanceInputs(**sea),
-        disturbance=with_leaves(experiment.disturbance, symbols, "disturbance."),
+        disturbance=parts.disturbance,
         plant=plant,
     )
     solver = solver_of(experiment)
@@ -176,7 +168,7 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     return Equations(
         state=state,
         input=torques | sea,
-        initial=leaves(resting_state(controller.limits.preload, plant, experiment.reference.start))
+        initial=leaves(resting_state(parts.controller.limits.preload, plant, experiment.reference.start))
         | dict.fromkeys((PHASE, SAMPLE, SLOW), 0.0),
         next_state=leaves(moved.plant) | {PHASE: moved.phase, SAMPLE: state[SAMPLE] + 1, SLOW: moved.slow},
         output=output(moved.plant, t + sample_time),

@@ -126,21 +126,15 @@ def row_of(
         tau_1=output.winches.tau_1,
         tau_2=output.winches.tau_2,
     )
-    own, motors = own_signals(output), {}
+    values, own, known = leaves(row) | inner, own_signals(output), COLUMNS | INNER | TORQUES | READINGS
     if torques is not None:
-        actual = ActualTorques(torques.tau_1, torques.tau_2)
-        motors = {key: (value, TORQUES[key]) for key, value in leaves(actual).items()}
-    read = {} if measurement is None else {f"{name}{READ}": value for name, value in leaves(measurement).items()}
-    taken = sorted(own.keys() & (COLUMNS.keys() | INNER.keys() | TORQUES.keys() | READINGS.keys()))
+        values |= leaves(ActualTorques(torques.tau_1, torques.tau_2))
+    if measurement is not None:
+        values |= {f"{name}{READ}": value for name, value in leaves(measurement).items()}
+    taken = sorted(own.keys() & known.keys())
     if taken:
         raise ConfigurationError(f"signal '{taken[0]}': the name is taken by a column of every result")
-    return (
-        {key: (value, COLUMNS[key]) for key, value in leaves(row).items()}
-        | {key: (value, INNER[key]) for key, value in inner.items()}
-        | motors
-        | {key: (value, READINGS[key]) for key, value in read.items()}
-        | own
-    )
+    return {key: (value, known[key]) for key, value in values.items()} | own
 
 
 @dataclass(frozen=True)

@@ -133,11 +133,8 @@ def _with_files(
 
 def from_folder(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Values of a file, with paths resolved against its folder."""
-    return {key: _from_folder(value, folder) if Mark.FILE in marks_of(key) else value for key, value in values.items()}
-
-
-def _from_folder(value: Any, folder: Path) -> Any:
-    return str(folder / value) if isinstance(value, str) else value
+    files = {key: value for key, value in values.items() if Mark.FILE in marks_of(key) and isinstance(value, str)}
+    return {**values, **{key: str(folder / value) for key, value in files.items()}}
 
 
 def without_digests(values: Mapping[str, Any]) -> dict[str, Any]:

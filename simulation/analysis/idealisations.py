@@ -116,11 +116,8 @@ def idealisation_checks(
         part, rope = f"winch_{side.number}", f"rope_{side.number}"
         keys = f"plant.{part}.inertia", f"plant.{part}.rotor_inertia"
         words = "of {value:.3g} kg m² at the drum, below {rim:g} R² = {limit:.3g} kg m²"
-        brief, least = (
-            f"of {{value:.3g}} kg m² ({limits.rim:g} R² = {{limit:.3g}})",
-            side.winch.drum_radius**2 * limits.rim,
-        )
-        own, facts = total_inertia(side.winch), {"rim": limits.rim}
+        brief = f"of {{value:.3g}} kg m² ({limits.rim:g} R² = {{limit:.3g}})"
+        own, least, facts = total_inertia(side.winch), side.winch.drum_radius**2 * limits.rim, {"rim": limits.rim}
         found.append(IdealisationCheck("winch inertia", part, own, least, words, brief, "kg m^2", keys, facts))
         line = _rope_line(side, plant)
         if line is None:
@@ -137,16 +134,13 @@ def idealisation_checks(
                 f"{lack}: {line.what} weighs {{weight:.3g}} N/m in water, w s/T = {{value:.3g}} > {{limit:g}} {PLACE}"
             )
             brief, slope = f"{lack} (w s/T = {{value:.3g}} {AT})", line.weight * span / tension
-            found.append(
-                IdealisationCheck("sag", rope, slope, limits.slope, words, brief, "1", keys, facts, at_least=False)
-            )
+            sag = IdealisationCheck("sag", rope, slope, limits.slope, words, brief, "1", keys, facts, at_least=False)
+            found.append(sag)
         words = (
             f"{lack}: sag leaves {{value:.2g}} of the stiffness of {line.what} {PLACE} (Ernst's factor, < {{limit:g}})"
         )
-        brief, ernst = (
-            f"{lack} (Ernst's factor {{value:.2g}} {AT})",
-            ernst_factor(line.weight, span, tension, spring * length),
-        )
+        brief = f"{lack} (Ernst's factor {{value:.2g}} {AT})"
+        ernst = ernst_factor(line.weight, span, tension, spring * length)
         check = IdealisationCheck("stiffness under sag", rope, ernst, limits.ernst, words, brief, "1", keys, facts)
         found.append(check)
     return found
@@ -191,11 +185,8 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
     """
     instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant
-    every = [
-        one
-        for check in idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
-        for one in check.found()
-    ]
+    checks = idealisation_checks(plant, experiment.controller.limits.tension_min, limits)
+    every = [one for check in checks for one in check.found()]
     every += [one for side in plant.sides for one in _rope_mass(side, experiment, limits)]
     found: dict[str, Idealisation] = {}
     for one in every:
@@ -223,12 +214,8 @@ def _subject(parts: Sequence[str]) -> str:
 
 def _rope_mass(side: Side, experiment: Experiment, limits: IdealisationLimits) -> Iterator[Idealisation]:
     """Report a rope modelled without waves though its first mode is within the loop's bandwidth, or of unknown mass."""
-    rope, parts, key, line = (
-        side.rope,
-        (f"rope_{side.number}",),
-        f"plant.rope_{side.number}",
-        _rope_line(side, experiment.plant),
-    )
+    rope, parts, key = side.rope, (f"rope_{side.number}",), f"plant.rope_{side.number}"
+    line = _rope_line(side, experiment.plant)
     if line is None:
         missing = [name for name in ("mass_per_length", "submerged_weight") if not getattr(rope, name)]
         words, keys = "without " + " and ".join(missing), tuple(f"{key}.{name}" for name in missing)

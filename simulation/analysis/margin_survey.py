@@ -17,7 +17,7 @@ from dualwinch.simulation.analysis.describing_function import describing_gain
 from dualwinch.simulation.analysis.margins import BOTH, MARGIN_KINDS, complementary, least_margins
 from dualwinch.simulation.analysis.operating_points import in_calm, still_plant, with_taut_ropes
 from dualwinch.simulation.analysis.resonance import RESONANCE, resonance_terms
-from dualwinch.simulation.analysis.steady_motion import compile_ahead, loop_operating_points
+from dualwinch.simulation.analysis.steady_motion import loop_operating_points, open_sample
 from dualwinch.simulation.batch.workers import Item, Returned, cores, map_all
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
@@ -147,7 +147,7 @@ class MarginSurvey:
         Raises:
             DualwinchError: no compiler or no usable cache folder.
         """
-        compile_ahead(self._structure)
+        open_sample(self._structure, compiled=True)
 
     def worst(
         self, values: ArrayLike, kinds: Collection[str] = MARGIN_KINDS, loops: Indices | None = None

@@ -371,10 +371,7 @@ def _solved(pencils: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 class _SchurForm:
     """A = Z T Z* with T upper triangular: responses at many frequencies by back-substitution (Laub, IEEE TAC 26, 1981).
 
-    Attributes:
-        T: (n, n).
-        B: Z* B, (n, m).
-        C: C Z, (m, n).
+    T is (n, n), B is Z* B (n, m), C is C Z (m, n).
     """
 
     T: Complex
@@ -457,13 +454,9 @@ def _balancing_sizes(A: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """The smallest margin of a group of loops.
+    """The smallest margin of a group of loops, with its opening (of `LOCI`) and its frequency in rad/s.
 
-    Attributes:
-        value: as in `Margins`; infinite if no such change makes any loop unstable.
-        loop: index of the loop in which it occurs; -1: none.
-        opening: one of `LOCI`.
-        frequency: in rad/s.
+    As in `Margins`; infinite, with the loop -1, if no such change makes any loop unstable.
     """
 
     value: float = math.inf

@@ -174,7 +174,7 @@ def loop_operating_points(
     Raises:
         DualwinchError: no compiler or no usable cache folder.
     """
-    sample = _open_sample(structure, compiled)
+    sample = open_sample(structure, compiled)
     accepting = _with_values(sample, parameters, UNGATED)
     if begun is None:
         start = _first_guesses(structure, sample, accepting, x, v, near)
@@ -244,7 +244,7 @@ def force_stays(structure: Experiment, found: LoopOperatingPoints) -> bool:
 
     It does not if a state that moves with the vehicle lacks `Mark.POSITION`.
     """
-    sample = _open_sample(structure, compiled=False)
+    sample = open_sample(structure, compiled=False)
     state, outside = found.state[0], found.outside[0].copy()
     u, force = sample.loop.columns.index("u"), found.facts[0, 0]
     for _ in range(LASTING):
@@ -343,17 +343,9 @@ def _vectorised(function: ca.Function, compiled: bool) -> Callable[..., tuple[Fl
 
 
 @GRAPHS.cached
-def _open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
+def open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
+    """The sample of a structure with its derivatives; compiled, or to be interpreted."""
     return _OpenSample(structure, compiled=compiled)
-
-
-def compile_ahead(structure: Experiment) -> None:
-    """Compile what `loop_operating_points` calls, so that its first call takes no longer.
-
-    Raises:
-        DualwinchError: no compiler or no usable cache folder.
-    """
-    _open_sample(structure, compiled=True)
 
 
 @built_once

@@ -53,13 +53,7 @@ class WorkerCompileError(WorkerError):
 
 @dataclass(frozen=True)
 class ModuleSource:
-    """The source of a module that a worker may not have.
-
-    Attributes:
-        name: name of the module.
-        file: its file.
-        text: its source.
-    """
+    """The source of a module that a worker may not have."""
 
     name: str
     file: str

@@ -17,15 +17,7 @@ import pickle
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import copy_context
 from functools import partial
@@ -70,13 +62,11 @@ def run_all(jobs: Sequence[Callable[[], None]], threads: int | None = None, prog
         False if interrupted.
     """
     pool = ThreadPoolExecutor(threads or cores())
-    waiting: set[Future[None]] = {pool.submit(copy_context().run, job) for job in jobs}
+    futures = [pool.submit(copy_context().run, job) for job in jobs]
     try:
-        while waiting:
-            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-            progress(1 - len(waiting) / len(jobs))
+        for done, future in enumerate(as_completed(futures), 1):
+            future.result()
+            progress(done / len(jobs))
     except KeyboardInterrupt:
         return False
     finally:
@@ -105,16 +95,13 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def portion_of(runs: int, *, portions: int = 64, least: int = 64, most: int = 512) -> int:
-    """Number of runs per task, a multiple of `least`: small enough for many workers, large enough to be worth sending.
+PORTIONS, LARGEST_PORTION = 64, 512
+"""Desired number of tasks, and so of busy workers; runs per task beyond which more is only lost with a worker."""
 
-    Args:
-        runs: total number of runs.
-        portions: desired number of tasks, and so of busy workers.
-        least: runs per task below which sending costs more than a few per cent of computing.
-        most: runs per task beyond which nothing is gained, and more is lost with a worker.
-    """
-    return min(max(least, -(-runs // (portions * least)) * least), most)
+
+def portion_of(runs: int, *, least: int = 64) -> int:
+    """Number of runs per task, a multiple of `least`, with fewer of which sending costs more than a few per cent."""
+    return min(max(least, -(-runs // (PORTIONS * least)) * least), LARGEST_PORTION)
 
 
 class WorkerWarning(UserWarning):
@@ -201,7 +188,7 @@ def spread(
     try:
         spreading.submit(at_once)
         while spreading.kept or spreading.waiting:
-            found = spreading.next_kept() if spreading.kept else spreading.next_finished()
+            found = spreading.next()
             if found is not None:
                 yield found
                 spreading.submit(1)
@@ -247,28 +234,26 @@ class _Spreading:
         self.waiting[future] = number, arguments, key
         future.add_done_callback(self._done.put)
 
-    def next_kept(self) -> tuple[int, Any] | None:
-        """The next stored result; None if its file cannot be read, so that the task is submitted."""
-        number, arguments, key = self.kept.popleft()
-        found = self._keeping.find(key) if self._keeping else None
-        if found:
-            return number, found[0]
+    def next(self) -> tuple[int, Any] | None:
+        """The next stored or computed result; None if its file is damaged or a worker cannot compile: sent again."""
+        if self.kept:
+            number, arguments, key = self.kept.popleft()
+            found = self._keeping.find(key) if self._keeping else None
+            if found:
+                return number, found[0]
+        else:
+            future = self._done.get()
+            number, arguments, key = self.waiting.pop(future)
+            try:
+                result = future.result()
+            except WorkerCompileError as error:
+                _exclude(self._executor, error)
+            else:
+                if self._keeping:
+                    self._keeping.keep(key, result)
+                return number, result
         self._send(number, arguments, key)
         return None
-
-    def next_finished(self) -> tuple[int, Any] | None:
-        """The next computed result; None if a worker could not compile, so that the task is submitted again."""
-        future = self._done.get()
-        number, arguments, key = self.waiting.pop(future)
-        try:
-            result = future.result()
-        except WorkerCompileError as error:
-            _exclude(self._executor, error)
-            self._send(number, arguments, key)
-            return None
-        if self._keeping:
-            self._keeping.keep(key, result)
-        return number, result
 
 
 def _exclude(executor: Executor, error: WorkerCompileError) -> None:

@@ -97,12 +97,9 @@ def run_side_by_side(
 
 @dataclass(frozen=True)
 class EnsemblePortion:
-    """Successive scenarios, run by every ensemble.
+    """Successive scenarios, run by every ensemble: draws of each scenario, outcomes and traces of each ensemble.
 
-    Attributes:
-        draws: drawn values of each scenario.
-        runs: outcomes of each ensemble.
-        traces: traces of each ensemble; None: none were kept, or no run completed.
+    Traces are None where none were kept, or no run completed.
     """
 
     draws: list[tuple[Value, ...]]

@@ -21,14 +21,7 @@ from dualwinch.model.plant import PlantState, vehicle_acceleration
 from dualwinch.model.ropes import compliance, crept, kelvin_voigt, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum, reciprocals, where
 from dualwinch.model.vehicle import inertia, slope_force
-from dualwinch.model.winch import (
-    FRICTION_SPEED,
-    Winding,
-    friction_slope,
-    friction_torque,
-    total_inertia,
-    winding,
-)
+from dualwinch.model.winch import FRICTION_SPEED, Winding, friction_slope, friction_torque, total_inertia, winding
 from dualwinch.simulation.integrators.oscillator import Oscillator
 from dualwinch.simulation.integrators.problem import Motion, Problem
 

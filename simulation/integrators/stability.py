@@ -39,11 +39,9 @@ Rate: TypeAlias = Callable[["Chain"], Any]
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """A damped linear chain, ``q'' + damping q' + springs springsᵀ q = 0``.
+    """A damped linear chain, ``q'' + damping q' + springs springsᵀ q = 0``, scaled by the masses.
 
-    Attributes:
-        damping: (..., n, n) damping matrix in 1/s, scaled by the masses.
-        springs: (..., n, m) a column for each spring, in rad/s.
+    Damping (..., n, n) is in 1/s; springs (..., n, m) have a column for each, in rad/s.
     """
 
     damping: Any

@@ -220,22 +220,6 @@ def initial_state_of(experiment: Experiment) -> dict[str, float]:
     return {key: float(value) for key, value in starting_state(experiment).items()}
 
 
-@built_once
-def closed_loop(
-    structure: Experiment, zeros: frozenset[str] = frozenset(), openings: tuple[str, ...] = ()
-) -> ClosedLoop:
-    """Build the symbolic functions of a structure (cached).
-
-    Parameters (`structure.zeros_of`) and signals (`absent_signals`) in `zeros` are always zero: the functions leave out
-    their terms and ignore their values.
-
-    At the `openings`, some of the `ANALYSIS_POINTS`, the loop is opened for analysis: the signals injected there become
-    a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
-    ``returned``, of `sample`.
-    """
-    return _closed_loop(structure, zeros, openings)
-
-
 def _metric_sample(
     row: Mapping[str, tuple[Scalar, Quantity]],
     torques: Torques,
@@ -276,7 +260,19 @@ def _instant(
     return t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following)
 
 
-def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[str, ...]) -> ClosedLoop:
+@built_once
+def closed_loop(
+    structure: Experiment, zeros: frozenset[str] = frozenset(), openings: tuple[str, ...] = ()
+) -> ClosedLoop:
+    """Build the symbolic functions of a structure (cached).
+
+    Parameters (`structure.zeros_of`) and signals (`absent_signals`) in `zeros` are always zero: the functions leave out
+    their terms and ignore their values.
+
+    At the `openings`, some of the `ANALYSIS_POINTS`, the loop is opened for analysis: the signals injected there become
+    a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
+    ``returned``, of `sample`.
+    """
     simulation, silence = structure.simulation, silence_of(structure.sensors)
     calm = nothing_from_outside(structure.controller)
     queued = _queue_names(simulation.delay_samples)
@@ -299,8 +295,7 @@ def _closed_loop(structure: Experiment, zeros: frozenset[str], openings: tuple[s
     nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(structure)
-    state = with_leaves(start, of_state)
-    exogenous = with_leaves(calm, outside)
+    state, exogenous = with_leaves(start, of_state), with_leaves(calm, outside)
     plant_state = state.motion.plant
 
     # at the sample: sense and control

@@ -251,7 +251,8 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
         panels = page.panels(2, len(CHANNELS), sharex=True)
         for gain, phase, (cause, effect) in zip(panels[::2], panels[1::2], CHANNELS, strict=True):
             for system, style in _styled(systems, swept):
-                frequency, response = _response(system.between([cause], [effect]))
+                frequency, responses = _responses(system.between([cause], [effect]))
+                response = responses[:, 0, 0]
                 gain.loglog(frequency, np.abs(response), **style)
                 phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(response))), **style)
             gain.set(title=f"{cause} → {effect}", ylabel=f"gain ({units[effect]} per {units[cause]})")
@@ -259,12 +260,6 @@ def bode(systems: Sequence[LinearSystem], swept: str | None = None, *, ax: Given
             phase.yaxis.set_major_locator(MultipleLocator(45))
         page.legend()
     return page.figure
-
-
-def _response(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Frequencies in Hz, and the frequency response of a system with one input and output."""
-    frequency, response = _responses(system)
-    return frequency, response[:, 0, 0]
 
 
 def _responses(system: LinearSystem) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:

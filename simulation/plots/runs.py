@@ -58,13 +58,7 @@ PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
 
 @dataclass(frozen=True)
 class Curve:
-    """A run with its label and line style, the same in every panel.
-
-    Attributes:
-        label: its name.
-        result: the run.
-        colour, dashes: of its lines.
-    """
+    """A run with its label and line style, the same in every panel."""
 
     label: str
     result: Result

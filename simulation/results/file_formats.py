@@ -279,11 +279,9 @@ def _read_parquet(path: Path) -> FileContent:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format.
+    """A file format: functions that write content to a path, whole or not at all, and that read it.
 
-    Attributes:
-        write: writes content to a path; the file appears whole or not at all.
-        read: returns the content of a path; facts other than texts may be returned as JSON text.
+    Facts other than texts may be read as JSON text.
     """
 
     write: Callable[[FileContent, Path], None]

@@ -194,12 +194,8 @@ class Modbus(Protocol):
     def _values(self, address: int, count: int) -> list[tuple[int, float]]:
         """First register and value of every number in a range of registers."""
         wanted = [self._at[place] for place in range(address - 1, address + count) if place in self._at]
-        outputs, inputs = self._plant.read(), self._plant.written
-
-        def value(register: Register) -> float:
-            return inputs[register.name] if register.writable else outputs[register.name]
-
-        return [(register.modbus, value(register)) for register in wanted]
+        values = self._plant.read() | self._plant.written
+        return [(register.modbus, values[register.name]) for register in wanted]
 
 
 def node_at(space: int, name: str) -> "ua.NodeId":

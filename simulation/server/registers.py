@@ -30,13 +30,9 @@ HEADER = 16
 
 @dataclass(frozen=True)
 class Register:
-    """A value that clients read or write.
+    """A value that clients read or, if it is an input, write, with its first Modbus register.
 
-    Attributes:
-        leaf: name, quantity and range.
-        writable: whether it is an input.
-        modbus: its first register.
-        offset: offset in bytes in a datagram from the server; None: not in datagrams.
+    The offset is that in a datagram from the server, in bytes; None: not in datagrams.
     """
 
     leaf: Leaf

@@ -95,13 +95,7 @@ def _first_of(source: Iterator[Floats]) -> SignalPage:
 
 @dataclass(frozen=True, eq=False)
 class Lane:
-    """Start of a lane.
-
-    Attributes:
-        scenario: the scenario.
-        command: kind of its commands.
-        parameters, state: vectors for the compiled code; the initial state.
-    """
+    """Start of a lane: its scenario and kind of commands, the parameters for compiled code, and the initial state."""
 
     scenario: Scenario
     command: CommandName

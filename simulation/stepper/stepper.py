@@ -304,11 +304,7 @@ class Stepper:
         return (
             _rebuilt,
             (self.source.given, self.batch, self.seed, options, self.scenarios),
-            (
-                self._lanes.kept(),
-                self._log,
-                self._since,
-            ),
+            (self._lanes.kept(), self._log, self._since),
         )
 
     def __setstate__(self, state: tuple[dict[str, Any], list[Floats] | None, NDArray[np.int64]]) -> None:
