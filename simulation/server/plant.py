@@ -263,13 +263,22 @@ class ServedPlant:
     @property
     def notes(self) -> dict[str, str]:
         """Notes on the last run for `results.file_formats.save`: values written by clients, and timing."""
-        run, _, events = self._finished
-        return {"events": json.dumps(events), "timing": json.dumps(_timing(run, self.experiment))}
+        *_, events = self._finished
+        return {"events": json.dumps(events), "timing": json.dumps(self.timing)}
 
     @property
     def timing(self) -> dict[str, Any]:
         """Timing of the last run: counts, histogram of lateness and mean delay of commands."""
-        return _timing(self._finished[0], self.experiment)
+        run, *_ = self._finished
+        commanded, ages = int(run.ages.sum()), float(run.ages @ np.arange(len(run.ages)))
+        ends = [f"<= {edge:g} us" for edge in LATENESS_US] + [f"> {LATENESS_US[-1]:g} us"]
+        return {
+            **run.counts,
+            "latest_us": run.shared.latest / 1e3,
+            "lateness": dict(zip(ends, run.lateness.tolist(), strict=True)),
+            "delay_s": ages / commanded * self.experiment.simulation.sample_time if commanded else None,
+            "commanded": commanded,
+        }
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -417,20 +426,6 @@ def _served(experiment: Experiment) -> Experiment:
         sensors = replace(sensors, outage_length=experiment.simulation.sample_time)
     controller = replace(experiment.controller, estimator=Unfiltered())
     return under_command(replace(experiment, controller=controller, disturbance=sea, sensors=sensors), "torques")
-
-
-def _timing(run: PacedRun, experiment: Experiment) -> dict[str, Any]:
-    ages, sample_time = run.ages, experiment.simulation.sample_time
-    commanded = int(ages.sum())
-    delay = float(ages @ np.arange(len(ages))) / commanded if commanded else math.nan
-    ends = [f"<= {edge:g} us" for edge in LATENESS_US] + [f"> {LATENESS_US[-1]:g} us"]
-    return {
-        **run.counts,
-        "latest_us": run.shared.latest / 1e3,
-        "lateness": dict(zip(ends, run.lateness.tolist(), strict=True)),
-        "delay_s": delay * sample_time if commanded else None,
-        "commanded": commanded,
-    }
 
 
 @contextmanager
