@@ -117,19 +117,10 @@ def controller_step(
     sample_time: Scalar,
     shared_force: Scalar | None = None,
 ) -> tuple[ControllerState, ControllerOutput]:
-    """One sample of the controller: estimator, position law, coordination.
+    """One sample of the controller: estimator, position law, coordination; its next state and the parts' outputs.
 
-    Args:
-        state: the controller's state.
-        measurement: this sample's sensor values.
-        setpoint: this sample's reference; without a preview it continues at constant acceleration.
-        controller: its parts and their gains.
-        nominal: the nominal plant.
-        sample_time: in s.
-        shared_force: force in N for the coordination instead of the position law's u_sat, which opens the loop there.
-
-    Returns:
-        The next state and the outputs of the parts.
+    Without a preview the setpoint continues at constant acceleration. A `shared_force` in N takes the place of the
+    position law's u_sat for the coordination, which opens the loop there. The sample time is in s.
 
     Raises:
         ConfigurationError: a part's step returns no valid state and output.

@@ -31,12 +31,7 @@ class Nominal:
 def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> Plant:
     """The nominal plant: that of the data sheets, without unknown errors, with Kelvin–Voigt ropes.
 
-    A rope of another law is replaced by its tangent at half the preload, in the middle of the track.
-
-    Args:
-        nominal: values of the nominal model.
-        plant: the plant, for all other values.
-        preload: sum of both tensions in N.
+    A rope of another law is replaced by its tangent at half the preload in N, in the middle of the track.
     """
     plant, given = specified_plant(plant), {key: value for key, value in vars(nominal).items() if value is not None}
     vehicle = replace(plant.vehicle, **given | ({"added_mass": 0.0} if "mass" in given else {}))

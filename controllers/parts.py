@@ -136,10 +136,6 @@ class Coordination(ControllerPart, Part):
     ) -> tuple[Any, CoordinationOutput]:
         """One sample: the next state, and tension commands in N with motor torques in N m.
 
-        Args:
-            state: the state after the last sample.
-            force: commanded net force of the ropes in N, within ± ``context.limits.force``.
-            estimate: the estimator's output of this sample, with the measured tensions.
-            setpoint: this sample's reference position, speed and acceleration.
-            context: nominal plant, limits and sample time.
+        The commanded net force of the ropes in N is within ± ``context.limits.force``. The estimate of this sample has
+        the measured tensions.
         """

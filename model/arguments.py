@@ -16,14 +16,9 @@ WORDS = {str: "a text", PathLike: "a path", Mapping: "a dictionary"}
 
 
 def instance(name: str, value: Any, *kinds: type, hint: str = "", optional: bool = False) -> None:
-    """Raise `ConfigurationError` for a value that is an instance of none of the types.
+    """Raise `ConfigurationError` for an argument that is an instance of none of the types.
 
-    Args:
-        name: name of the argument.
-        value: its value.
-        kinds: allowed types.
-        hint: text appended to the allowed types.
-        optional: whether None is allowed.
+    None is allowed where `optional`. The hint follows the allowed types in the message.
     """
     if not isinstance(value, kinds) and not (optional and value is None):
         *others, last = (WORDS.get(kind) or f"a{'n' * (kind.__name__[0] in 'AEIOU')} {kind.__name__}" for kind in kinds)
@@ -57,12 +52,7 @@ def texts(name: str, value: Any) -> list[str]:
 
 
 def one_number(name: str, value: Any, hint: str = "") -> float:
-    """One number, or an array of one element.
-
-    Args:
-        name: name of the argument.
-        value: its value.
-        hint: a function that takes many numbers, for the message.
+    """One number, or an array of one element; the hint names a function that takes many numbers.
 
     Raises:
         ConfigurationError: it is no number, or more than one.

@@ -111,11 +111,7 @@ class TableColumn:
         return f"{self.place(row)}: {self.header} = {cell}"
 
     def factor(self, si: str, unit: str | None = None) -> float:
-        """Factor from the column's unit to an SI unit.
-
-        Args:
-            si: the SI unit.
-            unit: the column's unit; default: as the file states, else the SI unit.
+        """Factor from a unit to an SI unit; default: from the one that the file states, else from the SI unit.
 
         Raises:
             ConfigurationError: a unit of another quantity, or different units in the header and the row of units.

@@ -22,13 +22,8 @@ def bristle_rate(deflection: Scalar, speed: Scalar, limit: Scalar, step: Scalar)
     """Mean rate of a bristle's deflection over a step in s at constant speed; for a step of 0, dz/dt itself.
 
     In fast motion a bristle settles within a fraction of an integration step. The step is therefore implicit (backward
-    Euler): stable for every step, always within the limits, and exact in the steady state.
-
-    Args:
-        deflection: z at the beginning of the step.
-        speed: v, in units of the deflection per second.
-        limit: largest deflection.
-        step: in s.
+    Euler): stable for every step, always within the limits, and exact in the steady state. The deflection is that at
+    its beginning; the speed is in units of the deflection per second.
     """
     sliding, most = absolute(speed), maximum(limit, LEAST_LIMIT)
     return (speed * most - sliding * deflection) / (most + sliding * step)

@@ -140,14 +140,9 @@ def is_heavy(rope: RopeLaw) -> bool:
 
 
 def resting_rope(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track, way: Scalar) -> tuple[RopeState, Scalar]:
-    """State of a rope at rest under a tension in N, and the stretch of its chord in m.
+    """State of a rope of a length in m at rest under a tension in N, and the stretch of its chord in m.
 
-    Args:
-        rope: the rope.
-        tension: in N.
-        length: in m.
-        track: the rollers that carry it.
-        way: displacement of the vehicle towards the winch in m.
+    `way` is the displacement of the vehicle towards the winch in m.
     """
     stretch, sag = rope.resting_stretch(tension, length), NO_STATE
     if present(rope.submerged_weight):
@@ -186,14 +181,8 @@ def steady_rope(
     The strain of every segment is constant, and the depth of the sag is that at rest. Along the rope the tension
     differs by drag and roller friction.
 
-    Args:
-        rope: the rope.
-        tension: at the drum in N.
-        length: in m.
-        track: the rollers that carry it.
-        way: displacement of the vehicle towards the winch in m.
-        speed: speed of the vehicle towards the winch in m/s.
-        density: of the water in kg/m³.
+    The tension in N is that at the drum, the length in m, the density that of the water in kg/m³. The vehicle is
+    displaced by `way` in m and moves at `speed` in m/s, both towards the winch.
     """
     waves = rope.segments > 1 and present(rope.mass_per_length)
     n = rope.segments if waves else 1
@@ -236,11 +225,7 @@ def sag_shortening(rope: RopeLaw, tension: Scalar, length: Scalar, track: Track)
 def ernst_factor(weight: Scalar, span: Scalar, tension: Scalar, rigidity: Scalar) -> Scalar:
     """Tangent stiffness of a sagging rope over that without weight: 1/(1 + lambda²/12) (Ernst 1965).
 
-    Args:
-        weight: in N/m.
-        span: in m.
-        tension: in N.
-        rigidity: E A in N.
+    From the weight in N/m, the span in m, the tension in N and the rigidity E A in N.
     """
     return 1 / (1 + (weight * span) ** 2 * rigidity / (12 * tension**3))
 
@@ -281,16 +266,10 @@ LEAST_PULL = 50.0
 def rope_pull(
     rope: RopeLaw, state: RopeState, ends: RopeEnds, track: Track, *, density: Scalar, slack: bool, step: Scalar = 0.0
 ) -> RopePull:
-    """Tensions of a rope, and the rates of its state.
+    """Tensions of a rope, and the rates of its state, in water of a density in kg/m³.
 
-    Args:
-        rope: the rope.
-        state: its state.
-        ends: motion of drum and vehicle.
-        track: the rollers that carry it.
-        density: of the water in kg/m³.
-        slack: whether it goes slack; else it may push.
-        step: in s; the hysteresis rate is its mean over the step, tensions are those at its end (`bristle_rate`).
+    A rope that does not go `slack` may push. The hysteresis rate is its mean over a step in s, and tensions are those
+    at its end (`bristle_rate`).
     """
     n, length, inverse_length = rope.segments if isinstance(state.waves, Waves) else 1, ends.length, ends.inverse_length
     surplus, surplus_rate = 0.0, 0.0  # excess of the arc over the chord of the whole rope in m

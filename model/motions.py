@@ -101,13 +101,10 @@ def least_duration(speed: Scalar, jerk_limit: Scalar) -> Scalar:
 
 
 def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | None) -> Setpoint:
-    """Motion from rest at t = 0 to a speed in a given time, over ``speed * duration / 2`` with any jerk limit.
+    """Motion from rest at t = 0 to a speed in m/s in a given time, over ``speed * duration / 2`` with any jerk limit.
 
-    Args:
-        t: time in s, 0 to `duration`.
-        duration: in s, at least `least_duration` with a jerk limit.
-        speed: final speed in m/s.
-        jerk_limit: slope in m/s³ of the acceleration's two ramps; ``None``: constant acceleration.
+    The duration in s is at least `least_duration`. The jerk limit in m/s³ is the slope of the acceleration's two ramps;
+    ``None``: constant acceleration.
     """
     if jerk_limit is None:
         acceleration = speed / duration

@@ -24,21 +24,11 @@ from dualwinch.model.quantities.quantity import Mark, Quantity, elements, vector
 from dualwinch.model.quantities.tree import alike, leaves, shape_of, symbols
 from dualwinch.model.ropes import NEW, ROPES, Creep, Rope, RopeLaw, Track, crept, rope_lengths
 from dualwinch.model.scalar import Scalar, present, reciprocals
-from dualwinch.model.vehicle import (
-    Vehicle,
-    blank_bristles,
-    drag,
-    friction,
-    inertia,
-    rail_friction,
-    resting_bristles,
-    slope_force,
-)
+from dualwinch.model.vehicle import Vehicle, bent_bristles, drag, friction, inertia, rail_friction, slope_force
 from dualwinch.model.winch import (
     Rotor,
     Winch,
     angle_of,
-    blank_motor,
     gear_torque,
     shaft_torque,
     specified_winch,
@@ -156,8 +146,9 @@ def remembers_friction(plant: Plant) -> bool:
 
 def blank_state(plant: Plant) -> PlantState:
     """A plant state with placeholder values, for the names of its elements."""
-    ropes, motors = (map(blank_rope, (plant.rope_1, plant.rope_2)), map(blank_motor, (plant.winch_1, plant.winch_2)))
-    return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors, rail=blank_bristles(plant.vehicle))
+    ropes = (blank_rope(side.rope) for side in plant.sides)
+    motors = (steady_motor(0.0, 0.0, 0.0, side.winch) for side in plant.sides)
+    return PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *ropes, *motors, rail=bent_bristles(0.0, plant.vehicle))
 
 
 def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 0.0) -> tuple[RopePull, RopePull]:
@@ -199,13 +190,8 @@ def vehicle_acceleration(
 ) -> Scalar:
     """Acceleration of the vehicle in m/s² under the net rope force F_1 − F_2 in N (paper Section 2.3).
 
-    Args:
-        v: its speed in m/s.
-        pull: net rope force in N.
-        environment: disturbances.
-        vehicle: the vehicle.
-        ropes: mass in kg of the rope that moves with it.
-        rubbing: rail friction in N; default: `friction` at the speed v.
+    At the speed v in m/s, with a mass in kg of `ropes` that move with it. `rubbing` is the rail friction in N; default:
+    `friction`.
     """
     resistance = friction(v, vehicle, environment.normal_force_variation) if rubbing is None else rubbing
     resistance += drag(v - environment.current, vehicle)
@@ -340,7 +326,7 @@ def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
         ropes.append(rope)
         load = winding(angles[-1], side.winch).radius * (preload / 2)
         motors.append(steady_motor(load, angles[-1], 0.0, side.winch))
-    rail = resting_bristles(x, plant.vehicle, plant.track)
+    rail = bent_bristles(-slope_force(x, plant.vehicle, plant.track), plant.vehicle)  # between equal tensions
     return PlantState(x, 0.0, angles[0], 0.0, angles[1], 0.0, *ropes, *motors, rail=rail)
 
 

@@ -33,9 +33,7 @@ class Track:
         Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     roller_friction: Annotated[
-        NonNegative,
-        Quantity("1", "friction coefficient of the rollers", "0.05 to 0.2, A14"),
-        Mark.OFF_AT_ZERO,
+        NonNegative, Quantity("1", "friction coefficient of the rollers", "0.05 to 0.2, A14"), Mark.OFF_AT_ZERO
     ] = 0.0
     tilt: Annotated[
         float,

@@ -5,6 +5,7 @@ Use these functions instead of `math` or `numpy` in a law. They return a float f
 many times at once, and those of parameters for many machines.
 """
 
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -64,39 +65,26 @@ def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
     return ca.fmin(ca.fmax(value, lower), upper)
 
 
-def absolute(value: Scalar) -> Scalar:
-    """|value|."""
-    return ca.fabs(value)
+absolute: Callable[[Scalar], Scalar] = ca.fabs
+"""|value|."""
 
+sign: Callable[[Scalar], Scalar] = ca.sign
+"""-1, 0 or 1."""
 
-def sign(value: Scalar) -> Scalar:
-    """-1, 0 or 1."""
-    return ca.sign(value)
+tanh: Callable[[Scalar], Scalar] = ca.tanh
+"""Hyperbolic tangent."""
 
+sin: Callable[[Scalar], Scalar] = ca.sin
+"""Sine of an angle in rad."""
 
-def tanh(value: Scalar) -> Scalar:
-    """Hyperbolic tangent."""
-    return ca.tanh(value)
+cos: Callable[[Scalar], Scalar] = ca.cos
+"""Cosine of an angle in rad."""
 
+exp: Callable[[Scalar], Scalar] = ca.exp
+"""Exponential."""
 
-def sin(value: Scalar) -> Scalar:
-    """Sine of an angle in rad."""
-    return ca.sin(value)
-
-
-def cos(value: Scalar) -> Scalar:
-    """Cosine of an angle in rad."""
-    return ca.cos(value)
-
-
-def exp(value: Scalar) -> Scalar:
-    """Exponential."""
-    return ca.exp(value)
-
-
-def log(value: Scalar) -> Scalar:
-    """Natural logarithm."""
-    return ca.log(value)
+log: Callable[[Scalar], Scalar] = ca.log
+"""Natural logarithm."""
 
 
 def sqrt(value: Scalar) -> Scalar:

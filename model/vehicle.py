@@ -99,23 +99,9 @@ def slope_force(x: Scalar, vehicle: Vehicle, track: Track) -> Scalar:
     return vehicle.normal_force * (track.tilt + track.waviness * sin(2 * math.pi / track.wavelength * x))
 
 
-def blank_bristles(vehicle: Vehicle) -> Any:
-    """A bristle state with placeholder values; `NO_STATE` without bristles."""
-    return Bristles(0.0) if present(vehicle.bristle_stiffness) else NO_STATE
-
-
-def resting_bristles(x: Scalar, vehicle: Vehicle, track: Track) -> Any:
-    """State of the bristles that hold a vehicle at rest on a slope at x in m, between ropes of equal tension."""
-    if not present(vehicle.bristle_stiffness):
-        return NO_STATE
-    return Bristles(-slope_force(x, vehicle, track) / vehicle.bristle_stiffness)
-
-
-def steady_bristles(v: Scalar, vehicle: Vehicle) -> Any:
-    """State of the bristles in steady motion at the speed v in m/s."""
-    if not present(vehicle.bristle_stiffness):
-        return NO_STATE
-    return Bristles(friction(v, vehicle) / vehicle.bristle_stiffness)
+def bent_bristles(force: Scalar, vehicle: Vehicle) -> Any:
+    """State of bristles under a constant force in N; `NO_STATE` without bristles."""
+    return Bristles(force / vehicle.bristle_stiffness) if present(vehicle.bristle_stiffness) else NO_STATE
 
 
 def rail_friction(

@@ -156,15 +156,10 @@ def friction_slope(omega: Scalar, winch: Winch) -> Scalar:
 def drum_acceleration(
     omega: Scalar, tension: Scalar, torque: Scalar, winch: Winch, radius: Scalar | None = None, rope: Scalar = 0.0
 ) -> Scalar:
-    """Acceleration of the drum in rad/s² (paper Section 2.4, E3).
+    """Acceleration of the drum in rad/s² (paper Section 2.4, E3), at its speed omega in rad/s.
 
-    Args:
-        omega: drum speed in rad/s.
-        tension: rope tension in N.
-        torque: motor torque in N m, before the gearbox.
-        winch: the winch.
-        radius: radius in m on which the rope leaves the drum; default: ``drum_radius``.
-        rope: inertia in kg m² of the rope on the drum.
+    From the rope's tension in N and the motor torque in N m before the gearbox. The rope leaves the drum on a radius in
+    m, by default ``drum_radius``, and adds an inertia in kg m².
     """
     lever = winch.drum_radius if radius is None else radius
     drive = winch.gear_ratio * torque - lever * tension - friction_torque(omega, winch)
@@ -185,13 +180,9 @@ def total_inertia(winch: Winch) -> Scalar:
 
 
 def steady_motor(load: Scalar, theta: Scalar, omega: Scalar, winch: Winch) -> Any:
-    """State of the rotor while its gearbox transmits a constant torque.
+    """State of the rotor while its gearbox transmits a constant load in N m, at a drum angle in rad and speed in rad/s.
 
-    Args:
-        load: that torque in N m; its sign decides which tooth flanks are in contact.
-        theta: drum angle in rad.
-        omega: drum speed in rad/s.
-        winch: the winch.
+    The sign of the load decides which tooth flanks are in contact.
     """
     if not present(winch.gear_stiffness):
         return NoState()
@@ -205,11 +196,6 @@ def with_gear_loss(tension: Scalar, omega: Scalar, winch: Winch) -> Scalar:
     if not present(winch.gear_loss):
         return tension
     return tension + winch.gear_loss * absolute(tension) * tanh(omega / FRICTION_SPEED)
-
-
-def blank_motor(winch: Winch) -> Any:
-    """A rotor state with placeholder values; `NoState` where the gearbox is rigid."""
-    return Rotor(0.0, 0.0) if present(winch.gear_stiffness) else NoState()
 
 
 def transmission(theta: Scalar, winch: Winch) -> Scalar:
@@ -231,16 +217,10 @@ def gear_torque(theta: Scalar, omega: Scalar, rotor: Rotor, winch: Winch) -> Sca
 def winch_rates(
     theta: Scalar, omega: Scalar, motor: Any, tension: Scalar, torque: Scalar, winch: Winch, rope: Scalar
 ) -> tuple[Scalar, Any]:
-    """Acceleration of the drum in rad/s², and the rates of the rotor's state.
+    """Acceleration of the drum in rad/s², and the rates of the rotor's state, `NoState` where the gearbox is rigid.
 
-    Args:
-        theta: drum angle in rad.
-        omega: drum speed in rad/s.
-        motor: state of the rotor; `NoState` where the gearbox is rigid.
-        tension: of the rope at the drum in N.
-        torque: motor torque in N m, before the gearbox.
-        winch: the winch.
-        rope: mass of the rope in kg that turns with the drum.
+    At a drum angle in rad and speed in rad/s, from the tension of the rope at the drum in N and the motor torque in N m
+    before the gearbox. A mass of `rope` in kg turns with the drum.
     """
     radius = winding(theta, winch).radius
     turning = rope * radius**2

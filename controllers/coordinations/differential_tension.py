@@ -23,9 +23,7 @@ class TensionLoops:
 def tension_commands(u_sat: Scalar, limits: Limits) -> tuple[Scalar, Scalar]:
     """Commands F1_cmd and F2_cmd in N: half the preload plus and minus half the force (paper Section 3.2).
 
-    Args:
-        u_sat: net force in N, within ± ``limits.force``.
-        limits: preload and limits.
+    The net force u_sat in N is within ± ``limits.force``.
     """
     return within_limits((limits.preload + u_sat) / 2, (limits.preload - u_sat) / 2, limits)
 

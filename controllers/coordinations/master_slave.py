@@ -46,9 +46,7 @@ class MasterSlave(Coordination):
     """Gains of the master's speed loop and of the slave's synchronisation."""
 
     position: Annotated[
-        NonNegative,
-        Quantity("1/s", "master: speed command per position error", "by hand"),
-        Tunable(0.05, 20),
+        NonNegative, Quantity("1/s", "master: speed command per position error", "by hand"), Tunable(0.05, 20)
     ] = 1.0
     kp: Annotated[
         NonNegative,

@@ -60,9 +60,7 @@ class ScheduledPreload(Coordination):
         Tunable(50, 1500, of="controller.coordination.tension_max"),
     ] = 300.0
     filter_time: Annotated[
-        NonNegative,
-        Quantity("s", "low-pass on the force beyond that of the reference", "by hand"),
-        Tunable(0.05, 5),
+        NonNegative, Quantity("s", "low-pass on the force beyond that of the reference", "by hand"), Tunable(0.05, 5)
     ] = 0.3
     rate: Annotated[
         Positive,

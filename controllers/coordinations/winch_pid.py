@@ -89,15 +89,8 @@ def winch_step(
     The torque's limits follow from those of the tension; at a limit the integral is held. The lower limit does not
     apply to damping.
 
-    Args:
-        state: the controller's state.
-        command: tension command in N.
-        tension: measured tension in N.
-        alpha_d: reference drum acceleration in rad/s² (E9: the measured one would close an algebraic loop).
-        slip: drum speed in rad/s beyond that of the reference.
-        winch: nominal winch.
-        gains: PID gains.
-        context: sample time and limits.
+    Command and measured tension are in N. `alpha_d` is the reference drum acceleration in rad/s² (E9: the measured one
+    would close an algebraic loop), `slip` the drum speed in rad/s beyond that of the reference.
     """
     limits, sample_time = context.limits, context.sample_time
     to_torque = winch.drum_radius / winch.gear_ratio

@@ -74,14 +74,8 @@ def learn(
 ) -> RopeKnowledge:
     """The estimate of a rope's compliance updated by one sample.
 
-    Args:
-        known: the previous estimate.
-        stretch: nominal stretch in m at the measured tension.
-        seen: stretch in m from encoder and position sensor.
-        taut: whether the rope is taut; a slack one has no information.
-        position_noise: standard deviation of the position sensor in m.
-        gains: prior and memory.
-        sample_time: in s.
+    The stretch in m is the nominal one at the measured tension; the one `seen` is from encoder and position sensor,
+    whose noise has a standard deviation in m. A rope that is not `taut` has no information. The sample time is in s.
     """
     weight = where(taut, stretch / position_noise**2, 0.0)
     information = exp(-sample_time / gains.memory) * known.information + weight * stretch
@@ -133,12 +127,7 @@ class CalibratingKalman(Estimator):
         return CalibratingState(motion, rope_1, rope_2), CalibratingEstimate(**vars(estimate) | learnt)
 
     def informed(
-        self,
-        state: CalibratingState,
-        measurement: Measurement,
-        plant: Plant,
-        speed_error: Scalar,
-        context: Context,
+        self, state: CalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
     ) -> CalibratingState:
         """The state with the ropes' true compliances."""
         found, lengths = [], rope_lengths(state.motion.x, plant.track)

@@ -139,22 +139,17 @@ class TrustGains:
         Tunable(0.05, 1, standard=False),
     ] = 0.1
     relearning_time: Annotated[
-        Positive,
-        Quantity("s", "memory while the encoder is suspect", "assumption"),
-        Tunable(0.1, 5, standard=False),
+        Positive, Quantity("s", "memory while the encoder is suspect", "assumption"), Tunable(0.1, 5, standard=False)
     ] = 0.3
 
-
-NAMES = ("scale", "layers", "zero", "excess", "give", "sag_excess", "sine", "cosine")
-"""Errors of an encoder that can be estimated; the most certain first, which reduces round-off."""
 
 UNSHRUNK = ("excess", "give", "sag_excess")
 """Errors exempt from shrinkage: they may be far from their nominal values."""
 
 
 def learnt_names(gains: DrumGains) -> tuple[str, ...]:
-    """Estimated errors of an encoder: all `NAMES` with an assumed deviation other than zero."""
-    return tuple(name for name in NAMES if present(deviations(gains)[name]))
+    """Estimated errors of an encoder: those with an assumed deviation other than zero."""
+    return tuple(deviations(gains))
 
 
 @dataclass(frozen=True)
@@ -243,7 +238,7 @@ class EncoderPosition:
 
 def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar, ...]:
     """Regressors of an encoder's errors, in assumed deviations, over the deviation of a reading (`learnt_names`)."""
-    sizes, turns = deviations(gains), drum.theta / TURN
+    turns = drum.theta / TURN
     shapes = {
         "scale": -drum.wound,
         "layers": -TURN / 2 * turns**2,
@@ -254,12 +249,12 @@ def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar,
         "sine": sin(drum.theta),
         "cosine": cos(drum.theta) - 1,
     }
-    return tuple(sizes[name] / deviation * shapes[name] for name in learnt_names(gains))
+    return tuple(size / deviation * shapes[name] for name, size in deviations(gains).items())
 
 
 def deviations(gains: DrumGains) -> dict[str, Scalar]:
-    """Assumed (prior) standard deviations of the errors, by name."""
-    return {
+    """Assumed (prior) standard deviations of the estimated errors, the most certain first, which reduces round-off."""
+    assumed = {
         "scale": gains.scale,
         "layers": gains.layers,
         "zero": gains.zero,
@@ -269,6 +264,7 @@ def deviations(gains: DrumGains) -> dict[str, Scalar]:
         "sine": gains.run_out,
         "cosine": gains.run_out,
     }
+    return {name: size for name, size in assumed.items() if present(size)}
 
 
 HALF_FAULTY = 0.3
@@ -382,15 +378,11 @@ def informed_errors(
 ) -> EncoderKnowledge:
     """What is known of an encoder whose errors have their true values.
 
-    Args:
-        known: the estimates of this encoder, for its tare.
-        drum: the drum now.
-        true: true values of the errors but the zero, by name; a missing one is 0. The zero explains the rest.
-        reading: the position now, without noise.
-        gains: prior deviations.
+    These are given by name, and a missing one is 0. The zero is not given: it explains the rest of the reading, which
+    is without noise, with the encoder's tare as it is `known`.
     """
-    names, sizes, row = learnt_names(gains), deviations(gains), regressors(drum, gains, reading.deviation)
-    estimate = {name: true.get(name, 0.0) / sizes[name] for name in names}
+    names, row = learnt_names(gains), regressors(drum, gains, reading.deviation)
+    estimate = {name: true.get(name, 0.0) / size for name, size in deviations(gains).items()}
     says = drum.wound - (drum.stretch - drum.sag) - known.tare
     explained = dot(row, [estimate[name] if name != "zero" else 0.0 for name in names])
     estimate["zero"] = ((says - drum.direction * reading.x) / reading.deviation - explained) / row[names.index("zero")]
@@ -401,12 +393,9 @@ def informed_errors(
 
 def learnt_errors(known: EncoderKnowledge, gains: DrumGains) -> dict[str, tuple[Scalar, Scalar]]:
     """Estimate and standard deviation of each of an encoder's errors, by name (`learnt_names`)."""
-    names, sizes = learnt_names(gains), deviations(gains)
-    spread = variances(known.errors, len(names))
+    sizes = deviations(gains)
+    spread = variances(known.errors, len(sizes))
     return {
-        name: (
-            (known.tare if name == "zero" else 0.0) + sizes[name] * known.errors.estimate[i],
-            sizes[name] * sqrt(variance),
-        )
-        for i, (name, variance) in enumerate(zip(names, spread, strict=True))
+        name: ((known.tare if name == "zero" else 0.0) + size * known.errors.estimate[i], size * sqrt(spread[i]))
+        for i, (name, size) in enumerate(sizes.items())
     }

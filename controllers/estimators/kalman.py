@@ -139,12 +139,7 @@ def filter_motion(
 ) -> tuple[KalmanState, KalmanEstimate]:
     """One sample: correct the predicted state by the measurement, and predict the next.
 
-    Args:
-        state: predicted state.
-        measurement: sensor values.
-        gains: noise levels and bandwidth.
-        nominal: nominal plant, with the present calibration.
-        context: sample time, and limits: a rope counts as slack far below its tension_min.
+    The nominal plant has the present calibration. A rope counts as slack far below ``context.limits.tension_min``.
     """
     position, encoder_1, encoder_2 = _information(gains)
     total = position + encoder_1 + encoder_2

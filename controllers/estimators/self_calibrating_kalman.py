@@ -259,12 +259,7 @@ class SelfCalibratingKalman(Estimator):
         return following, estimated(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
 
     def informed(
-        self,
-        state: SelfCalibratingState,
-        measurement: Measurement,
-        plant: Plant,
-        speed_error: Scalar,
-        context: Context,
+        self, state: SelfCalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
     ) -> SelfCalibratingState:
         """The state with the machine's true constants; the encoders' zeros agree with the measurement."""
         drums = _drums(measurement, state.motion.x, context)

@@ -47,9 +47,7 @@ class Lqi(PositionLaw):
         Positive, Quantity("m s", "integral of the position error of weight 1", "by hand"), Tunable(1e-5, 1e-2)
     ] = 1e-3
     acceleration: Annotated[
-        Positive,
-        Quantity("m/s^2", "correcting acceleration of weight 1", "by hand"),
-        Tunable(1e-3, 10, standard=False),
+        Positive, Quantity("m/s^2", "correcting acceleration of weight 1", "by hand"), Tunable(1e-3, 10, standard=False)
     ] = 0.2
 
     kind: ClassVar = "lqi"

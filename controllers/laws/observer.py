@@ -97,11 +97,8 @@ def estimate_disturbance(
 
 
 def remember(now: DisturbanceEstimate, e2: Scalar, error_acceleration: Scalar) -> ObserverState:
-    """State for the next sample.
+    """State for the next sample, from the speed error e2 in m/s and the output of this one.
 
-    Args:
-        now: output of this sample.
-        e2: speed error in m/s.
-        error_acceleration: ë_1 in m/s² of the saturated command without disturbance.
+    The error acceleration ë_1 in m/s² is that of the saturated command without disturbance.
     """
     return ObserverState(now.d_hat, now.filtered, e2, error_acceleration, 1.0)

@@ -410,10 +410,8 @@ def spectra(systems: Sequence[LinearSystem], plant: Plant) -> list[Spectrum]:
 def _basis_of_still(A: NDArray[np.float64], count: int, memory: tuple[int, list[int]] | None) -> Complex:
     """Basis of the subspace of zero eigenvalues: a chain of integrators has fewer eigenvectors than eigenvalues.
 
-    Args:
-        A: the system's matrix, for a discrete system less the identity.
-        count: number of zero eigenvalues.
-        memory: result of `_memory`.
+    `A` is the matrix of a continuous system, or that of a discrete one less the identity, and has `count` such
+    eigenvalues.
     """
     from scipy.linalg import matrix_balance, schur
 
@@ -452,13 +450,8 @@ def _drift_apart(basis: Complex, position: int, friction: Sequence[int]) -> Comp
     returns any mixtures of deflections and drift. The vectors returned have a unit in one of the position and as many
     friction states as there are further vectors, chosen by QR with column pivoting, and zeros in the others of these.
 
-    Args:
-        basis: of the balanced matrix, (n, k) and orthonormal.
-        position: index of the position.
-        friction: indices of the friction states.
-
-    Returns:
-        The basis (n, k); None where these states do not determine one.
+    The given basis (n, k) is that of the balanced matrix, and orthonormal. None where these states, given by their
+    indices, do not determine one.
     """
     from scipy.linalg import qr
 

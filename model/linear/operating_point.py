@@ -39,7 +39,7 @@ from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves, numbers, symbols, with_leaves
 from dualwinch.model.ropes import SHORTEST_ROPE, Track, rope_lengths
 from dualwinch.model.scalar import Scalar, absolute, maximum, minimum
-from dualwinch.model.vehicle import drag, friction, slope_force, steady_bristles
+from dualwinch.model.vehicle import bent_bristles, drag, friction, slope_force
 from dualwinch.model.winch import (
     Rotor,
     angle_of,
@@ -88,11 +88,7 @@ def shared_tensions(net: Scalar, preload: Scalar, tension_min: Scalar, tension_m
 
 
 def steady_motion(
-    x: Scalar,
-    v: Scalar,
-    tensions: tuple[Scalar, Scalar],
-    plant: Plant,
-    creep: tuple[Scalar, Scalar] = (0.0, 0.0),
+    x: Scalar, v: Scalar, tensions: tuple[Scalar, Scalar], plant: Plant, creep: tuple[Scalar, Scalar] = (0.0, 0.0)
 ) -> SteadyMotion:
     """State and torques of the steady motion through x in m at v in m/s, with the tensions F1 and F2 in N.
 
@@ -115,7 +111,7 @@ def steady_motion(
         motors.append(motor)
         shaft = motor.theta if isinstance(motor, Rotor) else theta
         torques.append(load / side.winch.gear_ratio / shaft_torque(1.0, shaft, side.winch))
-    rail = steady_bristles(v, plant.vehicle)
+    rail = bent_bristles(friction(v, plant.vehicle), plant.vehicle)
     return SteadyMotion(PlantState(x, v, *drums, *ropes, *motors, rail=rail), Torques(*torques), *tensions)
 
 
@@ -196,9 +192,7 @@ def gear_torques(state: PlantState, plant: Plant) -> dict[str, float]:
 def contact(torques: Mapping[str, float], plant: Plant) -> tuple[str, ...]:
     """Remark in words on the tooth contact that a linearisation assumes; empty without backlash.
 
-    Args:
-        torques: transmitted torques in N m, as ``gear_1`` and ``gear_2``; other names are ignored.
-        plant: the plant.
+    The transmitted torques in N m are those named ``gear_1`` and ``gear_2``.
     """
     sides = {f"gear_{side.number}": side for side in plant.sides if side.winch.backlash > 0}
     touching = [(side.number, torques[name]) for name, side in sides.items() if name in torques]

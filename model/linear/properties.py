@@ -7,7 +7,7 @@ inverse.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, TypeAlias
@@ -106,18 +106,13 @@ def sufficient_sensors(system: LinearSystem) -> tuple[tuple[str, ...], ...]:
 
     Smaller sets come first; empty where not even all outputs suffice.
     """
-    return tuple(_smallest(system))
-
-
-def _smallest(system: LinearSystem) -> Iterator[tuple[str, ...]]:
     found: list[tuple[str, ...]] = []
     for size in range(1, len(system.outputs) + 1):
         for chosen in combinations(system.outputs, size):
-            if any(set(smaller) <= set(chosen) for smaller in found):
-                continue
-            if is_observable(system, chosen):
+            larger = any(set(smaller) <= set(chosen) for smaller in found)
+            if not larger and is_observable(system, chosen):
                 found.append(chosen)
-                yield chosen
+    return tuple(found)
 
 
 Matrices: TypeAlias = tuple[Array, Array, Array, Array]

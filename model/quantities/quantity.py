@@ -352,13 +352,7 @@ def another(what: str) -> str:
 
 
 def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
-    """Hint of an error about an unknown name: the nearest, and the known names.
-
-    Args:
-        name: the given name.
-        known: the known names.
-        more: further possibilities, in words.
-    """
+    """Hint of an error about an unknown name: the nearest, and the known names, with `more` possibilities in words."""
     names = list(known)
     if not names:
         return "there is none" + more
