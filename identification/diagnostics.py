@@ -461,9 +461,7 @@ class UnidentifiableDirection:
 
 
 def unidentifiable_directions(
-    information: Floats,
-    unknowns: Sequence[UnknownParameter],
-    options: DiagnosticsOptions = DEFAULTS.diagnostics,
+    information: Floats, unknowns: Sequence[UnknownParameter], options: DiagnosticsOptions = DEFAULTS.diagnostics
 ) -> tuple[UnidentifiableDirection, ...]:
     """Eigenvectors of the logs' (p, p) information with less information than the priors, the worst first."""
     by = np.array([each.uncertainty for each in unknowns])
@@ -480,9 +478,7 @@ def unidentifiable_directions(
 
 
 def uninformed_keys(
-    unknowns: Sequence[UnknownParameter],
-    deviations: Floats,
-    options: DiagnosticsOptions = DEFAULTS.diagnostics,
+    unknowns: Sequence[UnknownParameter], deviations: Floats, options: DiagnosticsOptions = DEFAULTS.diagnostics
 ) -> tuple[str, ...]:
     """Keys with a posterior deviation hardly smaller than the prior one."""
     return tuple(

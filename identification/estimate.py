@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
 from dualwinch.controllers.controller import Controller
-from dualwinch.identification.filter import LogFilters, all_completed
+from dualwinch.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.identification.likelihood import Likelihood, NewtonStep, NoiseEstimator, initial_measurement_noise
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import (
@@ -110,6 +110,11 @@ class PredictionErrorMethod:
         """Number of passes through the logs so far."""
         return self.filters.passes
 
+    @property
+    def samples(self) -> int:
+        """Number of samples of the logs."""
+        return sum(len(section.readings) for section in self.filters.sections)
+
     def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
         """Filters over other sections."""
         return LogFilters(self._predictor, self.structure, sections, self.options, self._threads)
@@ -154,12 +159,8 @@ class PredictionErrorMethod:
     ) -> ParameterEstimate:
         """Search from a start.
 
-        Args:
-            start: (p,) initial values.
-            progress: called repeatedly with the share of the work that is done.
-            noise: known R and Q; default: estimated.
-            unless: decides from the experiment, the noise and the deviance after least squares whether to skip Newton
-                steps.
+        It begins at (p,) values. R and Q are estimated unless given as `noise`. If `unless` holds for the experiment,
+        the noise and the deviance after least squares, there are no Newton steps.
 
         Raises:
             DivergedFilterError: the filter diverges: the log is of another machine.
@@ -171,40 +172,30 @@ class PredictionErrorMethod:
             noise = self._noise.tolerable(self.with_values(start), noise)
         if not all_completed(self.likelihood.filtered(start, noise)):
             raise self._diverged()
+        if estimated and self.options.resampling.torque_rows and not self._has_speed:
+            noise = self._noise.with_torque_noise(self.with_values(start), noise)  # chatter is far from its least size
         values, noise = self._least_squares_rounds(start, noise, estimated, progress)
         coordinates = self.coordinates()
         rough = float(self.likelihood.deviances([coordinates.of(values)], noise, coordinates)[0])
         if unless and unless(self.with_values(values), noise, rough):
-            return self._unfinished(values, noise, rough)
-        step, noise, converged = self._newton_steps(values, noise, estimated, progress)
-        if step is None:
-            raise self._diverged()
-        values = unwrapped(coordinates.values(step.at), self.unknowns)
-        return ParameterEstimate(
-            values=values,
-            information=step.information,
-            noise=noise,
-            experiment=self.with_values(values),
-            deviance=step.deviance,
-            rough=rough,
-            finished=True,
-            passes=self.passes,
-            converged=converged,
-        )
-
-    def _unfinished(self, values: Floats, noise: NoiseCovariances, rough: float) -> ParameterEstimate:
-        """The estimate by least squares, without Newton steps."""
-        information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
+            information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
+            deviance, finished, converged = rough, False, False
+        else:
+            step, noise, converged = self._newton_steps(values, noise, estimated, progress)
+            if step is None:
+                raise self._diverged()
+            values = unwrapped(coordinates.values(step.at), self.unknowns)
+            information, deviance, finished = step.information, step.deviance, True
         return ParameterEstimate(
             values=values,
             information=information,
             noise=noise,
             experiment=self.with_values(values),
-            deviance=rough,
+            deviance=deviance,
             rough=rough,
-            finished=False,
+            finished=finished,
             passes=self.passes,
-            converged=False,
+            converged=converged,
         )
 
     def _diverged(self) -> DivergedFilterError:
@@ -217,10 +208,8 @@ class PredictionErrorMethod:
         """Values and noise near the optimum, by least squares with new gains in every round."""
         search = self._search
         cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
-        if estimated and self.options.resampling.torque_rows and not self._has_speed:
-            noise = self._noise.with_torque_noise(self.with_values(values), noise)  # chatter is far from its least size
         filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
-        lowest = _Lowest(search.patience, (values, noise))
+        deviances, found_in_rounds = list[float](), list[tuple[Floats, NoiseCovariances]]()
         for number in range(search.max_rounds):
             progress(number / (number + 6) / 2)  # some ten rounds are usual
             coordinates = cautious if number < search.cautious_rounds else anywhere
@@ -244,12 +233,14 @@ class PredictionErrorMethod:
             if not all_completed(filtered):
                 break
             values, last = there, move
-            if number >= search.cautious_rounds and lowest.stays(filtered, (values, noise)):
-                return lowest.found  # moves that lead nowhere: there is no such machine
-            if (
-                estimated and search.cautious_rounds <= number and moved < search.noise_distance
-            ):  # not with Q at its least
-                noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
+            if number >= search.cautious_rounds:
+                deviances.append(deviance_of(filtered))
+                found_in_rounds.append((values, noise))
+                likeliest = int(np.argmin(deviances))
+                if likeliest < len(deviances) - search.patience:  # moves that lead nowhere: there is no such machine
+                    return found_in_rounds[likeliest]
+                if estimated and moved < search.noise_distance:  # not with Q at its least
+                    noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
             if moved < search.newton_distance or (before < search.noise_distance and moved > before / 2):
                 break
             before = moved
@@ -314,25 +305,6 @@ class PredictionErrorMethod:
                     f"--fit {unknown.key}: nothing in these logs depends on it: other values switch it off, or its "
                     "sensor was not recorded"
                 )
-
-
-class _Lowest:
-    """The values and noise of the round with the lowest deviance.
-
-    Attributes:
-        found: these.
-    """
-
-    def __init__(self, patience: int, found: tuple[Floats, NoiseCovariances]) -> None:
-        """Set up; `patience`: number of later rounds after which it stays the lowest."""
-        self.found, self._patience, self._deviance, self._later = found, patience, np.inf, 0
-
-    def stays(self, filtered: Sequence[FilterPass], found: tuple[Floats, NoiseCovariances]) -> bool:
-        """Whether it stays the lowest after another round, with given passes."""
-        deviance, self._later = 2 * sum(each.negative_log_likelihood for each in filtered), self._later + 1
-        if deviance < self._deviance:
-            self.found, self._deviance, self._later = found, deviance, 0
-        return self._later == self._patience
 
 
 def damped(move: Floats, last: Floats) -> Floats:

@@ -311,45 +311,24 @@ class ExcitationDesign(UncertainEstimates):
         return page("Excited", f"{self.headline}. {self.motion}", table(*self.table))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw the motion, and its expected deviations compared with those of the present motion.
-
-        Args:
-            ax: two axes to draw into; default: a new figure.
-        """
-        reference, present = self.experiment.reference, self.present_deviations
-        return excitation_figure(
-            self.headline, reference, self.duration, self.unknowns, present, self.deviations, ax=ax
-        )
-
-
-def excitation_figure(
-    headline: str,
-    reference: Reference,
-    duration: float,
-    unknowns: Sequence[UnknownParameter],
-    present: Floats,
-    deviations: Floats,
-    *,
-    ax: GivenAxes = None,
-) -> Figure:
-    """Draw a motion and its expected deviations; see `ExcitationDesign`."""
-    rows = range(len(unknowns))
-    with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", headline) as page:
-        left, right = page.panels(1, 2)
-        t = np.linspace(0, duration, 600)
-        left.plot(t, setpoint(t, reference).x, color=BLUE)
-        left.set(xlabel="time (s)", ylabel="reference (m)", xlim=(0, duration))
-        by = np.array([unknown.uncertainty for unknown in unknowns]) / 100
-        before, after = present / by, deviations / by
-        right.hlines(rows, before, after, color=GREY, linewidth=1.0)
-        right.plot(before, rows, "o", color="white", markeredgecolor=GREY, markersize=5, label="present motion")
-        right.plot(after, rows, "o", color=BLUE, markersize=5, label="this motion")
-        right.set_yticks(rows, [plain(each.key.removeprefix("plant.").removeprefix("sensors.")) for each in unknowns])
-        right.set_ylim(len(rows) - 0.5, -0.5)
-        logarithmic(right, between=(1, 2, 5))
-        right.set_xlabel("deviation to expect, % of the parameter")
-        page.legend()
-    return page.figure
+        """Draw the motion, and its expected deviations beside the present motion's, into two axes or a new figure."""
+        rows = range(len(self.unknowns))
+        with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", self.headline) as page:
+            left, right = page.panels(1, 2)
+            t = np.linspace(0, self.duration, 600)
+            left.plot(t, setpoint(t, self.experiment.reference).x, color=BLUE)
+            left.set(xlabel="time (s)", ylabel="reference (m)", xlim=(0, self.duration))
+            by = np.array([unknown.uncertainty for unknown in self.unknowns]) / 100
+            before, after = self.present_deviations / by, self.deviations / by
+            right.hlines(rows, before, after, color=GREY, linewidth=1.0)
+            right.plot(before, rows, "o", color="white", markeredgecolor=GREY, markersize=5, label="present motion")
+            right.plot(after, rows, "o", color=BLUE, markersize=5, label="this motion")
+            right.set_yticks(rows, [plain(key.removeprefix("plant.").removeprefix("sensors.")) for key in self.keys])
+            right.set_ylim(len(rows) - 0.5, -0.5)
+            logarithmic(right, between=(1, 2, 5))
+            right.set_xlabel("deviation to expect, % of the parameter")
+            page.legend()
+        return page.figure
 
 
 def excite(

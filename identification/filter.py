@@ -70,15 +70,10 @@ class LogFilters:
         into: Sequence[FilterPass] = (),
         **how: Any,
     ) -> list[FilterPass]:
-        """Filter every section.
+        """Filter every section, or only its first `samples`.
 
-        Args:
-            experiment: the machine.
-            noise: R and Q.
-            robust: whether to down-weight outliers (``options.search.outlier``).
-            samples: number of first samples of each section to filter; default: all.
-            into: earlier passes over the same sections, with arrays to overwrite.
-            how: `gains`, `rows`, `watched` of `codegen.drivers.prediction.Predictor.filter`.
+        A robust filter down-weights outliers (``options.search.outlier``). Passes given as `into` are overwritten.
+        Further arguments are `gains`, `rows` and `watched` of `codegen.drivers.prediction.Predictor.filter`.
         """
         known = [*into, *[None] * (len(self.sections) - len(into))]
 
@@ -187,3 +182,8 @@ class LogFilters:
 def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
     """Whether no filter left the track or diverged."""
     return all(run.outcome == Outcome.COMPLETED for run in runs)
+
+
+def deviance_of(filtered: Sequence[FilterPass]) -> float:
+    """Minus twice the log-likelihood of the innovations of all sections, up to a constant."""
+    return 2 * sum(each.negative_log_likelihood for each in filtered)

@@ -27,13 +27,7 @@ from dualwinch.identification.predictor import READINGS
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.result import IdentificationResult
 from dualwinch.identification.smoother import smoothed_force
-from dualwinch.identification.unknowns import (
-    Prior,
-    covariance_of,
-    estimable_keys,
-    problem_of,
-    unknown_parameters,
-)
+from dualwinch.identification.unknowns import Prior, covariance_of, estimable_keys, problem_of, unknown_parameters
 from dualwinch.identification.vortices import with_vortex_origin
 from dualwinch.model.arguments import instance, one_number, texts, whole_number
 from dualwinch.model.errors import ConfigurationError

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
 from dualwinch.codegen.drivers.prediction import FilterPass
-from dualwinch.identification.filter import LogFilters, all_completed
+from dualwinch.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.identification.options import NoiseOptions, SearchOptions
 from dualwinch.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
 from dualwinch.identification.unknowns import SearchCoordinates
@@ -205,11 +205,8 @@ class NoiseEstimator:
     ) -> NoiseCovariances:
         """Estimate Q of the disturbances that no experiment describes, by maximum likelihood.
 
-        Args:
-            experiment: the machine.
-            noise: R, and initial Q.
-            anywhere: whether to search a grid over the whole range first.
-            roughly: whether to use the beginning of each section only.
+        The search begins with the given Q or, if `anywhere`, with the best of a grid over the whole range. A rough one
+        uses the beginning of each section only.
         """
         samples = self._samples if roughly else None
         if anywhere:
@@ -298,12 +295,7 @@ class NoiseEstimator:
         ]
 
     def _line_search(
-        self,
-        experiment: Experiment,
-        noise: NoiseCovariances,
-        names: Sequence[str],
-        samples: int | None,
-        here: float,
+        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None, here: float
     ) -> tuple[NoiseCovariances, float]:
         """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
         options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
@@ -415,11 +407,7 @@ class Likelihood:
         return filtered
 
     def normal(
-        self,
-        values: Floats,
-        noise: NoiseCovariances,
-        filtered: Sequence[FilterPass],
-        start: Floats | None = None,
+        self, values: Floats, noise: NoiseCovariances, filtered: Sequence[FilterPass], start: Floats | None = None
     ) -> Floats:
         """(p + 1, p + 1) normal equations: sums of products of the derivatives by p unknowns and the innovations.
 
@@ -503,16 +491,12 @@ class Likelihood:
 
         1. Least squares with the gains at this point give a gradient and an information matrix; its Cholesky factor
            gives directions of one standard deviation each.
-        2. Differences of the likelihood along these correct slope and curvature.
+        2. Differences of the likelihood along these correct slope and curvature, except in directions in which the
+           corrections of the step `before` were negligible.
         3. The step is halved while it does not lower the deviance. If no length does, the step of least squares is
            used instead.
 
-        Args:
-            at: (p,) coordinates.
-            noise: R and Q.
-            coordinates: of the unknowns.
-            before: the last step; directions in which its corrections were negligible are not differenced.
-            fixed: index of a coordinate to keep.
+        It starts at (p,) coordinates, of which the one with the index `fixed` is kept.
         """
         values, jacobian = coordinates.values(at), coordinates.jacobian(at)
         filtered = self.filtered(values, noise)
@@ -534,7 +518,7 @@ class Likelihood:
         directions[block] = np.linalg.inv(root)
         least, most = self._options.min_difference, self._options.difference
         reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
-        here = 2 * sum(each.negative_log_likelihood for each in filtered) + _prior_deviance(at, coordinates)
+        here = deviance_of(filtered) + _prior_deviance(at, coordinates)
         plain = directions @ gradient
         slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
         # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone

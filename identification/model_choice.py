@@ -18,12 +18,7 @@ from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions, SearchOptions
-from dualwinch.identification.predictor import (
-    READINGS,
-    NoiseCovariances,
-    described_disturbances,
-    has_vortex_states,
-)
+from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances, has_vortex_states
 from dualwinch.identification.resample import ANGLES, LogSection, sections_of
 from dualwinch.identification.unknowns import (
     AMPLITUDE,
@@ -124,14 +119,9 @@ class FittedModel:
         return not unknown.lower < value < unknown.upper or abs(off) > most * expected
 
     @property
-    def samples(self) -> int:
-        """Number of samples of the logs that are used."""
-        return samples_of(self.method)
-
-    @property
     def mean_deviance(self) -> float:
         """Deviance per sample, comparable between delays of the torques, which have different numbers of samples."""
-        return self.estimate.deviance / self.samples
+        return self.estimate.deviance / self.method.samples
 
     @property
     def finished(self) -> bool:
@@ -142,11 +132,6 @@ class FittedModel:
     def white(self) -> bool:
         """Whether innovations are white (`are_white`)."""
         return are_white(self.method, self.estimate.experiment, self.estimate.noise)
-
-
-def samples_of(method: PredictionErrorMethod) -> int:
-    """Number of samples of the logs that a method uses."""
-    return sum(len(section.readings) for section in method.filters.sections)
 
 
 def is_coloured(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances, _rough: float) -> bool:
@@ -200,13 +185,10 @@ class ModelChoice:
     def of(
         self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True
     ) -> FittedModel:
-        """Choose the model for an experiment.
+        """Choose the model for an experiment as described; without a `sea` all unrecorded forces are combined.
 
-        Args:
-            experiment: as described.
-            check: refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Only another delay
-                can improve such an estimate, or a sea if a force is missing.
-            sea: whether to estimate a sea; else all unrecorded forces are combined.
+        `check` refuses an implausible estimate, or returns notes on it (`diagnostics.check_fit`). Only another delay
+        can improve such an estimate, or a sea if a force is missing.
 
         Raises:
             DivergedFilterError: the filter diverges with every model.
@@ -315,7 +297,7 @@ class ModelChoice:
                     likelier = self._fitted(delayed, unknowns, words, (0.9, 1.0), starts=starts, unless=hopeless)
                 except DivergedFilterError:
                     break
-                if likelier.mean_deviance > model.mean_deviance - search.min_deviance_fall / model.samples:
+                if likelier.mean_deviance > model.mean_deviance - search.min_deviance_fall / model.method.samples:
                     break
                 model, moved = replace(likelier, others=()), True
             if moved:
@@ -331,7 +313,7 @@ class ModelChoice:
         rough: float,
     ) -> bool:
         """Whether least squares leave a deviance far above that which they left with a model."""
-        above = rough / samples_of(method) - model.estimate.rough / model.samples
+        above = rough / method.samples - model.estimate.rough / model.method.samples
         return above > self.options.search.max_delay_deviance
 
     def _lags(self, experiment: Experiment) -> Floats:

@@ -51,10 +51,7 @@ class NoiseOptions:
     min_angle_noise: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
     min_drum_speed_noise: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
     quiet_share: Annotated[
-        float,
-        Gt(0),
-        Le(1),
-        Quantity("1", "share of a load cell's readings, the quietest, for the initial R"),
+        float, Gt(0), Le(1), Quantity("1", "share of a load cell's readings, the quietest, for the initial R")
     ] = 1.0
     quiet_readings: Annotated[Count, Quantity("1", "readings in a window that is classified as quiet or not")] = 200
     force_time: Annotated[Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
@@ -160,8 +157,7 @@ class SearchOptions:
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
     ] = 3.0
     min_deviance_fall: Annotated[
-        Positive,
-        Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
+        Positive, Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one")
     ] = 20.0
     max_delay_deviance: Annotated[
         Positive,
@@ -296,8 +292,7 @@ class PlausibilityOptions:
         Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
     ] = 0.01
     max_pull_ratio: Annotated[
-        Factor,
-        Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused"),
+        Factor, Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused")
     ] = 4.0
     averaging_time: Annotated[Positive, Quantity("s", "time over which both sides' pulls are averaged")] = 1.0
     min_windows: Annotated[int, Ge(3), Quantity("1", "number of such times below which they are not compared")] = 10

@@ -229,14 +229,11 @@ def parameter_names(structure: Experiment) -> tuple[str, ...]:
 def predicted_system(
     structure: Experiment, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
 ) -> PredictedSystem:
-    """The predictor's CasADi functions.
+    """The predictor's CasADi functions for a `predictor_structure`.
 
-    Args:
-        structure: of `predictor_structure`.
-        fitted: keys of the parameters to estimate, some of `parameter_names`.
-        zeros: keys of parameters that stay zero (`simulation.loop.structure.zeros_of`), none of them fitted.
-        slack_substeps: number of Runge–Kutta steps in a sample in which a rope is slack or about to be, if other
-            samples take one step of an exponential integrator.
+    `fitted` are the keys of the parameters to estimate, some of `parameter_names`; those in `zeros` stay zero
+    (`simulation.loop.structure.zeros_of`). Where samples take one step of an exponential integrator, those in which a
+    rope is slack or about to be take a number of Runge–Kutta steps instead.
     """
     start = state_template(structure)
     names = {"state": (*leaves(start),), "input": INPUTS, "parameters": parameter_names(structure)}
@@ -314,16 +311,10 @@ def initial_state(
 
     Rope tensions are those of the load cells. A millimetre of rope is tens of kilonewtons, so positions of vehicle and
     drums are not independently uncertain: uncertain are the common position of vehicle and drums, the stretch of each
-    rope, and the speeds.
+    rope, and the speeds, by standard deviations that are options, and the disturbances.
 
-    Args:
-        experiment: has plant, motors and sensors.
-        structure: of `predictor_structure`.
-        first: (readings,) the first of each sensor; NaN if there is none.
-        torques: first commands in N m.
-        t: time of the first sample in s.
-        process: the disturbances.
-        options: standard deviations.
+    `first` (readings,) are the first of each sensor, NaN where there is none; the first torque commands are in N m, and
+    the time of the first sample in s.
     """
     plant, sensors, names = experiment.plant, experiment.sensors, list(leaves(state_template(structure)))
     read = dict(zip(READINGS, first.tolist(), strict=True))

@@ -1,7 +1,6 @@
 """The result of an estimation: estimates with uncertainties, as tables, text, record, ensemble and figure."""
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -35,6 +34,8 @@ Table = tuple[list[str], list[list[str]]]
 
 CONFIDENCE = 0.95
 """Probability of the printed intervals."""
+
+INNOVATION_COLOURS = LinearSegmentedColormap.from_list("innovation", [BLUE, "white", VERMILION])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -281,15 +282,51 @@ class IdentificationResult(UncertainEstimates):
         return page("Identified", words, "".join(table(*each) for each in self.tables))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
-        """Draw estimates with their intervals, and the innovations' size over time.
+        """Draw estimates with their intervals, and the innovations' size over time, into two axes or a new figure."""
+        rows, values, deviations = range(len(self.unknowns)), self.values, self.deviations
+        with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", self.headline) as page:
+            estimates, sensors = page.panels(1, 2)
+            by = np.array([unknown.uncertainty for unknown in self.unknowns]) / 100
+            starts = np.array([unknown.start for unknown in self.unknowns])
+            estimates.axvline(0, color=GREY, linewidth=1.0)
+            estimates.errorbar(
+                (values - starts) / by,
+                rows,
+                xerr=1.96 * deviations / by,
+                fmt="o",
+                color=BLUE,
+                markersize=4,
+                linewidth=1.5,
+                capsize=2,
+            )
+            estimates.set_yticks(rows, [*map(_estimate_label, self.unknowns, values.tolist(), deviations.tolist())])
+            estimates.set_ylim(len(rows) - 0.5, -0.5)
+            known = any(unknown.prior for unknown in self.unknowns)
+            estimates.set_xlabel("change, % of " + ("the prior deviation" if known else "the start"))
+            self._draw_innovations(sensors)
+        return page.figure
 
-        Args:
-            ax: two axes to draw into; default: a new figure.
+    def _draw_innovations(self, axes: Axes, shown: float = 0.5) -> None:
+        """Draw a strip of colour for each sensor: white where its innovations are as large as expected.
+
+        Colours end where root mean squares deviate from 1 by `shown`.
         """
-        verdicts = {test.name: test.words for test in self.whiteness}
-        return identification_figure(
-            self.headline, self.unknowns, self.values, self.deviations, self.innovations, verdicts, ax=ax
+        names, verdicts = list(self.innovations), {test.name: test.words for test in self.whiteness}
+        drawn = axes.pcolormesh(
+            next(iter(self.innovations.values()))[0],
+            range(len(names)),
+            np.array([self.innovations[name][1] for name in names]),
+            cmap=INNOVATION_COLOURS,
+            vmin=1 - shown,
+            vmax=1 + shown,
+            rasterized=True,
         )
+        axes.grid(visible=False)
+        labels = [f"{name}\n{verdicts.get(name, '').partition(' at lag')[0]}" for name in names]
+        axes.set_yticks(range(len(names)), labels)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        axes.set_xlabel("time in motion (s)")
+        axes.figure.colorbar(drawn, ax=axes, extend="both", label="innovations, RMS (1: as expected)")
 
 
 def _digits(value: float, deviation: float) -> int:
@@ -297,68 +334,6 @@ def _digits(value: float, deviation: float) -> int:
     if not value or not deviation or not math.isfinite(deviation):
         return 4
     return min(max(math.floor(math.log10(abs(value))) - math.floor(math.log10(deviation)) + 2, 2), 9)
-
-
-INNOVATION_COLOURS = LinearSegmentedColormap.from_list("innovation", [BLUE, "white", VERMILION])
-
-
-def identification_figure(
-    headline: str,
-    unknowns: Sequence[UnknownParameter],
-    values: Floats,
-    deviations: Floats,
-    innovations: Mapping[str, Floats],
-    verdicts: Mapping[str, str],
-    *,
-    ax: GivenAxes = None,
-) -> Figure:
-    """Draw estimates with their intervals relative to their starts; see `IdentificationResult`."""
-    rows = range(len(unknowns))
-    with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", headline) as page:
-        estimates, sensors = page.panels(1, 2)
-        by = np.array([unknown.uncertainty for unknown in unknowns]) / 100
-        starts = np.array([unknown.start for unknown in unknowns])
-        estimates.axvline(0, color=GREY, linewidth=1.0)
-        estimates.errorbar(
-            (values - starts) / by,
-            rows,
-            xerr=1.96 * deviations / by,
-            fmt="o",
-            color=BLUE,
-            markersize=4,
-            linewidth=1.5,
-            capsize=2,
-        )
-        estimates.set_yticks(rows, [*map(_estimate_label, unknowns, values.tolist(), deviations.tolist())])
-        estimates.set_ylim(len(rows) - 0.5, -0.5)
-        known = any(unknown.prior for unknown in unknowns)
-        estimates.set_xlabel("change, % of " + ("the prior deviation" if known else "the start"))
-        _innovation_strips(innovations, verdicts, sensors)
-    return page.figure
-
-
-def _innovation_strips(
-    innovations: Mapping[str, Floats], verdicts: Mapping[str, str], axes: Axes, shown: float = 0.5
-) -> None:
-    """Draw a strip of colour for each sensor: white where its innovations are as large as expected.
-
-    Colours end where root mean squares deviate from 1 by `shown`.
-    """
-    names = list(innovations)
-    drawn = axes.pcolormesh(
-        next(iter(innovations.values()))[0],
-        range(len(names)),
-        np.array([innovations[name][1] for name in names]),
-        cmap=INNOVATION_COLOURS,
-        vmin=1 - shown,
-        vmax=1 + shown,
-        rasterized=True,
-    )
-    axes.grid(visible=False)
-    axes.set_yticks(range(len(names)), [f"{name}\n{verdicts.get(name, '').partition(' at lag')[0]}" for name in names])
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.set_xlabel("time in motion (s)")
-    axes.figure.colorbar(drawn, ax=axes, extend="both", label="innovations, RMS (1: as expected)")
 
 
 def _estimate_label(unknown: UnknownParameter, value: float, deviation: float) -> str:

@@ -118,10 +118,7 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
 
 
 def unknown_parameters(
-    keys: Sequence[str],
-    experiment: Experiment,
-    priors: Mapping[str, Prior],
-    options: SearchOptions = DEFAULTS.search,
+    keys: Sequence[str], experiment: Experiment, priors: Mapping[str, Prior], options: SearchOptions = DEFAULTS.search
 ) -> tuple[UnknownParameter, ...]:
     """The unknown parameters of given keys, with their ranges.
 

@@ -202,12 +202,7 @@ def vortex_regression(
 ) -> VortexRegression | None:
     """The regression, within `reach` of the described Strouhal number; ``None`` if the logs can show no vortices.
 
-    Args:
-        logs: of one machine.
-        experiment: as described.
-        reach: of Strouhal numbers.
-        options: of the method.
-        integrated: whether the phase is integrated; default: as described.
+    The phase is `integrated` or not; default: as the experiment describes.
     """
     motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
     if not motions or not experiment.disturbance.strouhal:
