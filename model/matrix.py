@@ -56,17 +56,14 @@ def solve(a: Matrix, b: Matrix) -> Matrix:
     return tuple(tuple(row[n:]) for row in rows)
 
 
-def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
-    """Factors of ``a = L D Lᵀ``, for ``a - 1`` symmetric and positive semidefinite.
+def factorised(a: Matrix, least: float | None = 1.0) -> tuple[Matrix, tuple[Scalar, ...]]:
+    """Factors of ``a = L D Lᵀ``, for a symmetric, positive definite matrix with no pivot below `least`.
 
-    Such a matrix has no pivot below 1. Round-off could produce one, above all in single precision with elements of very
-    different size; it is replaced by 1.
+    Where ``a - 1`` is positive semidefinite, that is 1. Round-off could produce a lower pivot, above all in single
+    precision with elements of very different size; it is replaced by `least`. None: any pivot is taken as it is.
 
-    Args:
-        a: rows of the lower triangle, with or without the elements above it.
-
-    Returns:
-        Rows of L (below its diagonal of ones), and the inverses of D's diagonal.
+    The matrix is given by the rows of its lower triangle, with or without the elements above it. Returns the rows of L
+    (below its diagonal of ones), and the inverses of D's diagonal.
     """
     lower: list[list[Scalar]] = []
     inverses: list[Scalar] = []
@@ -77,7 +74,7 @@ def factorised(a: Matrix) -> tuple[Matrix, tuple[Scalar, ...]]:
             scaled.append(row[j] - dot(scaled, lower[j]))
             factors.append(scaled[j] * inverses[j])
         pivot = row[i] - dot(scaled, factors)
-        inverses.append(1 / maximum(pivot, 1.0))
+        inverses.append(1 / (pivot if least is None else maximum(pivot, least)))
         lower.append(factors)
     return tuple(map(tuple, lower)), tuple(inverses)
 
@@ -97,16 +94,11 @@ def solved(factors: tuple[Matrix, tuple[Scalar, ...]], b: Sequence[Scalar]) -> t
 def riccati(a: Matrix, g: Matrix, h: Matrix, doublings: int) -> Matrix:
     """Solution X of ``X = h + aᵀ X (1 + g X)⁻¹ a`` by structure-preserving doubling.
 
-    Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767. Convergence is quadratic, so a fixed number of steps suffices
-    and the solution is an expression: of regulators with ``g = B R⁻¹ Bᵀ`` and ``h = Q``, of filters with ``a = Aᵀ``,
-    ``g = Cᵀ R⁻¹ C`` and ``h = Q``. There is no pivoting: scale the states to similar magnitudes. A solution from
-    parameters alone is computed once per run.
-
-    Args:
-        a: transition matrix over a sample (n, n).
-        g: input or measurement matrix as above; symmetric and positive semidefinite (n, n).
-        h: weight or noise covariance as above; likewise.
-        doublings: steps; the solution is that of the Riccati recursion after 2^doublings samples.
+    Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767. All matrices are (n, n), g and h symmetric and positive
+    semidefinite. Convergence is quadratic, so a fixed number of steps suffices and the solution is an expression: of
+    regulators with ``g = B R⁻¹ Bᵀ`` and ``h = Q``, of filters with ``a = Aᵀ``, ``g = Cᵀ R⁻¹ C`` and ``h = Q``, for the
+    transition matrix A over a sample. It is that of the Riccati recursion after 2^doublings samples. There is no
+    pivoting: scale the states to similar magnitudes. A solution from parameters alone is computed once per run.
     """
     given = a, g, h
     symbolic = any(isinstance(value, ca.SX) for matrix in given for row in matrix for value in row)

@@ -25,11 +25,9 @@ SINCE_1970 = 3e8
 
 
 def read_table(file: str, names: tuple[str | None, ...]) -> list[TableColumn]:
-    """Some columns of a file, with finite numbers in every row; cached until the file changes.
+    """Some columns of a CSV (`model.csv_files`) or Parquet file, with finite numbers in every row.
 
-    Args:
-        file: ``.csv`` (`model.csv_files`) or ``.parquet``.
-        names: names of the columns; ``None`` stands for the only remaining one.
+    Cached until the file changes. A name of ``None`` stands for the only remaining column.
 
     Raises:
         ConfigurationError: the file cannot be read, lacks a column, has fewer than two rows, or a cell of these
@@ -164,12 +162,7 @@ class Recording:
     digest: str
 
     def column(self, index: int, unit: str | None, si: str) -> Floats:
-        """A column in an SI unit, (n,).
-
-        Args:
-            index: its number.
-            unit: its original unit; ``None``: as the file states.
-            si: the SI unit.
+        """A column by its number, in an SI unit, (n,); its original unit may be given, ``None``: as the file states.
 
         Raises:
             ConfigurationError: no unit, contradicting units, or a unit of another quantity.

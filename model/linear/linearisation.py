@@ -72,16 +72,8 @@ def linearise(
     omega_1, omega_2. In a cruise, position, rope lengths and the sag's depth are frozen at x: the system is valid for
     motions that are fast compared with length/v. Ropes stay taut, and teeth in contact as at the operating point.
 
-    Args:
-        x: position in m; default: the middle of the track.
-        v: speed in m/s.
-        preload: sum of both tensions in N.
-        plant: default: the paper's.
-        current: ambient current in m/s, constant.
-        force: disturbance force in N along the track, constant.
-        tension_min: lower limit of a tension in N, as in `model.linear.operating_point.operating_point`.
-        tension_max: upper limit of a tension in N.
-        dt: sample time in s of a discrete system (zero-order hold); None: continuous time.
+    Arguments are those of `model.linear.operating_point.operating_point`, and `dt`, the sample time in s of a discrete
+    system (zero-order hold); None: continuous time.
 
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.

@@ -29,54 +29,51 @@ TAKES_PART = 0.2
 """Least share of the kinetic (elastic) energy with which a body (a rope) takes part in a mode."""
 
 
-class Inside(NamedTuple):
-    """A mode inside a rope and a gearbox: complex displacements in m, along the track except for the sag.
+class SideMotion(NamedTuple):
+    """A mode of a winch and its rope: complex displacements in m, along the track except for the sag.
 
     Attributes:
+        drum: rim of the drum.
         nodes: nodes of the rope, from the drum to the vehicle.
         sag: sag of the rope, 0 without any.
         rotor: rotor, at the drum's rim; None where the gearbox is rigid.
     """
 
+    drum: complex
     nodes: tuple[complex, ...]
     sag: complex
     rotor: complex | None
 
-    def largest(self, *kinds: str) -> complex:
-        """The largest displacement of some kinds of modes (`MODE_KINDS`)."""
+    def largest(self, kind: str) -> complex:
+        """The largest displacement of a kind of mode (`MODE_KINDS`)."""
         moved = {"waves": self.nodes, "gear": (self.rotor or 0j,), "sag": (self.sag,)}
-        return max((way for kind in kinds for way in moved[kind]), key=abs, default=0j)
+        return max(moved[kind], key=abs, default=0j)
 
 
 class Shape(NamedTuple):
-    """A mode of the plant in metres: complex displacements along the track, the drums' at their rims.
-
-    `inner` has the displacements inside rope and gearbox of winch 1 and winch 2.
-    """
+    """A mode of the plant in metres: complex displacements of the vehicle, and of winch 1 and winch 2."""
 
     vehicle: complex
-    drum_1: complex
-    drum_2: complex
-    inner: tuple[Inside, Inside]
+    sides: tuple[SideMotion, SideMotion]
 
     @property
     def stretches(self) -> tuple[complex, complex]:
         """Stretches of rope 1 and rope 2."""
-        return self.drum_1 - self.vehicle, self.vehicle - self.drum_2
+        return self.sides[0].drum - self.vehicle, self.vehicle - self.sides[1].drum
 
     @property
     def largest(self) -> complex:
         """The largest displacement."""
-        moved = (self.vehicle, self.drum_1, self.drum_2, *(inside.largest(*MODE_KINDS) for inside in self.inner))
-        return max(moved, key=abs)
+        moved = [self.vehicle, *(side.drum for side in self.sides)]
+        return max(*moved, *(side.largest(kind) for side in self.sides for kind in MODE_KINDS), key=abs)
 
     @property
     def is_rigid(self) -> bool:
         """Whether all displacements are equal, within `RIGID`."""
-        apart = [*self.stretches, *(inside.sag for inside in self.inner)]
-        for inside, drum in zip(self.inner, (self.drum_1, self.drum_2), strict=True):
-            apart += [node - self.vehicle for node in inside.nodes]
-            apart += [] if inside.rotor is None else [inside.rotor - drum]
+        apart = list(self.stretches)
+        for side in self.sides:
+            apart += [side.sag, *(node - self.vehicle for node in side.nodes)]
+            apart += [] if side.rotor is None else [side.rotor - side.drum]
         return max(map(abs, apart)) < RIGID * abs(self.largest)
 
 
@@ -108,12 +105,8 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
         return "rigid drift: speed" if speed > position else "rigid drift: position"
     lengths = rope_lengths(x, plant.track)
     weights = [_side_masses(side, length, plant) for side, length in zip(plant.sides, lengths, strict=True)]
-    energies = [
-        mass.energies(drum, moved.vehicle, inside)
-        for mass, drum, inside in zip(weights, (moved.drum_1, moved.drum_2), moved.inner, strict=True)
-    ]
-    participating = [_side_share(number, shares, known) for number in (1, 2)]
-    factors = _side_factors([sum(energy.values()) for energy in energies], participating)
+    energies = [mass.energies(motion, moved.vehicle) for mass, motion in zip(weights, moved.sides, strict=True)]
+    factors = _side_factors([sum(energy.values()) for energy in energies], shares, known)
     energies = [
         {kind: factor * of for kind, of in energy.items()} for factor, energy in zip(factors, energies, strict=True)
     ]
@@ -130,27 +123,20 @@ def label(system: LinearSystem, participation: Mapping[str, float], shape: Mappi
     return _by_energies(moved, (inertia(plant.vehicle), *masses), springs)
 
 
-def _side_share(number: int, shares: Mapping[str, float], known: Mapping[str, Leaf]) -> float:
-    """Participation of the states of a winch and its rope in a mode, without friction states."""
-    begins = f"theta_{number}", f"omega_{number}", f"rope_{number}.", f"motor_{number}."
-    return sum(
-        share for key, share in shares.items() if key.startswith(begins) and Mark.SETTLES not in known[key].marks
-    )
+def _side_factors(
+    energies: Sequence[float], shares: Mapping[str, float], known: Mapping[str, Leaf]
+) -> tuple[float, float]:
+    """Factors on the energies of both sides that make them proportional to the participation of the sides' states.
 
-
-def _side_factors(energies: Sequence[float], shares: Sequence[float]) -> list[float]:
-    """Factors on the energies of both sides that make them proportional to the shares and keep their sum."""
-    if not all(energies) or not sum(shares):
-        return [1.0, 1.0]
-    whole = sum(energies) / sum(shares)
-    return [whole * share / energy for energy, share in zip(energies, shares, strict=True)]
-
-
-def _inside(side: Side, shape: Mapping[str, complex], prefix: str) -> Inside:
-    rope, rotor = f"{prefix}rope_{side.number}.", f"{prefix}motor_{side.number}.theta"
-    nodes = (side.direction * way for name, way in shape.items() if name.startswith(f"{rope}waves.position"))
-    turn = side.direction * side.winch.drum_radius
-    return Inside(tuple(nodes), shape.get(f"{rope}sag.depth", 0j), turn * shape[rotor] if rotor in shape else None)
+    They keep the sum of the energies; friction states do not count.
+    """
+    moving = {key: share for key, share in shares.items() if Mark.SETTLES not in known[key].marks}
+    sides = ((f"theta_{side}", f"omega_{side}", f"rope_{side}.", f"motor_{side}.") for side in (1, 2))
+    first, second = (sum(share for key, share in moving.items() if key.startswith(begins)) for begins in sides)
+    if not all(energies) or not first + second:
+        return 1.0, 1.0
+    whole = sum(energies) / (first + second)
+    return whole * first / energies[0], whole * second / energies[1]
 
 
 class SideMasses(NamedTuple):
@@ -162,24 +148,24 @@ class SideMasses(NamedTuple):
     node: float
     sag: float
 
-    def energies(self, drum: complex, vehicle: complex, inside: Inside) -> dict[str, float]:
+    def energies(self, motion: SideMotion, vehicle: complex) -> dict[str, float]:
         """Kind of a mode → twice its kinetic energy over the square of its angular frequency.
 
         The energy of rotor and drum is divided into that of their centre of mass ("drum") and of the relative motion
         ("gear").
         """
+        drum, ends = motion.drum, abs(motion.drum) ** 2 + abs(vehicle) ** 2
         moving = {
             "drum": self.drum * abs(drum) ** 2,
-            "waves": self.node * sum(abs(node) ** 2 for node in inside.nodes)
-            + self.end * (abs(drum) ** 2 + abs(vehicle) ** 2),
+            "waves": self.node * sum(abs(node) ** 2 for node in motion.nodes) + self.end * ends,
             "gear": 0.0,
-            "sag": self.sag * abs(inside.sag) ** 2,
+            "sag": self.sag * abs(motion.sag) ** 2,
         }
-        if inside.rotor is None:
+        if motion.rotor is None:
             return moving
         both = self.drum + self.rotor
-        together = (self.drum * drum + self.rotor * inside.rotor) / both
-        swing = self.drum * self.rotor / both * abs(inside.rotor - drum) ** 2
+        together = (self.drum * drum + self.rotor * motion.rotor) / both
+        swing = self.drum * self.rotor / both * abs(motion.rotor - drum) ** 2
         return moving | {"drum": both * abs(together) ** 2, "gear": swing}
 
 
@@ -209,12 +195,11 @@ def _by_kind(kind: str, energies: Sequence[float], moved: Shape) -> str:
     """Label of a mode from its kind and its energies on both sides."""
     one, two = MODE_KINDS[kind]
     stronger = int(energies[1] > energies[0])
-    nodes = moved.inner[stronger].nodes
-    along = [moved.vehicle, *reversed(nodes), (moved.drum_1, moved.drum_2)[stronger]]
-    number = 1 + _sign_changes(along)
+    side = moved.sides[stronger]
+    number = 1 + _sign_changes([moved.vehicle, *reversed(side.nodes), side.drum])
     if min(energies) < TAKES_PART * sum(energies):
         return one.format(stronger + 1, number)
-    first, second = (inside.largest(kind) for inside in moved.inner)
+    first, second = (side.largest(kind) for side in moved.sides)
     return two.format("together" if (first * second.conjugate()).real > 0 else "opposed", number)
 
 
@@ -239,25 +224,34 @@ def plant_prefix(states: Sequence[str]) -> str | None:
 
 
 def displacements(shape: Mapping[str, complex], plant: Plant, prefix: str = "") -> Shape:
-    """A mode's displacements of vehicle and drum rims along the track, in metres."""
-    first, second = (_inside(side, shape, prefix) for side in plant.sides)
-    return Shape(
-        shape[prefix + "x"],
-        plant.winch_1.drum_radius * shape[prefix + "theta_1"],
-        -plant.winch_2.drum_radius * shape[prefix + "theta_2"],
-        (first, second),
-    )
+    """A mode's displacements of the vehicle and of both winches with their ropes, in metres."""
+
+    def motion(side: Side) -> SideMotion:
+        rope, rotor = f"{prefix}rope_{side.number}.", f"{prefix}motor_{side.number}.theta"
+        turn = side.direction * side.winch.drum_radius
+        return SideMotion(
+            drum=turn * shape[f"{prefix}theta_{side.number}"],
+            nodes=tuple(
+                side.direction * way for name, way in shape.items() if name.startswith(f"{rope}waves.position")
+            ),
+            sag=shape.get(f"{rope}sag.depth", 0j),
+            rotor=turn * shape[rotor] if rotor in shape else None,
+        )
+
+    side_1, side_2 = plant.sides
+    return Shape(shape[f"{prefix}x"], (motion(side_1), motion(side_2)))
 
 
 def _by_energies(moved: Shape, masses: Sequence[float], springs: Sequence[float]) -> str:
     """Label of a mode from the energies of bodies (masses in kg) and ropes (spring rates in N/m)."""
-    vehicle, *drums = _taking_part(masses, moved[:3])
+    rims = [side.drum for side in moved.sides]
+    vehicle, *drums = _taking_part(masses, [moved.vehicle, *rims])
     ropes = [number for number, there in enumerate(_taking_part(springs, moved.stretches), start=1) if there]
     turning = [number for number, there in enumerate(drums, start=1) if there]
     rope = "both ropes" if len(ropes) == 2 else f"rope {ropes[0]}"
     drum = "both drums" if len(turning) == 2 else f"drum {turning[0]}" if turning else ""
     if len(turning) == 2 and not vehicle:
-        together = (moved.drum_1 * moved.drum_2.conjugate()).real > 0
+        together = (rims[0] * rims[1].conjugate()).real > 0
         return "both drums " + ("together" if together else "opposed")
     if not vehicle:
         return f"{rope} – {drum}"
@@ -501,15 +495,12 @@ class ModeTrack:
 
 
 def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> tuple[ModeTrack, ...]:
-    """Track the modes along systems that change little from one to the next.
+    """Track the modes along systems that change little from one to the next, with the same states.
 
     Modes are matched by linear assignment: the left eigenvector of each with the right one of the other (a measure
     independent of the scaling of states), and the distance of their eigenvalues. Where modes mix, as those of two equal
-    ropes in the middle of the track, they are matched with the last distinct ones.
-
-    Args:
-        systems: systems with the same states, in the order of the sweep.
-        plant: the plant that was linearised, for the labels (default: the paper's).
+    ropes in the middle of the track, they are matched with the last distinct ones. Labels are for the plant that was
+    linearised (default: the paper's).
 
     Returns:
         The tracks, in ascending natural frequency at the first point. An oscillation is one track; where it splits into

@@ -56,11 +56,7 @@ def _lengths(rows: Array) -> Array:
 
 
 def mode_controllability(system: LinearSystem, inputs: Sequence[str] | None = None) -> Array:
-    """Distance of every eigenvalue from being uncontrollable.
-
-    Args:
-        system: the system.
-        inputs: inputs to use; default: all.
+    """Distance of every eigenvalue from being uncontrollable by the inputs (default: all).
 
     Returns:
         Smallest singular value of ``[A - lambda I, B]`` over the norm of A, for the eigenvalues in the order of
@@ -74,7 +70,7 @@ def mode_controllability(system: LinearSystem, inputs: Sequence[str] | None = No
 
 
 def mode_observability(system: LinearSystem, outputs: Sequence[str] | None = None) -> Array:
-    """Distance of every eigenvalue from being unobservable (see `mode_controllability`).
+    """Distance of every eigenvalue from being unobservable from the outputs (see `mode_controllability`).
 
     Raises:
         ConfigurationError: an unknown output.
@@ -197,10 +193,7 @@ def dc_gains(system: LinearSystem) -> Array:
 def states_that_matter(A: Array, B: Array, C: Array) -> NDArray[np.bool_]:
     """States of many systems that are not constant and that affect an output, directly or through other states.
 
-    Args:
-        A: matrices (s, n, n) of discrete systems.
-        B: their input matrices, (s, n, m).
-        C: their output matrices, (s, p, n).
+    From the matrices A (s, n, n), B (s, n, m) and C (s, p, n) of discrete systems.
 
     Returns:
         (s, n); false for constant states, such as an integral without a gain.

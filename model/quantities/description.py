@@ -121,12 +121,7 @@ PLAIN = (float, int, bool, str, tuple[float, ...], type(None))
 def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
     """Every scalar below a dataclass type, nested groups and every registered part included, in declaration order.
 
-    Args:
-        group: a dataclass type whose scalar fields are annotated with a `Quantity`.
-        prefix: prefix of every key.
-
-    Returns:
-        Dotted key → `Leaf`.
+    Its scalar fields are annotated with a `Quantity`. Returns dotted keys, all with a prefix, and their `Leaf`.
 
     Raises:
         ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound.
@@ -161,10 +156,6 @@ def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
 
 def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
     """Every scalar below an instance, from the types of its parts; keys as in `leaves`.
-
-    Args:
-        group: an instance of a dataclass, with parts of any dataclass type.
-        prefix: prefix of every key.
 
     Raises:
         ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound; a part is invalid; or

@@ -17,15 +17,10 @@ Group = TypeVar("Group")
 
 
 def leaves(group: Any, prefix: str = "", *, whole: bool = False) -> dict[str, Any]:
-    """Flatten a dataclass into its scalars, vectors and matrices into their elements.
+    """Flatten a (nested) dataclass into its scalars, vectors and matrices into their elements.
 
-    Args:
-        group: an instance of a (nested) dataclass.
-        prefix: prefix of every key, with its dot, e.g. ``"plant."``.
-        whole: keep arrays, such as signals over time, in one piece.
-
-    Returns:
-        Dotted key → value, in declaration order, the kinds of parts included.
+    Returns dotted key → value in declaration order, the kinds of parts included. Every key has the prefix, such as
+    ``"plant."``. A `whole` array, such as a signal over time, is kept in one piece.
     """
     return dict(pairs(group, prefix, whole=whole))
 
@@ -47,15 +42,11 @@ def pairs(group: Any, prefix: str = "", *, whole: bool = False) -> Iterator[tupl
 
 
 def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Group:
-    """A copy of a dataclass with some of its scalars replaced.
+    """A copy of a (nested) dataclass with some of its scalars replaced, by their dotted keys; unknown keys are ignored.
 
     A new kind of a part has its own defaults, and the values of keys it shares with the part it replaces. Of several
-    parts those of a requested kind are kept; others are added with their defaults.
-
-    Args:
-        group: an instance of a (nested) dataclass.
-        values: dotted key → new value; unknown keys are ignored.
-        prefix: prefix of the keys of this group, e.g. ``"plant."``.
+    parts those of a requested kind are kept; others are added with their defaults. The keys of this group have a
+    prefix, e.g. ``"plant."``.
 
     Raises:
         ConfigurationError: a part of an unknown kind, or invalid values of a group.

@@ -210,21 +210,19 @@ ROTOR = 0.2
 
 def _shape(axes: Axes, mode: Mode, plant: Plant, prefix: str) -> None:
     found = displacements(mode.shape, plant, prefix)
-    vehicle, drum_1, drum_2, inner = found
-    for rope, drum, place in ((2, drum_2, 0), (1, drum_1, 2)):
-        inside, colour = inner[rope - 1], ROPE_COLOURS[rope - 1]
-        along = (np.array([drum, *inside.nodes, vehicle]) / found.largest).real
+    for side, colour, place in zip(found.sides[::-1], ROPE_COLOURS[::-1], (0, 2), strict=True):
+        along = (np.array([side.drum, *side.nodes, found.vehicle]) / found.largest).real
         at = np.linspace(place, 1, len(along))
         axes.plot(at, along, color=colour, linewidth=1.2)
         axes.plot(at[1:-1], along[1:-1], ".", color=colour)
         axes.vlines(at, 0, along, color=LIGHT, linewidth=4, zorder=1)
         axes.plot(at[[0, -1]], along[[0, -1]], "o", color=INK, markersize=4.5)
-        if inside.rotor is not None:
-            ends, turned = [place, place + ROTOR * (place - 1)], (inside.rotor / found.largest).real
+        if side.rotor is not None:
+            ends, turned = [place, place + ROTOR * (place - 1)], (side.rotor / found.largest).real
             axes.plot(ends, [along[0], turned], ":", color=INK, linewidth=1)
             axes.plot(ends[1], turned, "s", color=INK, markersize=3.5)
-        if inside.sag:
-            axes.plot((place + 1) / 2, (inside.sag / found.largest).real, "v", color=colour, fillstyle="none")
+        if side.sag:
+            axes.plot((place + 1) / 2, (side.sag / found.largest).real, "v", color=colour, fillstyle="none")
     zero_line(axes)
     axes.set_xticks([0, 1, 2], ["drum 2's rim", "vehicle", "drum 1's rim"])
     axes.set(xlim=(-0.3, 2.3), ylim=(-1.25, 1.25))

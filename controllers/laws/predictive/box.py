@@ -11,7 +11,7 @@ An active set that no longer changes is the exact solution. The last sample's ac
 
 from collections.abc import Sequence
 
-from dualwinch.model.matrix import Matrix, dot
+from dualwinch.model.matrix import Matrix, dot, factorised, solved
 from dualwinch.model.scalar import Scalar
 
 
@@ -50,20 +50,7 @@ def least_in_box(
     return values, list(sides)
 
 
-def _solved_where_free(a: Matrix, b: Sequence[Scalar], free: Sequence[Scalar]) -> list[Scalar]:
-    """Solution for the free rows and columns, by ``L D Lᵀ``; zero elsewhere, where b must be zero."""
-    n = len(b)
-    factors: list[list[Scalar]] = []
-    inverses: list[Scalar] = []
-    x: list[Scalar] = []
-    for i in range(n):
-        row: list[Scalar] = []  # of L D
-        for j in range(i):
-            row.append(free[i] * free[j] * a[i][j] - dot(row, factors[j]))
-        factors.append([value * inverse for value, inverse in zip(row, inverses, strict=True)])
-        inverses.append(1 / (a[i][i] - dot(row, factors[i])))
-        x.append(b[i] - dot(factors[i], x))
-    x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]
-    for i in reversed(range(n)):
-        x[i] = x[i] - sum(factors[k][i] * x[k] for k in range(i + 1, n))
-    return x
+def _solved_where_free(a: Matrix, b: Sequence[Scalar], free: Sequence[Scalar]) -> tuple[Scalar, ...]:
+    """Solution for the free rows and columns; zero elsewhere, where b must be zero."""
+    rows = tuple((*(free[i] * free[j] * a[i][j] for j in range(i)), a[i][i]) for i in range(len(b)))
+    return solved(factorised(rows, least=None), b)
