@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.estimate import ParameterEstimate, PredictionErrorMethod, on_worker
 from dualwinch.identification.likelihood import noise_by_differences
 from dualwinch.identification.log import POSITIONS, TORQUES, UNIT_OF, Log, longest_step
 from dualwinch.identification.options import DEFAULTS, DiagnosticsOptions, EstimationOptions, PlausibilityOptions
@@ -550,21 +550,9 @@ def likelihood_profiles(
 ) -> tuple[LikelihoodProfile, ...]:
     """Profile likelihoods of several parameters; an executor's workers compute them in parallel."""
     if isinstance(workers, Executor):
-        tasks = ((*method.made_of, estimate, key) for key in keys)
-        return tuple(in_order(spread(workers, profile_of, tasks)))
+        tasks = ((likelihood_profile, method.made_of, estimate, key) for key in keys)
+        return tuple(in_order(spread(workers, on_worker, tasks)))
     return tuple(likelihood_profile(method, estimate, key) for key in keys)
-
-
-def profile_of(
-    sections: Sequence[LogSection],
-    experiment: Experiment,
-    unknowns: Sequence[UnknownParameter],
-    options: EstimationOptions,
-    estimate: ParameterEstimate,
-    key: str,
-) -> LikelihoodProfile:
-    """A profile likelihood on one thread of a worker."""
-    return likelihood_profile(PredictionErrorMethod(sections, experiment, unknowns, options, 1), estimate, key)
 
 
 def likelihood_profile(method: PredictionErrorMethod, estimate: ParameterEstimate, key: str) -> LikelihoodProfile:

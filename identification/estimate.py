@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ from dualwinch.simulation.loop.structure import parameters_of, zeros_of
 from dualwinch.simulation.progress import Progress, no_progress, part
 
 Floats = NDArray[np.float64]
+
+Found = TypeVar("Found")
 
 
 class DivergedFilterError(ConfigurationError):
@@ -357,8 +360,8 @@ def _searches(
 ) -> Iterator[ParameterEstimate | ConfigurationError]:
     """The result of a search from each start; an error if the filter diverges there."""
     if isinstance(workers, Executor):
-        tasks = ((*method.made_of, start) for start in starts)
-        for number, found in enumerate(in_order(spread(workers, estimate_from, tasks))):
+        tasks = ((_search, method.made_of, start) for start in starts)
+        for number, found in enumerate(in_order(spread(workers, on_worker, tasks))):
             progress((number + 1) / len(starts))
             if isinstance(found, ParameterEstimate):
                 method.filters.passes += found.passes
@@ -377,15 +380,9 @@ def _search(
         return error
 
 
-def estimate_from(
-    sections: Sequence[LogSection],
-    experiment: Experiment,
-    unknowns: Sequence[UnknownParameter],
-    options: EstimationOptions,
-    start: Floats,
-) -> ParameterEstimate | ConfigurationError:
-    """A search from a start on one thread of a worker; returns an error if the filter diverges there."""
-    return _search(PredictionErrorMethod(sections, experiment, unknowns, options, 1), start)
+def on_worker(work: Callable[..., Found], made_of: tuple[Any, ...], *arguments: Any) -> Found:
+    """Some work with a method, made anew on one thread of a worker from that of `PredictionErrorMethod.made_of`."""
+    return work(PredictionErrorMethod(*made_of, threads=1), *arguments)
 
 
 def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> list[Floats]:

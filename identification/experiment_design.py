@@ -264,15 +264,8 @@ class ExcitationDesign(UncertainEstimates):
                 f"{before / after:.3g}" if known else "",
                 behind_number(unknown.unit).strip(),
             ])  # fmt: skip
-        return [
-            "parameter",
-            "start",
-            "std. deviation, present motion",
-            "this motion",
-            "relative",
-            "ratio",
-            "unit",
-        ], rows
+        deviations = ["std. deviation, present motion", "this motion"]
+        return ["parameter", "start", *deviations, "relative", "ratio", "unit"], rows
 
     def to_record(self) -> dict[str, Any]:
         """All results as a dictionary for JSON; standard deviations in the unit of their parameter."""

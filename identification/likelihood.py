@@ -235,14 +235,8 @@ class NoiseEstimator:
         """
         options, reach = self._options, math.log(self._options.described_reach)
         anywhere = options.whole_range or all(noise.process[name] == self._described[name] for name in DESCRIBED)
-        searches = [
-            search
-            for name in DESCRIBED
-            for search in (
-                (name, SIZE, options.described_factor, reach),
-                (name, TIME, options.described_time_factor, reach),
-            )
-        ]
+        factors = (SIZE, options.described_factor), (TIME, options.described_time_factor)
+        searches = [(name, way, factor, reach) for name in DESCRIBED for way, factor in factors]
         searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
 
         def whole(noise: NoiseCovariances) -> float:

@@ -168,12 +168,7 @@ class ModelChoice:
     7. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
        the paper's kind is far from the described one, the other kind is tried.
 
-    Attributes:
-        logs: of one machine.
-        unknowns: to estimate.
-        options: of the method.
-        threads: default: one per core.
-        progress: of the searches.
+    All logs are of one machine. The number of threads is by default one per core.
     """
 
     logs: Sequence[Log]

@@ -22,7 +22,7 @@ from dualwinch.identification.options import InitialStateOptions, NoiseOptions
 from dualwinch.model.actuators import drive
 from dualwinch.model.disturbance import Disturbance, vortex_frequency
 from dualwinch.model.linear.operating_point import steady_motion
-from dualwinch.model.plant import Torques, holding_torques, tensions, torques_amid
+from dualwinch.model.plant import Torques, holding_torques, shaft_torques, tensions
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.ropes import crept
@@ -251,7 +251,8 @@ def predicted_system(
     commands = Torques(given["tau_1"], given["tau_2"])
     actuators = now.actuator_1, now.actuator_2
     actuators, torques = drive(actuators, commands, now.motion.plant, plant, groups["actuator"], sample_time)
-    torques, disturbances = torques_amid(torques, now.motion.plant, sample_time, plant), now.unrecorded
+    torques = shaft_torques(torques, now.motion.plant, plant, sample_time / 2)
+    disturbances = now.unrecorded
     by, vortices, force = per_coefficient(plant.vehicle), now.vortices, disturbances.force
     if isinstance(vortices, VortexStates):
         vehicle, v = plant.vehicle, now.motion.plant.v

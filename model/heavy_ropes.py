@@ -279,15 +279,13 @@ def rope_pull(
         steep = state.sag.depth * spans**2  # without a division
         surplus = 8 / 3 * steep * state.sag.depth * length
         surplus_rate = 16 / 3 * steep * state.sag.rate * length
-    stretches, rates, speeds = [ends.stretch], [ends.stretch_rate], [ends.wound_rate]
+    inner_speeds = [state.waves.speed[node] for node in range(n - 1)]
+    speeds = [ends.wound_rate, *inner_speeds, ends.wound_rate - ends.stretch_rate]
+    stretches, rates = [ends.stretch], [ends.stretch_rate]
     if isinstance(state.waves, Waves):
         nodes = [ends.wound, *(state.waves.position[node] for node in range(n - 1)), ends.wound - ends.stretch]
-        speeds += [state.waves.speed[node] for node in range(n - 1)]
-        speeds.append(ends.wound_rate - ends.stretch_rate)
         stretches = [n * (near - far) for near, far in pairwise(nodes)]
         rates = [n * (near - far) for near, far in pairwise(speeds)]
-    else:
-        speeds.append(ends.wound_rate - ends.stretch_rate)
     rubbing, hysteresis = 0.0, NO_STATE
     if isinstance(state.hysteresis, Hysteresis):
         # more rope at constant strain has more stretch, and more spans of the same sag; neither changes the strain

@@ -302,18 +302,13 @@ def derivative(
     )
 
 
-def shaft_torques(torques: Torques, theta_1: Scalar, theta_2: Scalar, plant: Plant) -> Torques:
-    """Motor torques with torque error and ripple, at the drum angles theta_1 and theta_2 in rad."""
+def shaft_torques(torques: Torques, state: PlantState, plant: Plant, after: Scalar = 0.0) -> Torques:
+    """Motor torques with torque error and ripple, at the angles of the shafts a time in s after a state."""
+    angle_1, angle_2 = (theta + after * omega for theta, omega in state.shafts)
     return Torques(
-        tau_1=shaft_torque(torques.tau_1, theta_1, plant.winch_1),
-        tau_2=shaft_torque(torques.tau_2, theta_2, plant.winch_2),
+        tau_1=shaft_torque(torques.tau_1, angle_1, plant.winch_1),
+        tau_2=shaft_torque(torques.tau_2, angle_2, plant.winch_2),
     )
-
-
-def torques_amid(torques: Torques, state: PlantState, duration: Scalar, plant: Plant) -> Torques:
-    """`shaft_torques` at the drum angles in the middle of an interval of `duration` s that begins at `state`."""
-    middle_1, middle_2 = (theta + duration / 2 * omega for theta, omega in state.shafts)
-    return shaft_torques(torques, middle_1, middle_2, plant)
 
 
 def resting_state(preload: Scalar, plant: Plant, x: Scalar = 0.0) -> PlantState:
@@ -395,9 +390,7 @@ def plant(values: Plant | None = None) -> ca.Function:
     state, x = symbols(blank_state(structure), "x")
     torques, u = symbols(Torques(), "u")
     environment, w = symbols(DisturbanceInputs(), "w")
-    (angle_1, _), (angle_2, _) = state.shafts
-    given = shaft_torques(torques, angle_1, angle_2, parameters)
-    dx = derivative(state, given, environment, parameters)
+    dx = derivative(state, shaft_torques(torques, state, parameters), environment, parameters)
     inputs = {"x": x, "u": u, "w": w} | ({} if values else {"p": p})
     outputs = [ca.vertcat(*leaves(dx).values()), ca.vertcat(*tensions(state, parameters))]
     return ca.Function("plant", list(inputs.values()), outputs, list(inputs), ["dx", "F"])

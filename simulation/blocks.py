@@ -25,7 +25,6 @@ from dualwinch.model.plant import (
     resting_state,
     shaft_torques,
     tensions,
-    torques_amid,
 )
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Quantity, unknown
@@ -146,15 +145,14 @@ def plant_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     problem = Problem(
         t=t,
         duration=sample_time,
-        torques=torques_amid(Torques(**torques), here, sample_time, plant),
+        torques=shaft_torques(Torques(**torques), here, plant, sample_time / 2),
         environment=DisturbanceInputs(**sea),
         disturbance=parts.disturbance,
         plant=plant,
     )
     solver = solver_of(experiment)
     moved = INTEGRATORS[solver.integrator].advance(problem, motion, solver.substeps)
-    (angle_1, _), (angle_2, _) = here.shafts
-    held = replace(problem, torques=shaft_torques(Torques(**torques), angle_1, angle_2, plant))
+    held = replace(problem, torques=shaft_torques(Torques(**torques), here, plant))
     slope = held.derivative(t, motion)
 
     def output(at: PlantState, when: Scalar) -> Scalars:

@@ -137,8 +137,7 @@ def _jacobians(structure: Plant) -> ca.Function:
     state, x = symbols(blank_state(structure), "x")
     asked, u = symbols(Torques(), "u")
     environment, w = symbols(DisturbanceInputs(), "w")
-    (angle_1, _), (angle_2, _) = state.shafts
-    torques = shaft_torques(asked, angle_1, angle_2, plant)
+    torques = shaft_torques(asked, state, plant)
     dx = ca.vertcat(*leaves(derivative(state, torques, environment, plant)).values())
     force_1, force_2 = tensions(state, plant)
     y = ca.vertcat(state.x, state.v, force_1, force_2, state.omega_1, state.omega_2)

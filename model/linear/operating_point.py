@@ -348,8 +348,7 @@ def _left(structure: Plant) -> ca.Function:
     """``state, torques, (force, current), p -> residuals``: largest acceleration and rate of a tension."""
     plant, p = symbols(structure, "p")
     (state, x), (asked, u), w = symbols(blank_state(structure), "x"), symbols(Torques(), "u"), ca.SX.sym("w", 2)
-    (angle_1, _), (angle_2, _) = state.shafts
-    torques = shaft_torques(asked, angle_1, angle_2, plant)
+    torques = shaft_torques(asked, state, plant)
     rates, known = leaves(derivative(state, torques, DisturbanceInputs(*ca.vertsplit(w)), plant)), describe_parts(state)
     radii = {str(number): winch.drum_radius for number, _, winch, *_ in plant.sides}
     accelerations = [

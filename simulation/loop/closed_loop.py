@@ -29,8 +29,8 @@ from dualwinch.model.plant import (
     blank_state,
     holding_torques,
     resting_state,
+    shaft_torques,
     tensions,
-    torques_amid,
 )
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, Quantity
@@ -326,7 +326,7 @@ def closed_loop(
     hold = zero_order_hold(
         structure,
         t=t,
-        torques=torques_amid(torques, plant_state, duration, plant),
+        torques=shaft_torques(torques, plant_state, plant, duration / 2),
         current=exogenous.current,
         normal_force_variation=exogenous.normal_force_variation,
         force=exogenous.force,
