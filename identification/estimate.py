@@ -72,6 +72,7 @@ class ParameterEstimate:
 
 
 def _with_values(experiment: Experiment, keys: Sequence[str], values: Floats) -> Experiment:
+    """The experiment with other values of the unknowns."""
     return with_leaves(experiment, dict(zip(keys, values.tolist(), strict=True)))
 
 
@@ -104,8 +105,8 @@ class PredictionErrorMethod:
         self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
-        self._machine = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
-        self.likelihood = Likelihood(self.filters, self._machine, columns, options.search)
+        self.with_values = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
+        self.likelihood = Likelihood(self.filters, self.with_values, columns, options.search)
         self._noise = NoiseEstimator(self.filters, experiment, options.noise)
 
     @property
@@ -121,10 +122,6 @@ class PredictionErrorMethod:
     def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
         """Filters over other sections."""
         return LogFilters(self._predictor, self.structure, sections, self.options, self._threads)
-
-    def with_values(self, values: Floats) -> Experiment:
-        """The experiment with other values of the unknowns."""
-        return self._machine(values)
 
     def initial_noise(self) -> NoiseCovariances:
         """Initial R and Q."""

@@ -12,7 +12,7 @@ not differenced again.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 from typing import Any
 
@@ -471,7 +471,7 @@ class Likelihood:
         """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge."""
         machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
         logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
-        return logs + np.array([_prior_deviance(point, coordinates) for point in points])
+        return logs + np.array([coordinates.prior_deviance(point) for point in points])
 
     def step(
         self,
@@ -512,16 +512,17 @@ class Likelihood:
         directions[block] = np.linalg.inv(root)
         least, most = self._options.min_difference, self._options.difference
         reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
-        here = deviance_of(filtered) + _prior_deviance(at, coordinates)
+        here = deviance_of(filtered) + coordinates.prior_deviance(at)
         plain = directions @ gradient
-        slopes, curvatures = self._differences(at, here, directions, reach, plain, noise, coordinates, before)
+        deviances = partial(self.deviances, noise=noise, coordinates=coordinates)
+        slopes, curvatures = self._differences(at, here, directions, reach, plain, before, deviances)
         # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone
         move, there, expected = np.zeros_like(at), here, 0.0
         for more, bent in ((slopes, curvatures), (np.zeros_like(slopes), np.ones_like(curvatures))):
             way = np.where(reach > least, -(plain + more) / bent, 0.0) @ directions
             way *= min(coordinates.room(at, way), 1.0)
             hoped = float(np.where(reach > least, (plain + more) ** 2 / bent, 0.0).sum())
-            move, there = self._shortened(at, here, way, hoped, noise, coordinates)
+            move, there = self._shortened(at, here, way, hoped, deviances)
             if more is slopes or there < here:
                 expected = hoped
             if there < here or expected < self._options.retried_fall:
@@ -549,13 +550,7 @@ class Likelihood:
         return points[best] if deviances[best] < step.deviance - self._options.tolerance else None
 
     def _shortened(
-        self,
-        at: Floats,
-        here: float,
-        move: Floats,
-        expected: float,
-        noise: NoiseCovariances,
-        coordinates: SearchCoordinates,
+        self, at: Floats, here: float, move: Floats, expected: float, deviances: Callable[[Sequence[Floats]], Floats]
     ) -> tuple[Floats, float]:
         """A move, halved until the deviance falls, or none; and the deviance after it.
 
@@ -565,7 +560,7 @@ class Likelihood:
         if expected < options.unchecked_fall:
             return move, here - expected
         for _ in range(options.max_retried_halvings if expected > options.retried_fall else options.max_halvings):
-            there = float(self.deviances([at + move], noise, coordinates)[0])
+            there = float(deviances([at + move])[0])
             if there <= here:
                 return move, there
             move = move / 2
@@ -578,9 +573,8 @@ class Likelihood:
         directions: Floats,
         reach: Floats,
         plain: Floats,
-        noise: NoiseCovariances,
-        coordinates: SearchCoordinates,
         before: NewtonStep | None,
+        deviances: Callable[[Sequence[Floats]], Floats],
     ) -> tuple[Floats, Floats]:
         """Along each direction the slope in excess of that of least squares, and the curvature."""
         negligible = self._options.negligible_correction
@@ -589,12 +583,12 @@ class Likelihood:
         if before is not None:
             last_slopes, last_curvatures = before.slopes, before.curvatures
             wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
-        ahead, behind = np.full(len(at), np.nan), np.full(len(at), np.nan)
-        ahead[wanted] = self.deviances([*(at + (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        ahead, behind, ways = np.full(len(at), np.nan), np.full(len(at), np.nan), reach[:, np.newaxis] * directions
+        ahead[wanted] = deviances([*(at + ways[wanted])])
         ahead[np.isinf(ahead)] = np.nan
         slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
         wanted &= ~(np.abs(slopes) < negligible)
-        behind[wanted] = self.deviances([*(at - (reach[:, np.newaxis] * directions)[wanted])], noise, coordinates)
+        behind[wanted] = deviances([*(at - ways[wanted])])
         behind[np.isinf(behind)] = np.nan
         central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
         slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
@@ -602,10 +596,6 @@ class Likelihood:
         least = self._options.min_curvature
         curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
         return slopes, curvatures
-
-
-def _prior_deviance(at: Floats, coordinates: SearchCoordinates) -> float:
-    return float(np.sum(coordinates.prior_residuals(at) ** 2))
 
 
 def _positive_part(information: Floats) -> Floats:

@@ -109,9 +109,8 @@ class FittedModel:
 
     def contradicts(self, key: str, most: float) -> bool:
         """Whether the logs contradict the prior of an unknown: at a bound, or off by `most` expected deviations."""
-        index = next((number for number, each in enumerate(self.method.unknowns) if each.key == key), None)
-        unknown = None if index is None else self.method.unknowns[index]
-        if index is None or unknown is None or not unknown.prior:
+        index = {each.key: number for number, each in enumerate(self.method.unknowns)}.get(key)
+        if index is None or not (unknown := self.method.unknowns[index]).prior:
             return False
         left = covariance_of(self.estimate.information, self.method.unknowns)[index, index]
         off, value = self.estimate.values[index] - unknown.prior.mean, self.estimate.values[index]

@@ -359,6 +359,10 @@ class SearchCoordinates:
         """(m,) standard normal variables of the priors."""
         return self.prior_rows @ (coordinates - self.prior_centre)
 
+    def prior_deviance(self, coordinates: Floats) -> float:
+        """Minus twice the logarithm of the priors' density, up to a constant."""
+        return float(np.sum(self.prior_residuals(coordinates) ** 2))
+
     def _prior(self) -> tuple[Floats, Floats]:
         p = len(self._unknowns)
         centre, rows, done = np.zeros(p), [], set[int]()

@@ -29,14 +29,9 @@ class Setpoint:
     v: Annotated[Scalar, Quantity("m/s", "reference speed")]
     a: Annotated[Scalar, Quantity("m/s^2", "reference acceleration")]
 
-    def ahead(self, by: float) -> "Setpoint":
+    def ahead(self, by: Scalar) -> "Setpoint":
         """Setpoint a time in s later at constant acceleration; `model.motions.Previewed` has the true one."""
-        return later(self, by)
-
-
-def later(setpoint: Setpoint, by: Scalar) -> Setpoint:
-    """Setpoint a time in s later, at constant acceleration."""
-    return Setpoint(setpoint.x + by * (setpoint.v + by / 2 * setpoint.a), setpoint.v + by * setpoint.a, setpoint.a)
+        return Setpoint(self.x + by * (self.v + by / 2 * self.a), self.v + by * self.a, self.a)
 
 
 def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoint) -> Setpoint:
@@ -87,7 +82,7 @@ def previewed(setpoint: Setpoint, times: Sequence[float], departures: Departures
     """A setpoint with those at some times ahead in s; without departures at constant acceleration."""
     known = {}
     for index, time in enumerate(times):
-        point = later(setpoint, time)
+        point = setpoint.ahead(time)
         if departures is not None:
             by = departures.x[index], departures.v[index], departures.a[index]
             point = Setpoint(point.x + by[0], point.v + by[1], point.a + by[2])

@@ -20,7 +20,6 @@ from dualwinch.model.motions import (
     MoveLimits,
     RecordedMotion,
     Setpoint,
-    later,
     least_duration,
     longest_cruise,
     moves,
@@ -209,7 +208,7 @@ def departures(t: Scalar, times: Sequence[float], reference: Reference) -> Depar
     """
     now, found = setpoint(t, reference), []
     for by in times:
-        then, expected = setpoint(t + by, reference), later(now, by)
+        then, expected = setpoint(t + by, reference), now.ahead(by)
         found.append((then.x - expected.x, then.v - expected.v, then.a - expected.a))
     x, v, a = zip(*found, strict=True) if found else ((), (), ())
     return Departures(list(x), list(v), list(a))

@@ -14,7 +14,7 @@ from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.sensitivity import Sensitivity, Varied, compile_sensitivity
 from dualwinch.codegen.drivers.unit import kept_rows
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions import Setpoint, later
+from dualwinch.model.motions import Setpoint
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
 from dualwinch.model.quantities.tree import leaves, with_leaves
@@ -408,7 +408,7 @@ def _reference_position(outside: Floats, names: Sequence[str], numbers: Mapping[
     jitter, bias = (numbers[name] for name in FRAME)
     late = jitter * np.append(0.0, columns[LATENESS][:-1])
     asked = Setpoint(*(columns[f"reference.{name}"] for name in ("x", "v", "a")))
-    return later(asked, late).x - bias
+    return asked.ahead(late).x - bias
 
 
 def _gradients(

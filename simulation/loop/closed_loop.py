@@ -21,7 +21,7 @@ from dualwinch.controllers.controller import (
 from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.actuators import NoState, drive, is_ideal
 from dualwinch.model.disturbance import Disturbance
-from dualwinch.model.motions import later, no_departures, previewed
+from dualwinch.model.motions import no_departures, previewed
 from dualwinch.model.plant import (
     DisturbanceInputs,
     Plant,
@@ -257,7 +257,7 @@ def _instant(
     if not isinstance(state.timing, Timing):
         return t, sample_time, exogenous.reference, state.timing
     late, following = state.timing.late, jitter * exogenous.noise.lateness
-    return t + late, sample_time + (following - late), later(exogenous.reference, late), Timing(following)
+    return t + late, sample_time + (following - late), exogenous.reference.ahead(late), Timing(following)
 
 
 @built_once

@@ -97,9 +97,9 @@ def test_a_fit_that_should_get_better_and_does_not_has_not_converged(
     assert fitting.run(start, noise=fitting.initial_noise()).converged
     deviances = Likelihood.deviances
 
-    def worse(likelihood: Likelihood, points: list[np.ndarray], *given: Any) -> np.ndarray:
+    def worse(likelihood: Likelihood, points: list[np.ndarray], *given: Any, **named: Any) -> np.ndarray:
         """The end of a step, a single point, is never likelier than its beginning."""
-        return deviances(likelihood, points, *given) if len(points) > 1 else np.array([np.inf])
+        return deviances(likelihood, points, *given, **named) if len(points) > 1 else np.array([np.inf])
 
     monkeypatch.setattr(Likelihood, "deviances", worse)
     assert not fitting.run(start, noise=fitting.initial_noise()).converged
