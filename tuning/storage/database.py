@@ -19,14 +19,10 @@ or finished at once, and each attribute of a trial is a transaction; so a trial 
 transaction, and its entire result is one attribute (`EVALUATION`).
 """
 
-import os
-import secrets
-import socket
 import threading
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from datetime import datetime, timedelta
 from types import MappingProxyType
 from typing import Any
@@ -39,50 +35,46 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import Space, space_from
 from dualwinch.tuning.storage.connection import GRACE, connected, patient
-from dualwinch.tuning.storage.parts import StudyName
 from dualwinch.tuning.storage.record import (
-    BUDGET,
-    DEFINITION,
     ORIGIN,
     begun,
-    check_resume,
+    definitions,
     distributions,
-    evaluation_of,
     finish,
     first_candidates,
     joined_definition,
 )
-from dualwinch.tuning.storage.store import Propose, SearchBudget, StudyStorage, TrialClaim
+from dualwinch.tuning.storage.shared import FINISHED, WORKER, Returned, SharedStudy
+from dualwinch.tuning.storage.store import Propose, SearchBudget, TrialClaim
 
 NOT_FIRST = False
 """Argument of `Propose`: the first candidates are queued when the study is created."""
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
-FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
-
-PLACE, WORKER = "place", "worker"
-"""User attributes of a trial: its place among the budget's trials, and the name of the process that evaluates it."""
+PLACE = "place"
+"""User attribute of a trial: its place among the budget's trials."""
 
 
-class DatabaseStudy(StudyStorage):
+class DatabaseStudy(SharedStudy):
     """Storage of a study in a database, as seen by one worker."""
 
     def __init__(self, url: str, study: str, storage: optuna.storages.RDBStorage, space: Space) -> None:
         """Open an existing study; see `begin` and `join`."""
-        self._url, self._storage, self._space = url, storage, space
+        self._url, self._storage = url, storage
         sampler = optuna.samplers.RandomSampler()  # every trial has its point; none is sampled
-        self._study = patient(url, lambda: optuna.load_study(study_name=study, storage=storage, sampler=sampler))
+        there = self._attempt(lambda: optuna.load_study(study_name=study, storage=storage, sampler=sampler))
+        super().__init__(there, space)
         self._id = storage.get_study_id_from_name(study)
-        self._name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
         self._grace = storage.grace_period or GRACE
-        self._held = set[int]()
-        self._popped = set[int]()
-        self._reported: set[int] = set()
-        self._adopted: set[int] = set()
+        self._held, self._popped, self._adopted = set[int](), set[int](), set[int]()
         self._ended = threading.Event()
         self._beating = threading.Thread(target=self._beat_on, daemon=True)
         self._beating.start()
+
+    def _attempt(self, action: Callable[[], Returned]) -> Returned:
+        """Carry out an action on the database, with retries while it is unavailable."""
+        return patient(self._url, action)
 
     @classmethod
     def begin(
@@ -98,14 +90,13 @@ class DatabaseStudy(StudyStorage):
         """Begin or continue a study; arguments and errors as in `tuning.storage.opening.open_store`."""
         storage = connected(url)
         try:
-            there = begun(study, storage, problem, definition, budget)
-            check_resume(StudyName(study), len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
+            begun(study, storage, problem, definition, budget, resume=resume)
         except BaseException:
             storage.engine.dispose()
             raise
-        there.set_user_attr(BUDGET, asdict(budget))
         store = cls(url, study, storage, problem.space)
-        patient(url, lambda: store._queue(first_candidates(problem), budget))
+        store.set_budget(budget)
+        store._attempt(lambda: store._queue(first_candidates(problem), budget))
         return store
 
     @classmethod
@@ -124,38 +115,21 @@ class DatabaseStudy(StudyStorage):
             raise
         return cls(url, study, storage, space_from(definition["space"]))
 
-    @property
-    def definition(self) -> dict[str, Any]:
-        """The stored definition of the problem."""
-        return self._study.user_attrs[DEFINITION]
-
-    def finished(self) -> list[Evaluation]:
-        """Every finished trial; `news` does not repeat them."""
-        trials = self._trials(*FINISHED)
-        self._reported |= {trial.number for trial in trials}
-        return [evaluation_of(trial) for trial in trials]
-
-    def news(self) -> list[Evaluation]:
-        """Trials finished by other workers since the last call."""
-        trials = [trial for trial in self._trials(*FINISHED) if trial.number not in self._reported]
-        self._reported |= {trial.number for trial in trials}
-        return [evaluation_of(trial) for trial in trials if trial.user_attrs.get(WORKER) != self._name]
-
     def claim(self, count: int, budget: SearchBudget, propose: Propose) -> list[TrialClaim]:
         """Claim trials: first the queued ones (first candidates and those of dead workers), then proposed ones."""
-        patient(self._url, self._revive)
+        self._attempt(self._revive)
         if budget.trials is not None:
-            patient(self._url, self._requeue)
+            self._attempt(self._requeue)
         states = [trial.state for trial in self._trials()]
         if budget.trials is not None:
             begun = sum(state in {*FINISHED, TrialState.RUNNING} for state in states)
             count = min(count, budget.trials - begun)
         try:
             for _ in range(min(count, states.count(TrialState.WAITING))):
-                patient(self._url, self._pop)
+                self._attempt(self._pop)
             free = count - len(self._own())
             for candidate in propose(free, NOT_FIRST) if free > 0 else ():
-                patient(self._url, lambda candidate=candidate: self._add(candidate, budget))
+                self._attempt(lambda candidate=candidate: self._add(candidate, budget))
             return self._first_of_their_places()
         except BaseException:
             self.release([TrialClaim(Candidate({}, ""), trial.number) for trial in self._own()])
@@ -205,9 +179,8 @@ class DatabaseStudy(StudyStorage):
                 self._held.add(trial.number)
                 claims.append(TrialClaim(Candidate(dict(trial.params), trial.user_attrs[ORIGIN]), trial.number))
             else:
-                patient(
-                    self._url,
-                    lambda number=trial.number: self._study.tell(number, state=TrialState.FAIL, skip_if_finished=True),
+                self._attempt(
+                    lambda number=trial.number: self._study.tell(number, state=TrialState.FAIL, skip_if_finished=True)
                 )
         self._popped.clear()
         return claims
@@ -269,7 +242,7 @@ class DatabaseStudy(StudyStorage):
         """Write results, trial by trial; trials that other workers have failed as dead are skipped."""
         for claim, evaluation in zip(claims, evaluations, strict=True):
             with suppress(optuna.exceptions.UpdateFinishedTrialError):
-                patient(self._url, lambda claim=claim, evaluation=evaluation: self._finish(claim.trial, evaluation))
+                self._attempt(lambda claim=claim, evaluation=evaluation: self._finish(claim.trial, evaluation))
             self._held.discard(claim.trial)
 
     def _finish(self, number: int, evaluation: Evaluation) -> None:
@@ -279,7 +252,7 @@ class DatabaseStudy(StudyStorage):
         """Queue unfinished trials again that will not be evaluated here."""
         for claim in claims:
             self._held.discard(claim.trial)
-            patient(self._url, lambda number=claim.trial: self._queue_again(number))
+            self._attempt(lambda number=claim.trial: self._queue_again(number))
 
     def _queue_again(self, number: int) -> None:
         ended = self._trials()[number]
@@ -289,26 +262,11 @@ class DatabaseStudy(StudyStorage):
         if ORIGIN in ended.user_attrs:
             self._retry(ended)
 
-    def budget(self) -> SearchBudget:
-        """The study's current budget in the database."""
-        return SearchBudget(**patient(self._url, lambda: self._study.user_attrs[BUDGET]))
-
-    def set_budget(self, budget: SearchBudget) -> None:
-        """Change the study's budget, for all workers."""
-        patient(self._url, lambda: self._study.set_user_attr(BUDGET, asdict(budget)))
-
-    def count(self) -> int:
-        """Number of finished trials."""
-        return len(self._trials(*FINISHED))
-
     def close(self) -> None:
         """End heartbeats and connections."""
         self._ended.set()
         self._beating.join(timeout=5)
         self._storage.engine.dispose()
-
-    def _trials(self, *states: TrialState) -> list[FrozenTrial]:
-        return patient(self._url, lambda: self._study.get_trials(deepcopy=False, states=states or None))
 
     def _beat(self, number: int) -> None:
         self._storage.record_heartbeat(self._id_of(number))
@@ -335,7 +293,6 @@ def definition_in_database(url: str, study: str) -> dict[str, Any] | None:
     """The stored definition of a study in a database; ``None`` if there is no such study."""
     storage = connected(url)
     try:
-        known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
+        return definitions(storage).get(study)
     finally:
         storage.engine.dispose()
-    return known.get(study, {}).get(DEFINITION)

@@ -9,14 +9,10 @@ lock keeps their lines apart. Only finished trials are written: when a worker di
 
 import fcntl
 import json
-import os
-import secrets
 import signal
-import socket
 import threading
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
@@ -27,19 +23,15 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.space import Space, space_from
-from dualwinch.tuning.storage.parts import StudyName
 from dualwinch.tuning.storage.record import (
-    BUDGET,
-    DEFINITION,
     begun,
-    check_resume,
+    definitions,
     evaluation_of,
     finished_trial,
     joined_definition,
 )
+from dualwinch.tuning.storage.shared import FINISHED, WORKER, SharedStudy
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
-
-FINISHED = (optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED)
 
 
 class BufferedJournalFile(JournalFileBackend):
@@ -91,12 +83,11 @@ class JournalStudy(StudyStorage):
             _mend(path)
             self._file = BufferedJournalFile(path)
             self._storage = optuna.storages.JournalStorage(self._file)
-            self._study = begun(study, self._storage, problem, definition, budget, path)
-            self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
-            check_resume(StudyName(study, path), self._count, resume=resume)
+            self._study = begun(study, self._storage, problem, definition, budget, path, resume=resume)
         except BaseException:
             self._lock.close()
             raise
+        self._count = len(self._study.get_trials(deepcopy=False, states=FINISHED))
         self._space = problem.space
         self._file.flush()
 
@@ -120,20 +111,13 @@ class JournalStudy(StudyStorage):
         self._lock.close()
 
 
-WORKER = "worker"
-"""User attribute of a trial: name of the process that evaluated it."""
-
-
-class SharedJournalStudy(StudyStorage):
+class SharedJournalStudy(SharedStudy):
     """Storage of a study in a file shared by several processes, as seen by one of them."""
 
     def __init__(self, path: Path, study: str, lock: IO[bytes], space: Space) -> None:
         """Open an existing study, with this process's lock on the file; see `begin` and `join`."""
-        super().__init__()
-        self._path, self._lock, self._space = path, lock, space
-        self._study = optuna.load_study(study_name=study, storage=_storage(path))
-        self._name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(3)}"
-        self._reported = set[int]()
+        super().__init__(optuna.load_study(study_name=study, storage=_storage(path)), space)
+        self._path, self._lock = path, lock
 
     @classmethod
     def begin(
@@ -151,13 +135,13 @@ class SharedJournalStudy(StudyStorage):
             _mend(path)
         lock = _locked(path, shared=True)
         try:
-            there = begun(study, _storage(path), problem, definition, budget, path)
-            check_resume(StudyName(study, path), len(there.get_trials(deepcopy=False, states=FINISHED)), resume=resume)
+            begun(study, _storage(path), problem, definition, budget, path, resume=resume)
         except BaseException:
             lock.close()
             raise
-        there.set_user_attr(BUDGET, asdict(budget))
-        return cls(path, study, lock, problem.space)
+        store = cls(path, study, lock, problem.space)
+        store.set_budget(budget)
+        return store
 
     @classmethod
     def join(cls, path: Path, study: str) -> "SharedJournalStudy":
@@ -175,20 +159,6 @@ class SharedJournalStudy(StudyStorage):
             lock.close()
             raise
         return cls(path, study, lock, space_from(definition["space"]))
-
-    @property
-    def definition(self) -> dict[str, Any]:
-        """The stored definition of the problem."""
-        return self._study.user_attrs[DEFINITION]
-
-    def finished(self) -> list[Evaluation]:
-        """Every finished trial; `news` does not repeat them."""
-        return [evaluation_of(trial) for trial in self._unreported(self._trials(), anew=True)]
-
-    def news(self) -> list[Evaluation]:
-        """Trials finished by other processes since the last call."""
-        unreported = self._unreported(self._trials())
-        return [evaluation_of(trial) for trial in unreported if trial.user_attrs.get(WORKER) != self._name]
 
     def finish(self, claims: Sequence[TrialClaim], evaluations: Sequence[Evaluation]) -> None:  # noqa: ARG002
         """Write finished trials up to the budget's number; an interrupt is deferred until then."""
@@ -209,31 +179,9 @@ class SharedJournalStudy(StudyStorage):
         finally:
             lock.release()
 
-    def count(self) -> int:
-        """Number of finished trials."""
-        return len(self._trials())
-
-    def budget(self) -> SearchBudget:
-        """The study's current budget in the file."""
-        return SearchBudget(**self._study.user_attrs[BUDGET])
-
-    def set_budget(self, budget: SearchBudget) -> None:
-        """Change the study's budget, for all processes."""
-        self._study.set_user_attr(BUDGET, asdict(budget))
-
     def close(self) -> None:
         """Unlock and close the file."""
         self._lock.close()
-
-    def _trials(self) -> list[optuna.trial.FrozenTrial]:
-        return self._study.get_trials(deepcopy=False, states=FINISHED)
-
-    def _unreported(
-        self, trials: Sequence[optuna.trial.FrozenTrial], *, anew: bool = False
-    ) -> list[optuna.trial.FrozenTrial]:
-        found = [trial for trial in trials if anew or trial.number not in self._reported]
-        self._reported |= {trial.number for trial in found}
-        return found
 
 
 def _storage(path: Path) -> optuna.storages.JournalStorage:
@@ -246,9 +194,7 @@ def definition_in_journal(path: Path, study: str) -> dict[str, Any] | None:
         return None
     with _locked(path):
         _mend(path)
-        storage = optuna.storages.JournalStorage(BufferedJournalFile(path))
-        known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
-    return known.get(study, {}).get(DEFINITION)
+        return definitions(optuna.storages.JournalStorage(BufferedJournalFile(path))).get(study)
 
 
 def _locked(path: Path, *, shared: bool = False) -> IO[bytes]:

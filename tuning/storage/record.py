@@ -117,6 +117,8 @@ def begun(
     definition: Mapping[str, Any],
     budget: SearchBudget,
     file: Path | None = None,
+    *,
+    resume: bool,
 ) -> "optuna.Study":
     """Load a study, or create it if it does not exist.
 
@@ -124,10 +126,12 @@ def begun(
     name `file`, if given.
 
     Raises:
-        ConfigurationError: the study has another definition.
+        ConfigurationError: the study has another definition, or it has finished trials and `resume` is false.
     """
     import optuna
+    from optuna.trial import TrialState
 
+    name = StudyName(study, file)
     directions = [optuna.study.StudyDirection.MINIMIZE] * len(problem.objectives)
     there = optuna.create_study(study_name=study, storage=storage, directions=directions, load_if_exists=True)
     theirs = there.user_attrs
@@ -138,8 +142,16 @@ def begun(
     else:
         known = theirs.get(DEFINITION)
         space = space_from((known or {}).get("space", []))
-        check_definition(StudyName(study, file), definition, known, (problem.space, space))
+        check_definition(name, definition, known, (problem.space, space))
+    count = sum(trial.state in {TrialState.COMPLETE, TrialState.PRUNED} for trial in there.get_trials(deepcopy=False))
+    if count and not resume:
+        raise ConfigurationError(f"{name} has {count} trials; continue with --resume, or {name.another}")
     return there
+
+
+def definitions(storage: "optuna.storages.BaseStorage") -> dict[str, dict[str, Any] | None]:
+    """Name of each study in a storage → its definition; ``None``: it is not a study of this program."""
+    return {there.study_name: there.user_attrs.get(DEFINITION) for there in storage.get_all_studies()}
 
 
 def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dict[str, Any]:
@@ -148,12 +160,13 @@ def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dic
     Raises:
         ConfigurationError: there is no such study (the message names the nearest), or it is not one of this program.
     """
-    known = {there.study_name: there.user_attrs for there in storage.get_all_studies()}
+    known = definitions(storage)
     if study not in known:
         raise ConfigurationError(f"--study: {unknown('study', study, sorted(known))}")
-    if DEFINITION not in known[study]:
+    definition = known[study]
+    if definition is None:
         raise ConfigurationError(f"--study {study}: is not a study of this program")
-    return known[study][DEFINITION]
+    return definition
 
 
 def check_definition(
@@ -180,13 +193,3 @@ def check_definition(
         if key not in {"space", "parts"} and value != theirs.get(key):
             shown = f": {value!r} here, {theirs.get(key)!r} there" if len(repr(value)) < 100 else ""
             raise ConfigurationError(f"{study} was begun with {another(key)}{shown}; {study.another}")
-
-
-def check_resume(study: StudyName, count: int, *, resume: bool) -> None:
-    """Check that a study with trials is continued on purpose.
-
-    Raises:
-        ConfigurationError: there are trials, and `resume` is false.
-    """
-    if count and not resume:
-        raise ConfigurationError(f"{study} has {count} trials; continue with --resume, or {study.another}")
