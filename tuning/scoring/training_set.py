@@ -48,37 +48,6 @@ AnyScenario = TypeVar("AnyScenario", bound=Experiment | Scenario)
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ScenarioChoice:
-    """Number of a draw, or of a vertex of the box of draws.
-
-    Attributes:
-        index: the number.
-        vertex: whether it is a vertex.
-        hard: whether it counts in the worst case only.
-        nominal_hardware: whether machine and sensors are without errors.
-    """
-
-    index: int
-    vertex: bool = False
-    hard: bool = False
-    nominal_hardware: bool = False
-
-
-def drawn(choices: Sequence[ScenarioChoice], ensemble: Ensemble, seed: int) -> list[Scenario]:
-    """The scenarios of given choices, in the same order."""
-    found: dict[ScenarioChoice, Scenario] = {}
-    for vertex, nominal in ((False, False), (False, True), (True, False)):
-        alike = [choice for choice in choices if (choice.vertex, choice.nominal_hardware) == (vertex, nominal)]
-        scenarios = ensemble.chosen([choice.index for choice in alike], seed, vertex=vertex)
-        marked = (
-            replace(scenario, hard=choice.hard)
-            for choice, scenario in zip(alike, nominal_hardware(scenarios) if nominal else scenarios, strict=True)
-        )
-        found |= zip(alike, marked, strict=True)
-    return [found[choice] for choice in choices]
-
-
 def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Draws of one ensemble with every error of the machine and its sensors set to 0 (`Mark.UNKNOWN`).
 
@@ -100,62 +69,53 @@ def nominal_hardware(scenarios: Sequence[Scenario]) -> list[Scenario]:
     ]
 
 
-def training_choices(
+def training_scenarios(
     ensemble: Ensemble, count: int, seed: int, config: SelectionConfig
-) -> tuple[list[ScenarioChoice], list[ScenarioChoice]]:
-    """Typical and hard scenarios of an ensemble, alternating.
+) -> tuple[list[Scenario], list[Scenario]]:
+    """Typical and hard scenarios of an ensemble, alternating: the common ones, and the further hard ones of the pool.
 
-    Args:
-        ensemble: to draw from.
-        count: number of common scenarios: half of them hard, and of these half draws and half vertices.
-        seed: of the draws.
-        config: hyper-parameters.
-
-    Returns:
-        The common scenarios, and the further hard ones of the pool.
+    Of the `count` common scenarios half are hard, and of these half draws and half vertices.
     """
     more, number, few = config.hard_training, count // 2, count // 4
     further = round(config.share_vertices * more)
     corners = vertices(ensemble, few + further, seed)
-    demands = force_demands(ensemble.chosen(range(max(config.demand_among, count + more)), seed))
-    plain = typical_draws(demands, count - number)
-    draws = hardest_draws(demands, number + more, {choice.index for choice in plain}, config)
-    ours = _alternating(draws[: number - few], corners[:few])
-    more_draws = draws[number - few :][: more - further]
-    return _alternating(plain, ours), _alternating(more_draws, corners[few:])
+    draws = ensemble.chosen(range(max(config.demand_among, count + more)), seed)
+    demands = force_demands(draws)
+    typical = _typical(draws, demands, count - number)
+    others = {scenario.index for scenario in typical}
+    # the hard draws: those with the largest authority ratio, but last those that fall too far behind
+    waiting = [index for index in range(len(draws)) if index not in others]
+    waiting.sort(key=lambda index: (demands[index].shortfall > config.largest_lag, -demands[index].share))
+    hardest = [replace(draws[index], hard=True) for index in waiting[: number + more]]
+    hard = _alternating(hardest[: number - few], corners[:few])
+    more_draws = hardest[number - few :][: more - further]
+    return _alternating(typical, hard), _alternating(more_draws, corners[few:])
 
 
-def _alternating(*kinds: Sequence[ScenarioChoice]) -> list[ScenarioChoice]:
+def _alternating(*kinds: Sequence[Scenario]) -> list[Scenario]:
     """The scenarios of several kinds, alternating."""
     longest = max(map(len, kinds), default=0)
     return [kind[place] for place in range(longest) for kind in kinds if place < len(kind)]
 
 
-def typical_draws(demands: Sequence[ForceDemand], count: int) -> list[ScenarioChoice]:
+def _typical(draws: Sequence[Scenario], demands: Sequence[ForceDemand], count: int) -> list[Scenario]:
     """The median draw of each of `count` equal strata by authority ratio.
 
     Two of three are on nominal hardware: there the error depends on the gains, and hardly on what a filter must learn.
     The gains with the best mean over bad machines may be mediocre on a good one.
     """
     order = sorted(range(len(demands)), key=lambda index: demands[index].share)
-    medians = (order[int((stratum + 0.5) / count * len(order))] for stratum in range(count))
-    return [ScenarioChoice(index, nominal_hardware=number % 3 > 0) for number, index in enumerate(medians)]
+    medians = [draws[order[int((stratum + 0.5) / count * len(order))]] for stratum in range(count)]
+    exact = nominal_hardware(medians)
+    return [exact[number] if number % 3 else median for number, median in enumerate(medians)]
 
 
-def hardest_draws(
-    demands: Sequence[ForceDemand], count: int, others: set[int], config: SelectionConfig
-) -> list[ScenarioChoice]:
-    """The `count` draws with the largest authority ratio, except `others`; those that fall too far behind come last."""
-    waiting = [index for index in range(len(demands)) if index not in others]
-    waiting.sort(key=lambda index: (demands[index].shortfall > config.largest_lag, -demands[index].share))
-    return [ScenarioChoice(index, hard=True) for index in waiting[:count]]
-
-
-def vertices(ensemble: Ensemble, count: int, seed: int) -> list[ScenarioChoice]:
+def vertices(ensemble: Ensemble, count: int, seed: int) -> list[Scenario]:
     """Vertices of the box of draws: of twice `count`, those within authority, then those least beyond it."""
-    demands = force_demands(ensemble.chosen(range(2 * count), seed, vertex=True))
+    corners = ensemble.chosen(range(2 * count), seed, vertex=True)
+    demands = force_demands(corners)
     order = sorted(range(len(demands)), key=lambda index: demands[index].shortfall)
-    return [ScenarioChoice(index, vertex=True, hard=True) for index in order[:count]]
+    return [replace(corners[index], hard=True) for index in order[:count]]
 
 
 def validation_draws(scenarios: Sequence[Scenario], config: SelectionConfig) -> list[Scenario]:
@@ -173,11 +133,7 @@ def infeasible_as_hard(scenarios: Sequence[AnyScenario], feasible: NDArray[np.bo
     """The scenarios, those beyond the actuators' authority as hard ones, which count in the worst case only.
 
     There the vehicle falls behind; the lag is most of the error and hardly depends on gains. If all scenarios are
-    infeasible, none is marked.
-
-    Args:
-        scenarios: the scenarios; an experiment without draws cannot be marked.
-        feasible: (scenarios,) whether each is within the actuators' authority.
+    infeasible, none is marked, and an experiment without draws never is. `feasible` is (scenarios,).
     """
     return [
         replace(scenario, hard=True) if isinstance(scenario, Scenario) and not within else scenario
@@ -194,12 +150,8 @@ def survey(
 ) -> MarginSurvey | None:
     """Survey of the machines on which stability margins are computed; ``None`` if no margin is bounded.
 
-    Args:
-        problem: has the bounded margins and the space.
-        scenarios: drawn machines; the survey has the nominal machine and the first
-            `SelectionConfig.margin_machines_validated` of these, vertices before draws.
-        workers: number of threads of this machine, or an executor; default: one thread per core.
-        experiment: with another controller in place of the problem's, with fixed gains.
+    These are the nominal machine and the first `SelectionConfig.margin_machines_validated` drawn ones, vertices before
+    draws. They have the problem's controller and points, or another controller, that of an `experiment`.
     """
     if not problem.margins:
         return None
@@ -301,26 +253,17 @@ def prepare(
 ) -> TrainingSet:
     """Draw the training scenarios of a problem, and run the baseline controller and the start in them.
 
-    This also compiles the rollouts and the margins of a search, in parallel.
-
-    Args:
-        problem: the tuning problem.
-        workers: number of threads of this machine, or an executor; default: one thread per core.
-        watch: gets both phases.
-        ahead: compiles what else the search calls, for scenarios like the given one.
-
-    Raises:
-        DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted.
+    This also compiles the rollouts and the margins of a search, in parallel, and, by `ahead`, what else the search
+    calls, for scenarios like the given one. `watch` gets both phases.
     """
     watch.phase(DRAWING)
-    choices, more = list[ScenarioChoice](), list[ScenarioChoice]()
+    scenarios: Sequence[Experiment | Scenario] = [problem.experiment]
+    hard: Sequence[Scenario] = []
     if problem.ensemble is not None:
         ensemble = replace(problem.ensemble, experiment=problem.experiment)
-        choices, more = training_choices(ensemble, problem.scenarios, problem.stream(TRAINING), problem.selection)
-    scenarios = _drawn(problem, choices, problem.experiment)
+        scenarios, hard = training_scenarios(ensemble, problem.scenarios, problem.stream(TRAINING), problem.selection)
     watch.phase(REFERENCES)
-    run_paper = partial(run_pairs, [], [[]], _drawn(problem, choices, problem.paper_experiment), workers)
+    run_paper = partial(run_pairs, [], [[]], _with_paper(problem, scenarios), workers)
     run_start = partial(run_pairs, problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
     compiling: list[Callable[[], Any]] = [partial(ahead, scenarios[0])] if ahead else []  # takes longest
     if problem.bounds_loop_margins:
@@ -329,7 +272,6 @@ def prepare(
     began = clock.without_compiling()
     run_start()  # timed; the first call also loads libraries
     pace = (clock.without_compiling() - began) / len(scenarios)
-    hard = _drawn(problem, more, problem.experiment) if more else ()
     hardest = hardest_machines(problem, [*scenarios, *hard], workers)
     bounds = []
     for constraint in problem.constraints:
@@ -337,7 +279,7 @@ def prepare(
         if isinstance(constraint.statistic, Statistic):
             reached = over(constraint.statistic, paper, 0, scenarios)
         elif constraint.of_paper:
-            with_paper = _drawn(problem, [*choices, *more], problem.paper_experiment)
+            with_paper = _with_paper(problem, [*scenarios, *hard])
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
             chosen = machines if problem.ensemble else machines[:1]
             worst = _survey_of(chosen, (), problem, workers).worst([[]])[0]
@@ -345,8 +287,8 @@ def prepare(
         bounds.append(constraint.given(reached))
     return TrainingSet(
         problem=problem,
-        scenarios=scenarios,
-        hard=hard,
+        scenarios=tuple(scenarios),
+        hard=tuple(hard),
         constraints=tuple(bounds),
         paper=paper,
         start=start,
@@ -356,12 +298,12 @@ def prepare(
     )
 
 
-def _drawn(
-    problem: TuningProblem, choices: Sequence[ScenarioChoice], experiment: Experiment
-) -> tuple[Experiment | Scenario, ...]:
-    if problem.ensemble is None:
-        return (experiment,)
-    return tuple(drawn(choices, replace(problem.ensemble, experiment=experiment), problem.stream(TRAINING)))
+def _with_paper(problem: TuningProblem, scenarios: Sequence[Experiment | Scenario]) -> list[Experiment | Scenario]:
+    """The scenarios with the paper's controller; those with the same base still share one."""
+    paper = problem.paper_experiment
+    machines = {id(each.base): each.base for each in scenarios if isinstance(each, Scenario)}
+    bases = {key: replace(machine, controller=paper.controller) for key, machine in machines.items()}
+    return [replace(each, base=bases[id(each.base)]) if isinstance(each, Scenario) else paper for each in scenarios]
 
 
 class ActiveScenarios:
@@ -422,13 +364,7 @@ class ActiveLoops:
     """
 
     def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
-        """Set up; all loops are active until `learn` is called.
-
-        Args:
-            surveyed: survey with the loops.
-            kinds: of margins, without that of the drums' resonance.
-            config: hyper-parameters.
-        """
+        """Set up; all loops are active until `learn` is called. That of the drums' resonance is no kind."""
         self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
         groups, self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)
         self._groups = self._groups.ravel()

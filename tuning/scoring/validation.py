@@ -20,7 +20,7 @@ from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.progress import SCREENING
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.rollouts import joined, row_of, worst_of
-from dualwinch.tuning.scoring.training_set import drawn, validation_draws, vertices
+from dualwinch.tuning.scoring.training_set import validation_draws, vertices
 from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.space import ContinuousDimension
 
@@ -33,8 +33,8 @@ def validation_scenarios(problem: TuningProblem, sizes: SampleSizes) -> list[Sce
     if problem.ensemble is None:
         raise ValueError("only an ensemble has validation scenarios")
     ensemble, seed = replace(problem.ensemble, experiment=problem.experiment), problem.stream(VALIDATION)
-    corners = drawn(vertices(ensemble, sizes.vertices, seed), ensemble, seed)
-    return [*corners, *validation_draws(list(ensemble.scenarios(sizes.draws, seed)), problem.selection)]
+    draws = validation_draws(list(ensemble.scenarios(sizes.draws, seed)), problem.selection)
+    return [*vertices(ensemble, sizes.vertices, seed), *draws]
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,7 @@ class ValidationSet:
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def extend(self, draws: Sequence[Scenario]) -> list[Scenario]:
-        """Add draws to the set as its hardest scenarios, except those that `validation_scenarios` would exclude.
-
-        Returns:
-            The added scenarios.
-        """
+        """Add draws to the set as its hardest scenarios, and return them, without those that it would exclude."""
         config = self._scorer.training.problem.selection
         added = [
             replace(draw, hard=True)
@@ -157,7 +153,7 @@ class ValidationSet:
 
 
 def repaired(candidate: Candidate, excess: float, problem: TuningProblem, share: float = 1.0) -> Candidate | None:
-    """Repair: the candidate with the reserve that lowers its highest peak to its bound.
+    """Repair: the candidate with the reserve that lowers its highest peak to its bound, with the back-off of training.
 
     The reserve, the distance of tension commands from `tension_max`, lowers the highest peaks by nearly its own size at
     almost no cost. A search does not see this: the peaks in its few scenarios are lower than in hundreds.
@@ -165,7 +161,7 @@ def repaired(candidate: Candidate, excess: float, problem: TuningProblem, share:
     Args:
         candidate: that was run.
         excess: of its highest peak over the bound, as a share; negative if it is lower.
-        problem: has the space, and the back-off of the repaired peak.
+        problem: has the space and the bounds.
         share: of the wanted change (line search).
 
     Returns:

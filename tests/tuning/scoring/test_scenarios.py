@@ -11,7 +11,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.simulation.analysis.authority import ForceDemand, force_demands, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring import training_set
-from dualwinch.tuning.scoring.training_set import drawn, training_choices, validation_draws, vertices
+from dualwinch.tuning.scoring.training_set import training_scenarios, validation_draws, vertices
 from dualwinch.tuning.selection_config import SelectionConfig
 
 RIG, SEA = load_ensemble("rig"), load_ensemble("sea")
@@ -44,37 +44,40 @@ def share(scenario: Scenario) -> float:
 
 
 def test_typical_and_hard_scenarios_take_turns() -> None:
-    picks, more = training_choices(SEA, 12, 3, having(3))
+    picks, more = training_scenarios(SEA, 12, 3, having(3))
     assert all(picked.index < LOOKED_AT for picked in (*picks, *more))
     assert [picked.hard for picked in picks] == [False, True] * 6
     assert [picked.vertex for picked in picks if picked.hard] == [False, True] * 3
     assert len(more) == 3
     assert all(picked.hard and picked not in picks for picked in more)
-    assert training_choices(SEA, 12, 3, having(3)) == (picks, more)
-    scenarios = drawn(picks, SEA, 3)
-    assert [(scenario.hard, scenario.vertex) for scenario in scenarios] == [(each.hard, each.vertex) for each in picks]
-    assert scenarios[0].draws == SEA.scenario(picks[0].index, 3).draws
+    assert training_scenarios(SEA, 12, 3, having(3)) == (picks, more)
+    for picked in (*picks, *more):
+        plain = SEA.scenario(picked.index, 3, vertex=picked.vertex)
+        assert picked == replace(plain, base=picked.base, hard=picked.hard)
+        assert picked.experiment == plain.experiment
 
 
 def test_two_of_three_typical_draws_are_on_machines_without_errors() -> None:
-    picks, more = training_choices(RIG, 12, 3, having(3))
-    assert [picked.nominal_hardware for picked in picks if not picked.hard] == [False, True, True] * 2
-    assert not any(picked.nominal_hardware for picked in picks if picked.hard)
-    assert not any(picked.nominal_hardware for picked in more)
-    errors = [scenario.experiment.plant.winch_1.radius_error for scenario in drawn(picks, RIG, 3)]
-    assert [error == 0 for error in errors] == [picked.nominal_hardware for picked in picks]
+    picks, more = training_scenarios(RIG, 12, 3, having(3))
+
+    def exact(scenario: Scenario) -> bool:
+        return scenario.experiment.plant.winch_1.radius_error == 0
+
+    assert [exact(picked) for picked in picks if not picked.hard] == [False, True, True] * 2
+    assert not any(exact(picked) for picked in picks if picked.hard)
+    assert not any(exact(picked) for picked in more)
 
 
 def test_typical_draws_are_those_in_the_middle_of_equal_shares_of_all() -> None:
     every = sorted(share(scenario) for scenario in SEA.scenarios(LOOKED_AT, 3))
-    picks, _ = training_choices(SEA, 8, 3, having(0))
-    typical = [share(scenario) for scenario in drawn(picks, SEA, 3) if not scenario.hard]
+    picks, _ = training_scenarios(SEA, 8, 3, having(0))
+    typical = [share(scenario) for scenario in picks if not scenario.hard]
     assert np.allclose(typical, [every[int((number + 0.5) / 4 * len(every))] for number in range(4)], rtol=1e-12)
 
 
 def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
-    picks, more = training_choices(SEA, 8, 3, having(12))
-    hard = drawn([each for each in (*picks, *more) if each.hard and not each.vertex], SEA, 3)
+    picks, more = training_scenarios(SEA, 8, 3, having(12))
+    hard = [each for each in (*picks, *more) if each.hard and not each.vertex]
     assert all(before > after for before, after in pairwise(map(share, hard)))
     assert all(demand.shortfall <= FURTHEST for demand in force_demands(hard))
     harder = [each for each in SEA.scenarios(LOOKED_AT, 3) if share(each) > share(hard[0])]
@@ -82,7 +85,7 @@ def test_hard_draws_ask_for_the_most_force_that_is_not_too_much() -> None:
 
 
 def test_the_motors_can_hold_vertices() -> None:
-    found = drawn(vertices(SEA, 12, 0), SEA, 0)
+    found = vertices(SEA, 12, 0)
     assert all(scenario.vertex and scenario.hard for scenario in found)
     assert within_authority(found).all()
     assert len({scenario.index for scenario in found}) == 12
@@ -98,16 +101,16 @@ def test_vertices_differ_by_a_standard_deviation_of_every_value() -> None:
 
 
 def test_further_hard_scenarios_are_draws_and_a_few_vertices_in_turns() -> None:
-    _, more = training_choices(SEA, 12, 3, having(48))
-    assert len(set(more)) == 48
+    _, more = training_scenarios(SEA, 12, 3, having(48))
+    assert len({(each.index, each.vertex) for each in more}) == len(more) == 48
     assert [each.vertex for each in more[:4]] == [False, True, False, True]
     assert sum(each.vertex for each in more) == 8
 
 
 def test_few_scenarios_are_some_of_each() -> None:
-    assert [each.hard for each in training_choices(SEA, 1, 3, having(0))[0]] == [False]
-    assert [each.hard for each in training_choices(SEA, 2, 3, having(0))[0]] == [False, True]
-    assert [each.hard for each in training_choices(SEA, 3, 3, having(0))[0]] == [False, True, False]
+    assert [each.hard for each in training_scenarios(SEA, 1, 3, having(0))[0]] == [False]
+    assert [each.hard for each in training_scenarios(SEA, 2, 3, having(0))[0]] == [False, True]
+    assert [each.hard for each in training_scenarios(SEA, 3, 3, having(0))[0]] == [False, True, False]
 
 
 def test_gains_are_chosen_in_all_but_the_very_hardest_scenarios() -> None:
