@@ -62,10 +62,7 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
 def loads_ensemble(text: str, base: Experiment | None = None, name: str = "ensemble") -> Ensemble:
     """Read an ensemble from a TOML text, as `load_ensemble` does from a file.
 
-    Args:
-        text: TOML.
-        base: as in `load_ensemble`.
-        name: of the text in messages, and of the ensemble if the text gives none.
+    `name` is that of the text in messages, and of the ensemble if the text gives none.
 
     Raises:
         ConfigurationError: not valid TOML, an unknown key, or a value or distribution out of range.

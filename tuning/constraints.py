@@ -75,11 +75,7 @@ class MarginStatistic:
 
 
 def margin_statistic(text: str, own: Sequence[Metric] = ()) -> MarginStatistic | None:
-    """The statistic of a name; ``None`` if it names no margin.
-
-    Args:
-        text: the name.
-        own: the experiment's own metrics; their names take precedence.
+    """The statistic of a name; ``None`` if it names no margin, or one of the experiment's own metrics.
 
     Raises:
         ConfigurationError: a statistic of a margin other than the worst, or an unknown margin.
@@ -104,11 +100,7 @@ DECIBEL, PER_CENT = "dB", "%"
 
 
 def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
-    """A number in the unit of a statistic.
-
-    Args:
-        text: the number, with or without a unit.
-        statistic: that it bounds; ``None``: the number is a factor, possibly in per cent.
+    """A number, with or without a unit, in the unit of the statistic that it bounds; without one, a factor or per cent.
 
     Raises:
         ValueError: no number.
@@ -227,13 +219,8 @@ def default_constraints(
     gains almost nothing there, and gains that rely on it fail on other machines. Where drums swing on ropes that sag,
     more load is allowed, for a preload that stiffens the ropes. Margins are bounded in an ensemble only: in a run
     without noise they would be those of infinitely small motions. Where drums swing, they are computed at rest only,
-    the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too.
-
-    Args:
-        ensemble: whether scenarios are drawn from an ensemble.
-        lag: whether torques lag behind their commands.
-        swinging: whether drums swing on their ropes.
-        resonance: whether they do, and the resonance rule applies to the law.
+    the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too, if its rule applies to
+    the law (`resonance`).
     """
     robust = ROBUST_AT_REST if swinging else ROBUST
     damped = (*(robust if ensemble else ()), *((DAMPED,) if resonance else ()))
@@ -245,11 +232,9 @@ def default_constraints(
 
 
 def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
-    """Parse constraints.
+    """Parse constraints, each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which is skipped.
 
-    Args:
-        texts: each ``STATISTIC<=BOUND`` or ``STATISTIC>=BOUND``, or `NONE`, which is skipped.
-        experiment: has the configuration keys, and metrics besides the built-in ones.
+    Statistics may be of the experiment's own metrics, and bounds may be its keys.
 
     Raises:
         ConfigurationError: anything else, or an unknown name.
@@ -265,12 +250,9 @@ def constraints_from(texts: Sequence[str], experiment: Experiment) -> tuple[Cons
 def constraints_with(
     texts: Sequence[str] | None, defaults: Sequence[str], experiment: Experiment
 ) -> tuple[Constraint, ...]:
-    """Parse constraints and add the default ones, except those replaced: with the same statistic and side.
+    """Parse constraints, and add the default ones on other statistics or sides; errors as in `constraints_from`.
 
-    Args:
-        texts: as in `constraints_from`; `NONE` among them, or an empty list, drops the default ones.
-        defaults: texts of the default constraints.
-        experiment: as in `constraints_from`.
+    `NONE` among the texts, or an empty list, drops the default ones.
     """
     found = constraints_from(texts or (), experiment)
     if texts is not None and (NONE in texts or not texts):
@@ -353,10 +335,6 @@ DEFAULT_OBJECTIVES = ("mean.mse",)
 
 def objectives_from(texts: Sequence[str], own: Sequence[Metric] = ()) -> tuple[Statistic, ...]:
     """Parse the statistics to minimise, e.g. ``["mean.mse", "mean.chatter"]``; more than one make a Pareto front.
-
-    Args:
-        texts: their names.
-        own: the experiment's own metrics.
 
     Raises:
         ConfigurationError: an unknown name, one named twice, or a statistic with bad small values.

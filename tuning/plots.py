@@ -144,10 +144,7 @@ def parallel_coordinates(problem: TuningProblem, trials: Sequence[Evaluation], v
 def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Sequence[Evaluation]) -> Figure:
     """Two statistics against each other: the first two objectives, or a single objective and the chatter.
 
-    Args:
-        problem: the tuning problem.
-        constraints: bounds as numbers; those on the second statistic are drawn.
-        trials: finished trials.
+    Constraints, with bounds as numbers, are drawn if they are on the second statistic.
     """
     across = problem.objectives[0]
     upward = problem.objectives[1] if len(problem.objectives) > 1 else statistic_from(CHATTER)

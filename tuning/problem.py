@@ -190,10 +190,7 @@ class TuningProblem:
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios drawn from the ensemble, or the experiment alone.
 
-        Args:
-            count: number of scenarios.
-            seed: of the draws.
-            experiment: nominal values in place of the problem's, such as those with the paper's controller.
+        `experiment` has nominal values in place of the problem's, such as those with the paper's controller.
         """
         nominal = experiment or self.experiment
         if self.ensemble is None:

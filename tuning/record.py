@@ -38,14 +38,10 @@ BEST = "--config best.toml"
 
 
 def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[str, Any], typed: str = BEST) -> None:
-    """Write the best as a configuration file, with its provenance in comments.
+    """Write the best's experiment, `toml`, as a configuration file, with its provenance in comments.
 
-    Args:
-        path: the file.
-        tuned: the study.
-        toml: the experiment with the best's gains.
-        facts: name → value of further provenance, such as code version and date.
-        typed: options that select the best gains in the file's folder, for commands in notes.
+    `facts` are further provenance by name, such as code version and date. `typed` are the options that select the best
+    gains in the file's folder, for commands in notes.
     """
     problem, verdict = tuned.problem, tuned.verdict
     best, scored = verdict.best, verdict.scored
@@ -88,14 +84,9 @@ def write_best(path: str | Path, tuned: TuningResult, toml: str, facts: Mapping[
 def write_study(
     path: str | Path, tuned: TuningResult, facts: Mapping[str, Any], configuration: str, typed: str = BEST
 ) -> None:
-    """Write the content of a report: the problem, every trial as columns, the best and the test scores.
+    """Write the content of a report as JSON: the problem, every trial as columns, the best and the test scores.
 
-    Args:
-        path: the file, JSON.
-        tuned: the study.
-        facts: provenance.
-        configuration: TOML of ensemble or experiment.
-        typed: as in `write_best`.
+    `configuration` is the TOML of ensemble or experiment; `facts` and `typed` are as in `write_best`.
     """
     problem, verdict, sizes = tuned.problem, tuned.verdict, tuned.verdict.sizes
     content = {

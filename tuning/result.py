@@ -422,12 +422,7 @@ def short_of(
 ) -> str:
     """Remark on a search with fewer trials than its gains need, with the budget it needs; else empty.
 
-    Args:
-        trials: number of trials of the search.
-        gains: number of gains.
-        config: has the number of trials that a gain needs.
-        seconds: time of the search in s, if that was its budget.
-        rollouts: number of rollouts of the search, if that was its budget.
+    `seconds`, in s, or `rollouts` are what the search took, if they were its budget.
     """
     wanted = config.trials_needed(gains)
     if trials >= wanted:

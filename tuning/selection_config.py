@@ -168,31 +168,24 @@ class SelectionConfig:
         return (1 + self.time_share) * search + self.time_more
 
     def time_of_search(self, search: float, left: float, pace: float = 0.0, margin_pace: float = 0.0) -> float:
-        """Time in s for the search after preparation, at least a share of the requested time.
+        """Time in s for the search after preparation, at least a share of the time that it was given.
 
-        Args:
-            search: requested time in s.
-            left: time in s that is left for search, validation and test.
-            pace: time in s of a rollout.
-            margin_pace: time in s of the stability margins of a controller on a machine.
+        `left` is the time in s for search, validation and test; `pace` that of a rollout, and `margin_pace` that of the
+        stability margins of a controller on a machine.
         """
         least = self._time_of(self.least_sizes, pace, margin_pace)
         judging = max(self.judging_share * search + self.judging_more, least)
         return max(min(search, left - judging), self.judging_share * search)
 
     def _time_of(self, sizes: SampleSizes, pace: float, margin_pace: float) -> float:
-        """Estimated time in s of validation and test, with `time_caution`; arguments as in `affordable`."""
+        """Estimated time in s of validation and test, with `time_caution`; paces as in `time_of_search`."""
         machines = 1 + self.margin_machines_validated
         return (1 + self.time_caution) * (pace * sizes.rollouts + margin_pace * machines * sizes.surveys)
 
     def affordable(self, sizes: SampleSizes, seconds: float, pace: float, margin_pace: float = 0.0) -> SampleSizes:
-        """The largest share of given sizes whose rollouts and stability margins end in time.
+        """The largest share of given sizes whose rollouts and stability margins take at most a time in s.
 
-        Args:
-            sizes: the largest.
-            seconds: time in s.
-            pace: time in s of a rollout so far.
-            margin_pace: time in s of the stability margins of a controller on a machine so far.
+        Paces are those so far, as in `time_of_search`.
         """
         for step in range(self.size_steps, -1, -1):
             scaled = sizes.scaled(step / self.size_steps, self.least_sizes)

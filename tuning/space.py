@@ -196,10 +196,7 @@ class Space:
 def own_bounds(keys: Sequence[str], tunable: Tunable, experiment: Experiment) -> tuple[float, float]:
     """Lower and upper bound of a gain: proportional to the values they follow, widened to the gain's own value.
 
-    Args:
-        keys: of the gain; several for tied gains.
-        tunable: its bounds at the default of the values they follow.
-        experiment: the machine, and the gain's own value.
+    A tied gain has several keys. `tunable` has the bounds at the defaults of the values they follow.
 
     Raises:
         ConfigurationError: the bounds follow a key that is no number of the experiment, or has no default.

@@ -32,20 +32,11 @@ def search(
     watch: TuningProgress = NO_PROGRESS,
     progress: SearchStatus | None = None,
 ) -> SearchStatus:
-    """Search until the budget is spent.
+    """Search until the budget is spent; return the status at the end.
 
-    The first trials are the paper's gains, if its law is tuned, and the experiment's own if they differ.
-
-    Args:
-        method: name of the optimiser, kept as the origin of its candidates.
-        optimiser: proposes candidates; first it is told the trials in the storage.
-        store: storage of the trials.
-        evaluator: evaluates them.
-        watch: shows the progress after each batch.
-        progress: updated in place, so that its counts survive an interrupt.
-
-    Returns:
-        The status of the search at its end.
+    The first trials are the paper's gains, if its law is tuned, and the experiment's own if they differ. The optimiser
+    is first told the trials in the storage; candidates have `method` as their origin. The progress is updated in place,
+    so that its counts survive an interrupt, and shown after each batch.
 
     Raises:
         KeyboardInterrupt: interrupted; every finished batch is kept, and the claims of the unfinished one are released.

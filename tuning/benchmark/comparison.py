@@ -79,11 +79,9 @@ def finite_or_none(value: float) -> float | None:
 
 
 def ratio_of(values: Floats, references: Floats) -> ErrorRatio:
-    """Geometric mean of the ratios of paired errors, with Student's interval and p-value of the logarithms.
+    """Geometric mean of the ratios of paired positive errors (pairs,), values over references.
 
-    Args:
-        values: (pairs,) positive.
-        references: (pairs,) positive, of the same scenarios.
+    With Student's interval and p-value of the logarithms.
     """
     from scipy.stats import t as student
 

@@ -170,6 +170,8 @@ def race(
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
         entrants[entry.key] = EntryProblem(entry, problem, definition_of(problem, method))
     first = next(iter(entrants.values())).problem
+    if stress:
+        check_stress(first)
     terms = BenchmarkTerms(
         ensemble=drawn.name,
         configuration=configuration(replace(first, experiment=first.paper_experiment)),
@@ -184,7 +186,7 @@ def race(
         list(entrants.values()),
         terms,
         folder=None if out is None else Path(out),
-        robustness=_robustness_check(first) if stress else None,
+        robustness=partial(least_robust, first) if stress else None,
         workers=workers,
         progress=progress,
     )
@@ -209,16 +211,6 @@ def _problem(
         )
     except ConfigurationError as error:
         raise ConfigurationError(f"{entry.key}: {error}") from error
-
-
-def _robustness_check(problem: TuningProblem) -> RobustnessCheck:
-    """The computation of the least robustness margins, with a problem's ensemble as the base.
-
-    Raises:
-        ConfigurationError: the gains are tuned for every imperfection.
-    """
-    check_stress(problem)
-    return partial(least_robust, problem)
 
 
 def least_robust(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
@@ -264,18 +256,13 @@ PAPER_STEM = "paper"
 
 
 class ResultFolder:
-    """Finished results of a race, in a folder or in memory only."""
+    """Finished results of a race, in its folder, or in memory only without one.
+
+    Raises:
+        ConfigurationError: a file has other terms, or is not a race's.
+    """
 
     def __init__(self, path: Path | None, terms: Mapping[str, Any]) -> None:
-        """Read the results in the folder.
-
-        Args:
-            path: folder of the race; ``None``: results are kept in memory only.
-            terms: of the race, for JSON.
-
-        Raises:
-            ConfigurationError: a file has other terms, or is not a race's.
-        """
         self._path = None if path is None else path / ENTRIES
         self._terms = _plain(terms)
         self._records: dict[str, dict[str, Any]] = {}
@@ -291,12 +278,8 @@ class ResultFolder:
     def find(self, stem: str, definition: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
         """The finished result of a name; ``None`` if there is none.
 
-        Args:
-            stem: the name.
-            definition: that the result must have, for JSON; ``None``: any.
-
         Raises:
-            ConfigurationError: the result has another definition.
+            ConfigurationError: the result has another definition than the given one.
         """
         record = self._records.get(stem)
         if record is None:
@@ -338,11 +321,7 @@ class ResultFolder:
         return self.find(stem)
 
     def keep(self, stem: str, definition: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-        """Keep a finished result.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
+        """Keep a finished result."""
         record = _plain({"terms": self._terms, "definition": definition, "result": result})
         self._records[stem] = record
         if self._path is not None:
@@ -393,12 +372,7 @@ def scored(
     workers: Workers = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> EntryResult:
-    """Tune an entry, and score its best and its fronts on the test set.
-
-    Raises:
-        DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted; the entry has no result.
-    """
+    """Tune an entry, and score its best and its fronts on the test set; an interrupt is raised, without a result."""
     began, problem = clock.now(), entrant.problem
     tuned = tune(
         problem,
@@ -448,15 +422,7 @@ def paper(
 ) -> BaselineScore:
     """Score the paper's gains on the test set, and compute lower bounds on the error there.
 
-    Args:
-        problem: of any entry; ensemble, constraints and seed are common to all.
-        terms: of the race; they give number and seed of the scenarios.
-        workers: number of threads of this machine, or an executor; default: one thread per core.
-        watch: shows the progress.
-
-    Raises:
-        DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted.
+    The problem is that of any entry: ensemble, constraints and seed are common to all.
     """
     scorer = Scorer(prepare(problem, workers, watch), workers=workers)
     watch.phase(PAPER_PHASE)
@@ -523,23 +489,8 @@ def run_race(
 ) -> BenchmarkResult:
     """Tune and score every entry that is not in the folder yet; compute robustness margins if requested.
 
-    An interrupt (Ctrl-C) keeps finished entries; the same call continues with the rest.
-
-    Args:
-        entrants: at least one.
-        terms: of the race, the same for all.
-        folder: for finished entries; the result includes those of earlier calls on the same terms.
-        robustness: computes the robustness margins of the best gains; ``None``: none are computed.
-        workers: number of threads of this machine, or an executor; default: one thread per core.
-        progress: called repeatedly with the share of the work that is done, and the current phase.
-
-    Returns:
-        The result of the race; `BenchmarkResult.remaining` is the number of entries that an interrupt has left out.
-
-    Raises:
-        ConfigurationError: the folder has a race on other terms.
-        DualwinchError: no compiler, no usable cache folder, or no optimum found.
-        KeyboardInterrupt: interrupted before the first entry was finished.
+    The result includes the entries of earlier calls on the same terms. An interrupt (Ctrl-C) keeps finished entries,
+    and the same call continues with the rest. Further arguments and errors are as in `race`.
     """
     kept = ResultFolder(folder, terms.to_record())
     for each in entrants:

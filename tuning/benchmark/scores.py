@@ -216,12 +216,7 @@ FRONT_POINTS = 8
 
 
 def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
-    """Indices of the non-dominated points (Pareto front), in order of cost.
-
-    Args:
-        costs: (points,)
-        errors: (points,)
-    """
+    """Indices of the non-dominated of some points (points,), the Pareto front, in order of cost."""
     kept: list[int] = []
     across, heights = np.asarray(costs), np.asarray(errors)
     for index in np.lexsort((heights, across)).tolist():
@@ -231,12 +226,9 @@ def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
 
 
 def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> list[Evaluation]:
-    """The Pareto front of the feasible trials, from the least cost to the least error.
+    """The Pareto front of a search's feasible trials, from the least cost, one of `COSTS`, to the least error.
 
-    Args:
-        trials: of a search.
-        cost: one of `COSTS`.
-        most: largest number of points, spread evenly over the front with both its ends.
+    It has at most `most` points, spread evenly over the front with both its ends.
     """
     whole = [trial for trial in trials if trial.feasible]
     costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in whole]) for name in (cost, ERROR))

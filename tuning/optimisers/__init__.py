@@ -74,11 +74,7 @@ def check_method(method: str, objectives: int) -> None:
 
 
 def compile_ahead(method: str, problem: TuningProblem, scenario: Experiment | Scenario) -> None:
-    """Compile the functions that a method calls besides rollouts; else they are compiled at their first call.
-
-    Raises:
-        DualwinchError: no compiler, or no usable cache folder.
-    """
+    """Compile the functions that a method calls besides rollouts; else they are compiled at their first call."""
     if method == "gradient" or (method == "hybrid" and linearise.gradients_guide(problem)):
         linearise.compile_ahead(problem, scenario)
 

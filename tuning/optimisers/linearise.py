@@ -27,12 +27,7 @@ HARDEST = 3
 def active_scenarios(prepared: TrainingSet, point: Point) -> list[Experiment | Scenario]:
     """The scenarios that count in an objective or a mean, and the worst of each constraint on the worst case, in order.
 
-    Args:
-        prepared: has scenarios, objectives and constraints.
-        point: of the space; it is run in all scenarios, including those of the pool, if there are several.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
+    The point is run in all scenarios, including those of the pool, if there are several.
     """
     scenarios, space = [*prepared.scenarios, *prepared.hard], prepared.problem.space
     if len(scenarios) <= HARDEST:
@@ -76,16 +71,8 @@ def margin_slopes(
 
     Differences are computed only in loops with a margin near the worst.
 
-    Args:
-        prepared: has the machines and the bounded margins.
-        point: of the space.
-        dimensions: of the slopes, d of them.
-
     Returns:
-        Margin → value and slopes (d,) for each machine; an unstable loop has the value 0 and slopes 0.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
+        Margin → value and slopes (dimensions,) for each machine; an unstable loop has the value 0 and slopes 0.
     """
     surveyed, problem = prepared.margins, prepared.problem
     if surveyed is None:
@@ -144,11 +131,7 @@ STEEPEST = 1e6
 
 
 def compile_ahead(problem: TuningProblem, scenario: Experiment | Scenario) -> None:
-    """Compile the functions of `linearise` for scenarios like this one; nothing if no dimension has a derivative.
-
-    Raises:
-        DualwinchError: no compiler, or no usable cache folder.
-    """
+    """Compile the functions of `linearise` for scenarios like this one; nothing if no dimension has a derivative."""
     keys, values = _smooth_keys(problem, problem.start)
     if keys:
         sensitivities_ahead(keys, values, scenario)
@@ -157,13 +140,7 @@ def compile_ahead(problem: TuningProblem, scenario: Experiment | Scenario) -> No
 def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario], point: Point) -> LocalModel:
     """The local model at a point of the space, over its continuous dimensions, by sensitivities of the closed loop.
 
-    Args:
-        prepared: has objective and constraints.
-        scenarios: the active ones (`active_scenarios`).
-        point: of the space.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
+    The scenarios are the active ones (`active_scenarios`).
     """
     problem = prepared.problem
     dimensions = smooth(problem)

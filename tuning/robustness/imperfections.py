@@ -199,11 +199,6 @@ class ScaledEnsemble:
         """Controller → the base's experiment with it, shared by all scenarios and sizes."""
         return {}
 
-    def _base_with(self, controller: Controller) -> Experiment:
-        if controller not in self._bases:
-            self._bases[controller] = replace(self._start.experiment, controller=controller)
-        return self._bases[controller]
-
     @cached_property
     def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
         """Every scenario of the base, with the scaled values there and in the ensemble."""
@@ -215,12 +210,7 @@ class ScaledEnsemble:
         return {key: values[key] for key in self.keys if key in values}
 
     def values(self, index: int, sizes: Mapping[str, float]) -> dict[str, Any]:
-        """Scaled key → its value in a scenario.
-
-        Args:
-            index: number of the scenario.
-            sizes: key → size; default: 0.
-        """
+        """Scaled key → its value in the scenario of a number; sizes are by key, by default 0."""
         _, base, ensemble = self._ends[index]
         return self._between(base, ensemble, sizes)
 
@@ -237,19 +227,15 @@ class ScaledEnsemble:
     def scenario(
         self, index: int, controller: Controller, sizes: Mapping[str, float], nominal: Plant | None = None
     ) -> Scenario:
-        """One scenario.
+        """The scenario of a number; `nominal` is the plant for which the controller was designed, if already known.
 
         At every size, all scaled keys are among its draws, so that the same compiled code runs all scenarios of the
         same structure.
-
-        Args:
-            index: its number.
-            controller: with the gains.
-            sizes: key → size; default: 0.
-            nominal: the plant for which the controller was designed; default: from `nominal`.
         """
         draws = self._ends[index][0].draws | self.values(index, sizes) | self._substeps(sizes)
-        return Scenario(index, self._base_with(controller), nominal or self.nominal(sizes), draws)
+        if controller not in self._bases:
+            self._bases[controller] = replace(self._start.experiment, controller=controller)
+        return Scenario(index, self._bases[controller], nominal or self.nominal(sizes), draws)
 
     def _substeps(self, sizes: Mapping[str, float]) -> dict[str, Any]:
         """The number of sub-steps that all scenarios of given sizes need, if it is more than the ensemble's.

@@ -163,8 +163,7 @@ class RobustnessLimit:
     def easing(self, whom: str = "") -> str:
         """Which bound is eased, to what, and because of which gains; empty if it is not.
 
-        Args:
-            whom: the gains to which it applies, such as ``for all gains``; default: not said.
+        `whom` are the gains to which it applies, such as ``for all gains``.
         """
         told = [
             f"{_listed(names)} {verb if len(names) > 1 else singular} it"
@@ -218,12 +217,9 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
-    """Parse the constraints of a stress test.
+    """Parse the constraints of a stress test; by default those of a study (`noted`), and `DEFAULTS` on other metrics.
 
-    Args:
-        texts: of the constraints; ``None``: those of `noted`, and `DEFAULTS` on other metrics.
-        noted: constraints of a study. Margins among them are skipped: they are not measured in runs.
-        experiment: has the configuration keys, and metrics besides the built-in ones.
+    Margins among those of a study are skipped: they are not measured in runs.
 
     Raises:
         ConfigurationError: a text that is no constraint on a metric.
@@ -258,14 +254,8 @@ def limits_of(
     """Constraints with bounds as numbers, the same for all gains, so that their robustness margins are comparable.
 
     A bound that some gains violate in the base, or lie on, as the paper's lie on their own value, measures no
-    robustness: they break at any size. It is eased for all gains, to `WORSE` times the worst value of these.
-
-    Factors on the paper's value are skipped if the paper's gains complete no run.
-
-    Args:
-        constraints: possibly with factors on the value with the paper's gains in the base.
-        paper: runs of the paper's gains in the base.
-        gains: name of the gains → their runs in the base.
+    robustness: they break at any size. It is eased for all gains, to `WORSE` times the worst value of these. Factors on
+    the paper's value are skipped if the paper's gains complete no run. All runs are in the base, `gains` by their name.
     """
     found = []
     for constraint in constraints:
@@ -290,15 +280,10 @@ def _eased(asked: Constraint, reached: float) -> Constraint:
 
 
 def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:
-    """Limits for which gains already fail in the base; empty if their robustness margins are computed.
+    """Limits (`limits_of`) for which gains already fail in the base; empty if their robustness margins are computed.
 
-    Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors, or easing a violated bound
-    on a share or a tension would make it vacuous.
-
-    Args:
-        limits: of these gains (`limits_of`).
-        runs: of these gains in the base.
-        tension_max: upper force limit of their winches in N.
+    Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors (`tension_max`, in N), or
+    easing a violated bound on a share or a tension would make it vacuous.
     """
     if lost := violated_limits((), runs):
         return lost

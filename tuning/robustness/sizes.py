@@ -106,15 +106,10 @@ def size_range(scaling: ScaledEnsemble, imperfection: Imperfection) -> SizeRange
     def wrong(step: int) -> str:
         return scaling.obstacle(dict.fromkeys(imperfection.keys, size(step)))
 
-    bottom = AS_IT_IS if scaling.switched(imperfection) else LOWEST
-    stiffens = scaling.stiffens(imperfection)
-    highest = HIGHEST_COMPILED if scaling.compiled(imperfection) else HIGHEST
-    obstacle = ""
-    for step in range(AS_IT_IS if scaling.switched(imperfection) else highest, bottom - 1, -1):
-        if not (found := wrong(step)):
-            return SizeRange(_lowest(bottom, step, wrong) if stiffens else bottom, step, obstacle)
-        obstacle = found
-    return SizeRange(bottom, bottom - 1, obstacle)
+    bottom, top = LOWEST, HIGHEST_COMPILED if scaling.compiled(imperfection) else HIGHEST
+    if scaling.switched(imperfection):
+        bottom = top = AS_IT_IS
+    return _allowed(bottom, top, wrong, stiffens=scaling.stiffens(imperfection))
 
 
 def sizes_at(step: int, reaches: Mapping[Imperfection, SizeRange]) -> dict[str, float]:
@@ -135,14 +130,17 @@ def joint_range(scaling: ScaledEnsemble, reaches: Mapping[Imperfection, SizeRang
     def wrong(step: int) -> str:
         return scaling.obstacle(sizes_at(step, reaches))
 
-    stiffens, obstacle = any(map(scaling.stiffens, reaches)), ""
-    for step in range(max(reach.top for reach in reaches.values()), LOWEST - 1, -1):
+    top = max(reach.top for reach in reaches.values())
+    return _allowed(LOWEST, top, wrong, stiffens=any(map(scaling.stiffens, reaches)))
+
+
+def _allowed(bottom: int, top: int, wrong: Callable[[int], str], *, stiffens: bool) -> SizeRange:
+    """The allowed steps from `bottom` to `top`; the smallest ones are tried only if small sizes may swing faster."""
+    obstacle = ""
+    for step in range(top, bottom - 1, -1):
         if not (found := wrong(step)):
-            return SizeRange(_lowest(LOWEST, step, wrong) if stiffens else LOWEST, step, obstacle)
+            if stiffens:
+                bottom = next((small for small in range(bottom, step) if not wrong(small)), step)
+            return SizeRange(bottom, step, obstacle)
         obstacle = found
-    return SizeRange(LOWEST, LOWEST - 1, obstacle)
-
-
-def _lowest(bottom: int, top: int, wrong: Callable[[int], str]) -> int:
-    """The smallest allowed step from `bottom` to `top`, which is allowed."""
-    return next(step for step in range(bottom, top + 1) if step == top or not wrong(step))
+    return SizeRange(bottom, bottom - 1, obstacle)

@@ -206,40 +206,20 @@ def _ensemble(
 
 
 class ScaledRunner:
-    """Runs scenarios of scaled imperfections, and reports the share of the expected work that is done."""
+    """Runs scenarios of scaled imperfections; the progress is the share of the largest number of sizes to run."""
 
     def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
-        """Set up.
-
-        Args:
-            scaling: of the scenarios.
-            expected: largest number of sizes to run.
-            workers: number of threads of this machine, or an executor; default: one thread per core.
-            progress: called repeatedly with the share of the work that is done.
-        """
         self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
         self._done = 0
 
     def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
-        """Compile the code for scenarios of given sizes, in parallel, as compilation takes longer than all their runs.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
+        """Compile the code for scenarios of given sizes, in parallel: that takes longer than all their runs."""
         first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
         loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
         map_all(compile_batch, list(loops), threads_of(self._workers))
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
-        """Run the scenarios of each of several sizes.
-
-        Args:
-            controller: with the gains.
-            sizes: scaled key → size, one mapping per size; empty: the base.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
-        """
+        """Run the scenarios of each of several sizes, by scaled key; without any, those of the base."""
         scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
         for row, each in enumerate(sizes):
             scenarios[row] = self._scaling.scenarios(controller, each)
@@ -273,22 +253,11 @@ def breakdowns(
 
     Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
     violated. Scenarios are the same, with the same quantiles of every distribution, at every size and for all
-    controllers. Everything else is the base's.
-
-    Args:
-        controllers: name → controller, with the paper's gains (`PAPER`) among them.
-        base: ensemble without the imperfections; its own controller is not used.
-        ensemble: with the imperfections, at size 1.
-        constraints: on each controller; factors are on the value with the paper's gains in the base.
-        scenarios: number per size.
-        seed: of the draws.
-        workers: number of threads of this machine, or an executor; default: one thread per core.
-        progress: called repeatedly with the share of the work that is done.
+    controllers, among them the paper's gains (`PAPER`); everything else is the base's, except its own controller.
+    Factors in constraints are on the value with the paper's gains in the base. Other arguments are as in `stress`.
 
     Raises:
         ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not suit the plant.
-        DualwinchError: no compiler, or no usable cache folder.
-        KeyboardInterrupt: interrupted.
     """
     whole_number("scenarios", scenarios, 1)
     whole_number("seed", seed)

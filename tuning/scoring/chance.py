@@ -23,13 +23,7 @@ def clopper_pearson(violations: int, draws: int, confidence: float) -> tuple[flo
 
 
 def draws_needed(violation: float, confidence: float, candidates: int) -> int:
-    """Number of draws M = ln(K/β)/ε, rounded up.
-
-    Args:
-        violation: ε, the largest probability of a violation.
-        confidence: 1 − β.
-        candidates: K, the number of candidates.
-    """
+    """Number of draws M = ln(K/β)/ε, rounded up, for a violation ε, a confidence 1 − β and K candidates."""
     return math.ceil(math.log(candidates / (1 - confidence)) / violation)
 
 

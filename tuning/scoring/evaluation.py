@@ -48,12 +48,8 @@ def bounds_in(
 ) -> tuple[Constraint, ...]:
     """The constraints of a problem in other scenarios, with factors applied to the paper's statistics there.
 
-    Factors on its stability margins remain applied to those on the training set's machines.
-
-    Args:
-        training: the problem with its training set.
-        paper: runs of the baseline controller in `scenarios`, one row.
-        scenarios: validation or test scenarios.
+    `paper` are runs of the baseline controller in these, one row. Factors on its stability margins remain applied to
+    those on the training set's machines.
     """
     return tuple(
         constraint.given(over(constraint.statistic, paper, 0, scenarios))
@@ -107,12 +103,6 @@ class Scorer:
     watch: TuningProgress = NO_PROGRESS
 
     def __init__(self, training: TrainingSet, workers: Workers = None) -> None:
-        """Set up.
-
-        Args:
-            training: has objectives and constraints.
-            workers: number of threads of this machine, or an executor; default: one thread per core.
-        """
         self.training = training
         self.rollouts, self.seconds, self.margin_seconds, self.surveyed = 0, 0.0, 0.0, 0
         self._whole_seconds = 0.0
@@ -144,12 +134,9 @@ class Scorer:
         return self.affordable(sizes) == sizes
 
     def step(self, words: str, runs: int, status: str = "") -> None:
-        """Begin a step of validation or test; `watch` gets the share of its rollouts that is done.
+        """Begin a step of validation or test with at most `runs` rollouts; `watch` gets the share that is done.
 
-        Args:
-            words: description of the step.
-            runs: largest number of its rollouts.
-            status: as in `TuningProgress.step`.
+        The words and the status are as in `TuningProgress.step`.
         """
         self._report, self._step = self.watch.step(words, status), (self.rollouts, max(runs, 1))
 
@@ -204,16 +191,10 @@ class Scorer:
         chosen: Sequence[bool] | None = None,
         loops: NDArray[np.intp] | None = None,
     ) -> list[Margins | None]:
-        """Compute the worst margins of candidates on given machines.
+        """Compute the worst margins of candidates on given machines; ``None`` where no margin is bounded.
 
-        Args:
-            candidates: with the gains.
-            machines: survey of the machines; ``None``: no margin is bounded.
-            chosen: mask of the candidates to compute; the others get ``None``.
-            loops: indices of the survey's loops; default: all.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
+        `chosen` is a mask of the candidates to compute; the others get ``None``. `loops` are indices of the survey's
+        loops, by default all.
         """
         problem, found = self.training.problem, list[Margins | None]([None] * len(candidates))
         rows = [row for row in range(len(candidates)) if chosen is None or chosen[row]]
@@ -239,15 +220,9 @@ class Scorer:
         *,
         to_the_end: bool = True,
     ) -> BatchResult:
-        """Run candidates in scenarios, one row per candidate.
+        """Run candidates in scenarios, one row per candidate; without any, one row with the scenarios' own gains.
 
-        Args:
-            candidates: with the gains; ``None``: one row with the scenarios' own gains.
-            scenarios: to run.
-            to_the_end: whether runs continue if a rope is slack for long although the constraints forbid it.
-
-        Raises:
-            KeyboardInterrupt: interrupted.
+        Unless `to_the_end`, runs are stopped if a rope is slack for long although the constraints forbid it.
         """
         space = self.training.problem.space
         max_slack = None if to_the_end else self._max_slack
@@ -322,16 +297,12 @@ EXEMPT = ("paper", "start")
 
 
 class Evaluator(Scorer):
-    """Evaluates the candidates of a search batch by batch, with a pool of active scenarios."""
+    """Evaluates the candidates of a search batch by batch, with a pool of active scenarios.
+
+    Poor candidates are pruned after the first scenarios, unless there are several objectives or `prune` is false.
+    """
 
     def __init__(self, training: TrainingSet, *, prune: bool = True, workers: Workers = None) -> None:
-        """Set up.
-
-        Args:
-            training: has scenarios, objectives and constraints.
-            prune: whether to prune poor candidates after the first scenarios; never with several objectives.
-            workers: number of threads of this machine, or an executor; default: one thread per core.
-        """
         super().__init__(training, workers)
         problem = training.problem
         self._config, self._pool, self._batches = problem.selection, ActiveScenarios(training), 0
@@ -340,11 +311,7 @@ class Evaluator(Scorer):
         self._best: Evaluation | None = None
 
     def evaluate(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """Evaluate a batch of candidates in the training scenarios.
-
-        Raises:
-            KeyboardInterrupt: interrupted; nothing of this batch is kept.
-        """
+        """Evaluate a batch of candidates in the training scenarios; an interrupt keeps nothing of it."""
         if not self._first:
             return self.over(candidates, self.training.scenarios, training=True)
         common, active, inactive = self._pool.common, self._pool.active, self._pool.inactive

@@ -78,14 +78,9 @@ class TuningProgress:
         self._progress(0.0, words)
 
     def step(self, words: str, status: str = "") -> Progress:
-        """Report the beginning of a step of a phase.
+        """Report the beginning of a step of a phase; return the callback for the share of it that is done.
 
-        Args:
-            words: description of the step.
-            status: description with numbers, to distinguish successive steps with the same `words`.
-
-        Returns:
-            Callback for the share of the step that is done.
+        `status` has numbers, to distinguish successive steps with the same words.
         """
 
         def report(fraction: float) -> None:

@@ -119,13 +119,9 @@ def rarest_violations_first(
 ) -> list[int]:
     """Rank evaluations by an exact penalty on the share of scenarios with a violation; return their indices.
 
-    The key is the objective's logarithm plus a penalty on the share of scenarios in which a bound on the worst case is
-    violated. With several objectives, or one that is not positive, it is that share, then the objectives.
-
-    Args:
-        evaluations: of candidates in the same scenarios.
-        shares: share of scenarios, possibly others, in which each candidate violates a bound.
-        penalty: added to the logarithm of the objective for a share of 1.
+    The key is the objective's logarithm plus a penalty on the share of scenarios, possibly others, in which a bound on
+    the worst case is violated. With several objectives, or one that is not positive, it is that share, then the
+    objectives.
     """
     positive = _penalisable(evaluations)
 

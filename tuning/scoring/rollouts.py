@@ -29,8 +29,7 @@ def run_pairs(
 ) -> BatchResult:
     """`rollout` that raises an interrupt, because an incomplete batch is useless here; arguments as there.
 
-    Raises:
-        KeyboardInterrupt: interrupted, even if every rollout had already started and is finished.
+    It does so even if every rollout had already started and is finished.
     """
     result = rollout(keys, parameters, scenarios, workers=workers, max_slack=max_slack, progress=progress)
     if result.interrupted:
@@ -52,11 +51,9 @@ def keeps_tight(constraints: Sequence[Constraint]) -> bool:
 
 
 def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
-    """Largest violation of each run (candidates, scenarios), as a share of the bound; infinite for incomplete ones.
+    """Largest violation of a bound on the worst case in each run (candidates, scenarios), as a share of the bound.
 
-    Args:
-        result: (candidates, scenarios) runs.
-        constraints: only those on the worst case count.
+    It is infinite for incomplete runs.
     """
     worst = np.full(result.outcomes.shape, -np.inf)
     for constraint in constraints:

@@ -51,15 +51,7 @@ class Screening:
         start: Evaluation,
         sizes: SampleSizes,
     ) -> None:
-        """Evaluate the start on the validation set.
-
-        Args:
-            evaluator: of the problem.
-            validation: the set.
-            trials: of the search.
-            start: its evaluation on the training set.
-            sizes: the largest sizes of the sets.
-        """
+        """Evaluate the start on the validation set; `trials` and `start` are evaluations on the training set."""
         self._evaluator, self._validation, self._sizes = evaluator, validation, sizes
         self.constraints = validation.constraints
         self._config = evaluator.training.problem.selection
@@ -106,12 +98,8 @@ class Screening:
     def learn(self, draws: Sequence[Scenario], waiting: Sequence[Validated]) -> list[Validated]:
         """Add draws in which a validated candidate violated a bound to the validation set.
 
-        Args:
-            draws: to add.
-            waiting: other validated candidates.
-
         Returns:
-            The candidates of `waiting` that violate no bound in these draws.
+            The other validated candidates, of `waiting`, that violate no bound in these draws.
         """
         added = self._validation.extend(draws)
         if not (added and waiting):
@@ -123,9 +111,7 @@ class Screening:
     def repair(self, candidate: Validated, excess: float) -> list[Validated]:
         """The first feasible candidate of a line search on the reserve; empty if there is none.
 
-        Args:
-            candidate: with a peak beyond its bound.
-            excess: violation, as a share of the bound.
+        The peak of the given one exceeds its bound by `excess`, a share of the bound.
         """
         trial, problem = candidate.trial, self._evaluator.training.problem
         steps = [repaired(trial.candidate, excess, problem, share) for share in self._config.repair_steps]

@@ -53,17 +53,10 @@ def select(
     sizes: SampleSizes | None = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> SelectionResult:
-    """Select the best trial by validation set and chance constraint, and score it on the test set.
+    """Select the best of finished trials by validation set and chance constraint, and score it on the test set.
 
-    Args:
-        evaluator: of the problem.
-        trials: finished trials, at least one.
-        sizes: largest sizes of the sets; default: from the problem's `SelectionConfig`. They are reduced if the
-            evaluator's time is short, and computed again after validation.
-        watch: gets both phases and their steps.
-
-    Raises:
-        KeyboardInterrupt: interrupted.
+    The largest sizes of the sets are by default those of the problem's `SelectionConfig`. They are reduced if the
+    evaluator's time is short, and computed again after validation. `watch` gets both phases and their steps.
     """
     problem = evaluator.training.problem
     asked = sizes or problem.selection.sizes
@@ -133,12 +126,6 @@ def _chance_constrained(
     evaluator: Evaluator, screening: Screening, first: Sequence[Validated], sizes: SampleSizes
 ) -> tuple[Validated | None, ChanceConstraint | None, str]:
     """The first candidate without a violation in its own fresh draws, else the best by an exact penalty (step 4).
-
-    Args:
-        evaluator: of the problem.
-        screening: supplies more candidates.
-        first: validated candidates.
-        sizes: of the draws.
 
     Returns:
         The candidate, or ``None``; the result of its draws; and, if it is the start, a note on a better candidate that

@@ -14,11 +14,7 @@ if TYPE_CHECKING:
 
 
 def kept_definition(storage: str, study: str) -> Mapping[str, Any] | None:
-    """The stored definition of a study; ``None`` if there is no such study.
-
-    Args:
-        storage: a file, or the URL of a database.
-        study: the study's name.
+    """The stored definition of a study in a file, or in the database of a URL; ``None`` if there is no such study.
 
     Raises:
         ConfigurationError: the file is no journal.

@@ -87,12 +87,7 @@ def in_words(parts: Sequence[PartRecord]) -> str:
 
 
 def check_parts(study: StudyName, ours: Sequence[PartRecord], theirs: Sequence[PartRecord]) -> None:
-    """Check that a study is not continued with a different part of the same kind.
-
-    Args:
-        study: for messages.
-        ours: the present parts.
-        theirs: the parts recorded with the study.
+    """Check that a study is not continued with a different part of the same kind as one recorded with it (`theirs`).
 
     Raises:
         ConfigurationError: a part's source differs.
@@ -123,10 +118,6 @@ def _parts(holder: Any) -> Iterator[Part]:
 
 def recall(study: StudyName, parts: Sequence[PartRecord]) -> list[str]:
     """Register the recorded parts of a study; those not registered yet are imported from their recorded source.
-
-    Args:
-        study: for messages.
-        parts: their records.
 
     Returns:
         The sources that were imported.

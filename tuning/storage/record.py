@@ -172,16 +172,11 @@ def joined_definition(study: str, storage: "optuna.storages.BaseStorage") -> dic
 def check_definition(
     study: StudyName, ours: Mapping[str, Any], theirs: Mapping[str, Any] | None, spaces: tuple[Space, Space]
 ) -> None:
-    """Check that two definitions of a study agree.
-
-    Args:
-        study: for messages.
-        ours: the requested definition.
-        theirs: the definition in the storage; ``None``: it is not a study of this program.
-        spaces: both spaces.
+    """Check that a requested definition of a study agrees with that in the storage, and so do the spaces of both.
 
     Raises:
-        ConfigurationError: they differ; the message names the difference.
+        ConfigurationError: they differ; the message names the difference. Or the storage has none: the study is not one
+            of this program.
     """
     if theirs is None:
         raise ConfigurationError(f"{study} exists, but is not a study of this program; {study.another}")
