@@ -231,13 +231,10 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collec
         entry = f"{name} = {toml_value(value)}"
         if value is None:
             entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
-        mark = (
-            ""
-            if given is None or key in given or key in unused
-            else "PAPER: "
-            if "aper" in _origin(leaf)
-            else "DEFAULT: "
-        )
+        mark = ""
+        if given is not None and key not in given and key not in unused:
+            papers = "aper" in leaf.quantity.source or "Table" in leaf.quantity.source
+            mark = "PAPER: " if papers else "DEFAULT: "
         tables.setdefault(table, []).append((entry, mark + _comment(leaf)))
     for table, entries in tables.items():
         width = min(max((len(entry) for entry, _ in entries), default=0), WIDEST)
@@ -266,11 +263,6 @@ def _unused(experiment: Experiment) -> set[str]:
     others = {name for other, names in KEYS_OF_KIND.items() for name in names if other != kind}
     of_all = {"speed", "acceleration", "jerk_limit"} if kind == "file" else set[str]()
     return {"simulation.duration", *(f"reference.{name}" for name in others | of_all)}
-
-
-def _origin(leaf: Leaf) -> str:
-    """The source of a key's default; tables are named as the paper's."""
-    return leaf.quantity.source.replace("Table", "paper's Table")
 
 
 def _comment(leaf: Leaf) -> str:

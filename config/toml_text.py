@@ -146,13 +146,10 @@ def toml_value(value: Any) -> str:
         return f"{value:g}"
     if isinstance(value, tuple):
         return f"[{', '.join(map(toml_value, value))}]"
-    return _quoted(value) if isinstance(value, str) else repr(value)
-
-
-def _quoted(text: str) -> str:
-    """A text in quotes; lone surrogates, which TOML cannot hold, are replaced by question marks."""
-    whole = text.encode("utf-8", errors="replace").decode("utf-8")
-    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, str):
+        whole = value.encode("utf-8", errors="replace").decode("utf-8")  # TOML cannot hold lone surrogates
+        return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
 
 
 def _line_of(key: str, text: str) -> str:
