@@ -23,7 +23,7 @@ from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMIL
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem
-from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, pareto_front
+from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, pareto_front, undominated
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.storage.record import finished_trial
@@ -102,7 +102,8 @@ def importances(problem: TuningProblem, trials: Sequence[Evaluation]) -> dict[st
     study = optuna.create_study()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        study.add_trials([finished_trial(_single(trial), problem.space) for trial in whole])
+        single = [replace(trial, objectives=trial.objectives[:1], violations={}) for trial in whole]
+        study.add_trials([finished_trial(trial, problem.space) for trial in single])
         found = optuna.importance.get_param_importances(
             study, evaluator=optuna.importance.PedAnovaImportanceEvaluator(), normalize=True
         )
@@ -161,7 +162,7 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
         if len(problem.objectives) > 1:
             edge, label = points[pareto_front(whole)], "Pareto front"
         else:
-            edge, label = points[kept][_lower_edge(points[kept])], "lower edge of all trials"
+            edge, label = points[kept][undominated(*points[kept].T)], "lower edge of all trials"
         if len(edge):
             axes.plot(*edge.T, color=BLUE, marker="o", markersize=3, label=label)
         for constraint in constraints:
@@ -173,20 +174,6 @@ def front(problem: TuningProblem, constraints: Sequence[Constraint], trials: Seq
         axes.set(xlabel=axis_title(across), ylabel=axis_title(upward))
         page.legend()
     return page.figure
-
-
-def _single(trial: Evaluation) -> Evaluation:
-    return Evaluation(trial.candidate, trial.objectives[:1], {}, {}, {}, trial.scenarios)
-
-
-def _lower_edge(points: np.ndarray) -> list[int]:
-    """Indices of the non-dominated points, in order of the first coordinate."""
-    order, edge, lowest = np.lexsort((points[:, 1], points[:, 0])), [], np.inf
-    for index in order:
-        if points[index, 1] < lowest:
-            edge.append(int(index))
-            lowest = points[index, 1]
-    return edge
 
 
 def _scale(setter: Callable[[str], None], values: np.ndarray) -> None:
@@ -301,12 +288,4 @@ def _runs(problem: TuningProblem, verdict: SelectionResult) -> tuple[dict[str, d
     return runs, words
 
 
-__all__ = [
-    "before_and_after",
-    "distributions",
-    "front",
-    "history",
-    "importance",
-    "importances",
-    "parallel_coordinates",
-]
+__all__ = ["before_and_after", "distributions", "front", "history", "importance", "importances", "parallel_coordinates"]

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -188,21 +188,10 @@ class BenchmarkTerms:
         """Seed of the test set; no search, selection or score of a single study uses its scenarios."""
         return named_seed(self.seed, "benchmark test")
 
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class EntryProblem:
-    """An entry with its tuning problem.
-
-    Attributes:
-        entry: its parts.
-        problem: its tuning problem.
-        definition: the problem as a record, kept with the result.
-    """
+    """An entry with its tuning problem."""
 
     entry: BenchmarkEntry
     problem: TuningProblem
-    definition: Mapping[str, Any]

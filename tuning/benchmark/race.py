@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from os import PathLike
@@ -168,7 +168,7 @@ def race(
     entrants: dict[str, EntryProblem] = {}
     for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
-        entrants[entry.key] = EntryProblem(entry, problem, definition_of(problem, method))
+        entrants[entry.key] = EntryProblem(entry, problem)
     first = next(iter(entrants.values())).problem
     if stress:
         check_stress(first)
@@ -220,11 +220,7 @@ def least_robust(problem: TuningProblem, experiment: Experiment, workers: Worker
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
         return tuple({"label": "none", "size": "", "violated": limit.words} for limit in found.lost.get(name, ()))
     return tuple(
-        {
-            "label": row.imperfection.label,
-            "size": found.where(row, name),
-            "violated": row.cause(name),
-        }
+        {"label": row.imperfection.label, "size": found.where(row, name), "violated": row.cause(name)}
         for row in found.ranking[:SHOWN_ENTRIES]
     )
 
@@ -365,15 +361,15 @@ LEAST_PHASE = "finding the least possible error"
 
 
 def scored(
-    entrant: EntryProblem,
+    entry: BenchmarkEntry,
+    problem: TuningProblem,
     terms: BenchmarkTerms,
-    *,
-    robustness: RobustnessCheck | None = None,
-    workers: Workers = None,
-    watch: TuningProgress = NO_PROGRESS,
+    robustness: RobustnessCheck | None,
+    workers: Workers,
+    watch: TuningProgress,
 ) -> EntryResult:
     """Tune an entry, and score its best and its fronts on the test set; an interrupt is raised, without a result."""
-    began, problem = clock.now(), entrant.problem
+    began = clock.now()
     tuned = tune(
         problem,
         method=terms.method,
@@ -396,7 +392,7 @@ def scored(
         watch.phase(STRESS_PHASE)
         stress = robustness(tuned.best, workers)
     return EntryResult(
-        entry=entrant.entry,
+        entry=entry,
         runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
         gains=tuned.gains,
         fronts=rescored,
@@ -417,9 +413,7 @@ def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPo
     return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], feasible=evaluation.feasible, gains=gains)
 
 
-def paper(
-    problem: TuningProblem, terms: BenchmarkTerms, *, workers: Workers = None, watch: TuningProgress = NO_PROGRESS
-) -> BaselineScore:
+def paper(problem: TuningProblem, terms: BenchmarkTerms, workers: Workers, watch: TuningProgress) -> BaselineScore:
     """Score the paper's gains on the test set, and compute lower bounds on the error there.
 
     The problem is that of any entry: ensemble, constraints and seed are common to all.
@@ -492,14 +486,12 @@ def run_race(
     The result includes the entries of earlier calls on the same terms. An interrupt (Ctrl-C) keeps finished entries,
     and the same call continues with the rest. Further arguments and errors are as in `race`.
     """
-    kept = ResultFolder(folder, terms.to_record())
-    for each in entrants:
-        kept.find(each.entry.stem, each.definition)
+    kept = ResultFolder(folder, asdict(terms))
     called = names([each.entry for each in entrants])
-    jobs = [RaceJob(PAPER_STEM, PAPER_STEM, entrants[0].problem, terms)]
-    jobs += [
-        RaceJob(each.entry.stem, called[each.entry.key], each.problem, terms, each, robustness) for each in entrants
-    ]
+    jobs = [RaceJob(PAPER_STEM, entrants[0].problem, terms)]
+    jobs += [RaceJob(called[each.entry.key], each.problem, terms, each.entry, robustness) for each in entrants]
+    for job in jobs:
+        kept.find(job.stem, job.definition)
     try:
         _run_jobs(jobs, kept, workers, progress)
     except KeyboardInterrupt:
@@ -520,25 +512,28 @@ class RaceJob:
     """A job of a race: score the paper's gains, or tune and score an entry.
 
     Attributes:
-        stem: name of the result's file.
         name: in messages.
         problem: of the entry; of any entry for the paper's gains.
         terms: of the race.
-        entrant: the entry; ``None``: the paper's gains.
+        entry: to tune; ``None``: the paper's gains.
         robustness: computes the robustness margins of the best gains; ``None``: none are computed.
     """
 
-    stem: str
     name: str
     problem: TuningProblem
     terms: BenchmarkTerms
-    entrant: EntryProblem | None = None
+    entry: BenchmarkEntry | None = None
     robustness: RobustnessCheck | None = None
+
+    @property
+    def stem(self) -> str:
+        """Name of the result's file."""
+        return self.entry.stem if self.entry else PAPER_STEM
 
     @property
     def definition(self) -> Mapping[str, Any]:
         """Definition that the result must have."""
-        return self.entrant.definition if self.entrant else {}
+        return definition_of(self.problem, self.terms.method) if self.entry else {}
 
     def lacks(self, record: Mapping[str, Any] | None) -> bool:
         """Whether a record lacks something to compute."""
@@ -546,7 +541,7 @@ class RaceJob:
 
     def watch(self, number: int, count: int, progress: PhaseProgress) -> TuningProgress:
         """Progress of this entry among the entries to run."""
-        if self.entrant is None:
+        if self.entry is None:
 
             def phase_alone(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
                 progress(0.0, phase, status)
@@ -558,13 +553,13 @@ class RaceJob:
         self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = NO_PROGRESS
     ) -> dict[str, Any]:
         """Compute the result, for JSON; `record` is its finished part."""
-        if self.entrant is None:
-            return paper(self.problem, self.terms, workers=workers, watch=watch).to_record()
+        if self.entry is None:
+            return paper(self.problem, self.terms, workers, watch).to_record()
         if record and self.robustness:
             watch.phase(STRESS_PHASE)
             gains = with_leaves(self.problem.experiment, record["gains"])
             return {**record, "stress": list(self.robustness(gains, workers))}
-        return scored(self.entrant, self.terms, robustness=self.robustness, workers=workers, watch=watch).to_record()
+        return scored(self.entry, self.problem, self.terms, self.robustness, workers, watch).to_record()
 
 
 PAUSE = 1.0
@@ -577,7 +572,7 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, pro
     Jobs claimed by another process are left to it, and run here if it ends without a result.
     """
     waiting = [job for job in jobs if job.lacks(kept.find(job.stem))]
-    count = sum(job.entrant is not None for job in waiting)
+    count = sum(job.entry is not None for job in waiting)
     while waiting:
         with ExitStack() as claims:
             ours = list[RaceJob]()
@@ -586,7 +581,7 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, pro
                     ours.append(job)
                     if not isinstance(workers, Executor):
                         break
-            finished = count - sum(job.entrant is not None for job in waiting)
+            finished = count - sum(job.entry is not None for job in waiting)
             if not ours:
                 progress(0.0, f"another process has claimed the remaining {len(waiting)} searches and scores")
             if isinstance(workers, Executor):

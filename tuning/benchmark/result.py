@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
@@ -32,14 +32,7 @@ from dualwinch.simulation.plots.style import (
     looks,
     plain,
 )
-from dualwinch.tuning.benchmark.comparison import (
-    LEAST_DIFFERENCE,
-    RULE,
-    ErrorRatio,
-    PairComparison,
-    holm,
-    ratio_of,
-)
+from dualwinch.tuning.benchmark.comparison import LEAST_DIFFERENCE, RULE, ErrorRatio, PairComparison, holm, ratio_of
 from dualwinch.tuning.benchmark.entries import NO_OBSERVER, PAPER_LAW, BenchmarkTerms, names
 from dualwinch.tuning.benchmark.scores import (
     COSTS,
@@ -50,8 +43,8 @@ from dualwinch.tuning.benchmark.scores import (
     below_words,
     ratio_words,
     spaced,
-    undominated,
 )
+from dualwinch.tuning.scoring.ranking import undominated
 
 HEADINGS = (
     "",
@@ -300,7 +293,7 @@ class BenchmarkResult:
         """The complete result as a dictionary for JSON; `docs/race.md` explains the names."""
         terms, (without, given) = self.terms, self.paper.lower_bounds.means
         return {
-            **terms.to_record(),
+            **asdict(terms),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
             "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
             "lower_bounds": {
@@ -497,10 +490,7 @@ def _rms(mean_square: float) -> float:
 def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
     """Lower bounds on the error in mm, if near the entries' errors: value, dashes and name."""
     nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
-    lines = (
-        ((0, (4, 2)), "least error without foresight"),
-        ((0, (1, 1.5)), "with foresight"),
-    )
+    lines = (((0, (4, 2)), "least error without foresight"), ((0, (1, 1.5)), "with foresight"))
     for mean, (dashes, name) in zip(found.paper.lower_bounds.means, lines, strict=True):
         value = _rms(mean)
         if value > DRAWN_FROM * nearest:

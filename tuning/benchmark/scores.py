@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dualwinch.simulation.analysis.authority import LeastErrors
 from dualwinch.simulation.batch.rollout import BatchResult
@@ -14,11 +14,9 @@ from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.results.file_formats import plain
 from dualwinch.simulation.results.outcomes import RunOutcomes, outcomes_from
-from dualwinch.tuning.benchmark.comparison import (
-    finite_or_none,
-)
+from dualwinch.tuning.benchmark.comparison import finite_or_none
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry
-from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.ranking import Evaluation, undominated
 
 Floats = NDArray[np.float64]
 
@@ -213,16 +211,6 @@ class EntryResult:
 
 FRONT_POINTS = 8
 """Largest number of points of a front that are scored on the test set."""
-
-
-def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
-    """Indices of the non-dominated of some points (points,), the Pareto front, in order of cost."""
-    kept: list[int] = []
-    across, heights = np.asarray(costs), np.asarray(errors)
-    for index in np.lexsort((heights, across)).tolist():
-        if not kept or heights[index] < heights[kept[-1]]:
-            kept.append(index)
-    return kept
 
 
 def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> list[Evaluation]:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import Point
@@ -157,6 +158,16 @@ def pareto_front(evaluations: Sequence[Evaluation]) -> list[int]:
     values = np.array([evaluations[index].costs for index in feasible])
     kept = [index for index, row in zip(feasible, values, strict=True) if not _dominated(row, values)]
     return sorted(kept, key=lambda index: evaluations[index].objectives)
+
+
+def undominated(costs: ArrayLike, errors: ArrayLike) -> list[int]:
+    """Indices of the non-dominated of some points (points,), the Pareto front, in order of cost."""
+    kept: list[int] = []
+    across, heights = np.asarray(costs), np.asarray(errors)
+    for index in np.lexsort((heights, across)).tolist():
+        if not kept or heights[index] < heights[kept[-1]]:
+            kept.append(index)
+    return kept
 
 
 def _dominated(row: np.ndarray, others: np.ndarray) -> bool:

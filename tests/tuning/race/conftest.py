@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 
 from dualwinch.tuning.benchmark.entries import BenchmarkEntry, BenchmarkTerms, EntryProblem
-from dualwinch.tuning.tuning_problem import definition_of
 from tests.tuning.conftest import MakeProblem
 
 MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]
@@ -23,7 +22,7 @@ def make_race(make_problem: MakeProblem) -> MakeRace:
             given = [f"{key}={value}" for key, value in entry.values.items()]
             length = [] if any("duration" in each for each in settings or []) else ["simulation.duration=0.1"]
             problem = make_problem(settings=[*length, *(settings or []), *given], space=[space])
-            entrants.append(EntryProblem(entry, problem, definition_of(problem, "cmaes")))
+            entrants.append(EntryProblem(entry, problem))
         first = entrants[0].problem
         usual = {
             "ensemble": "sea",

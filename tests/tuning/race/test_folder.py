@@ -7,6 +7,7 @@ import pytest
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.benchmark import race
+from dualwinch.tuning.benchmark.entries import BenchmarkEntry
 from dualwinch.tuning.benchmark.race import RaceJob, ResultFolder
 
 TERMS = {"seed": 1, "rollouts": 300, "configuration": "a = 1\nb = 2\n", "constraints": ("x<=1",)}
@@ -55,7 +56,7 @@ def test_another_definition_and_what_is_no_entry_are_refused(tmp_path: Path) -> 
 def test_what_another_process_has_claimed_is_left_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(race, "PAUSE", 0.01)
     ours, theirs = ResultFolder(tmp_path, TERMS), ResultFolder(tmp_path, TERMS)
-    said = list[str]()
+    entry, said = BenchmarkEntry("adrc", "", ""), list[str]()
 
     def tell(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
         said.append(phase)
@@ -63,6 +64,6 @@ def test_what_another_process_has_claimed_is_left_to_it(tmp_path: Path, monkeypa
 
     nothing = cast("Any", None)
     with theirs.claimed("adrc"):
-        race._run_jobs([RaceJob("adrc", "ADRC", nothing, nothing)], ours, 1, tell)  # pyright: ignore[reportPrivateUsage]
+        race._run_jobs([RaceJob("ADRC", nothing, nothing, entry)], ours, 1, tell)  # pyright: ignore[reportPrivateUsage]
     assert said == ["another process has claimed the remaining 1 searches and scores"]
     assert ours.find("adrc") == {"value": 1}

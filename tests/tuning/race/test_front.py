@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dualwinch.tuning.benchmark.scores import front, undominated
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
+from dualwinch.tuning.benchmark.scores import front
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, undominated
 
 points = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=30)
 

@@ -81,9 +81,9 @@ def test_an_interrupted_race_goes_on_to_what_an_uninterrupted_one_finds(
     run: list[str] = []
     original = race_module.scored
 
-    def counted(entrant, *words, **options):
-        run.append(entrant.entry.law)
-        return original(entrant, *words, **options)
+    def counted(entry, *words, **options):
+        run.append(entry.law)
+        return original(entry, *words, **options)
 
     monkeypatch.setattr(race_module, "scored", counted)
     again = run_race(entrants, terms, folder=tmp_path / "part")
