@@ -100,7 +100,9 @@ DECIBEL, PER_CENT = "dB", "%"
 
 
 def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> float:
-    """A number, with or without a unit, in the unit of the statistic that it bounds; without one, a factor or per cent.
+    """A number, with or without a unit, in the unit of the statistic that it bounds.
+
+    Without a statistic it is a factor, possibly in per cent.
 
     Raises:
         ValueError: no number.

@@ -210,14 +210,11 @@ NOTHING = 1e-3
 LEADING = 3
 """Number of best trials that must all lie at a gain's bound."""
 
-SCORE_NAMES = {"best": "best", "start": "start", "paper": "paper"}
-"""Name of a score in a verdict → its name in text."""
-
 
 def headings(tuned: TuningResult) -> dict[str, str]:
     """Name of each distinct score → its heading in a table."""
     verdict = tuned.verdict
-    names = {name: SCORE_NAMES[name] for name in verdict.shown}
+    names = {name: name for name in verdict.shown}
     if not verdict.improved:
         names["best"] = "start, kept" if "paper" in names else "start = paper, kept"
     elif verdict.start_is_papers:

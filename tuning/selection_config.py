@@ -1,7 +1,7 @@
 """Hyper-parameters of search, training set, ranking, validation, chance constraint and test set."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from typing import Any
 
 from dualwinch.model.errors import ConfigurationError
@@ -168,7 +168,7 @@ class SelectionConfig:
         return (1 + self.time_share) * search + self.time_more
 
     def time_of_search(self, search: float, left: float, pace: float = 0.0, margin_pace: float = 0.0) -> float:
-        """Time in s for the search after preparation, at least a share of the time that it was given.
+        """Time in s for the search after preparation, at least a share of the requested time, `search`.
 
         `left` is the time in s for search, validation and test; `pace` that of a rollout, and `margin_pace` that of the
         stability margins of a controller on a machine.
@@ -200,8 +200,9 @@ class SelectionConfig:
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> "SelectionConfig":
         """The configuration of a record from `to_record`."""
-        tuples = {each.name for each in fields(cls) if str(each.type).startswith("tuple")}
-        plain: dict[str, Any] = {name: tuple(value) if name in tuples else value for name, value in record.items()}
+        plain: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in record.items()
+        }
         for name in ("sizes", "least_sizes"):
             plain[name] = SampleSizes(**record[name])
         return cls(**plain)

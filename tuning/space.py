@@ -303,7 +303,6 @@ class _Gains:
     """
 
     def __init__(self, experiment: Experiment) -> None:
-        """Collect them."""
         self.experiment = experiment
         self.leaves = {
             key: leaf

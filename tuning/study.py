@@ -73,7 +73,7 @@ def search(
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
         progress.seconds, progress.compiling = clock.now() - began, build_seconds() - built
         progress.spent, counted = progress.spent + optimiser.rollouts - counted, optimiser.rollouts
-        progress.share = _share(budget, progress.spent)
+        progress.share = 0.0 if budget.rollouts is None else min(1.0, progress.spent / budget.rollouts)
         watch.progress(progress, budget.until, budget.trials)
     return progress
 
@@ -83,11 +83,6 @@ def _batch(budget: SearchBudget, spent: int, problem: TuningProblem) -> int:
     if budget.rollouts is None:
         return BATCH
     return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
-
-
-def _share(budget: SearchBudget, spent: int) -> float:
-    """Share of the budget of rollouts that is spent; 0 without such a budget."""
-    return 0.0 if budget.rollouts is None else min(1.0, spent / budget.rollouts)
 
 
 def _evaluated(claims: Sequence[TrialClaim], store: StudyStorage, evaluator: Evaluator) -> list[Evaluation]:

@@ -60,6 +60,7 @@ class GradientSearch:
             quadratic beyond.
 
     Attributes:
+        centre: the point from which steps are taken: the best since the last restart.
         gradients: number of gradients computed.
         gain: decrease of the merit by the last accepted step; infinite before the first.
         minima: points of convergence, in order.
@@ -107,7 +108,7 @@ class GradientSearch:
             raise ConfigurationError("--method gradient: --space must have a gain that is a continuous number")
         self.gradients, self.rollouts, self.minima = 0, 0, list[Evaluation]()
         self._smallest, self._enough, self._abreast = smallest[many], enough[many], abreast if many else 1
-        self._centre: Evaluation | None = None
+        self.centre: Evaluation | None = None
         self._starts: list[Evaluation] | None = None
         self._curvature: Floats | None = None
         self.gain = np.inf
@@ -115,9 +116,9 @@ class GradientSearch:
 
     def _begin(self, centre: Evaluation | None, size: float | None = None, penalty: float | None = None) -> None:
         """Begin steps from a new centre, or from the same one again."""
-        if centre is not self._centre or centre is None:
+        if centre is not self.centre or centre is None:
             self._model: LocalModel | None = None
-        self._centre, self._size = centre, self._first if size is None else size
+        self.centre, self._size = centre, self._first if size is None else size
         self._penalty = self._usual_penalty if penalty is None else penalty
         self._bend = np.zeros(len(self._prepared.constraints))
         self._attempt, self._asked = 0, list[Point]()
@@ -130,11 +131,6 @@ class GradientSearch:
     def converged(self) -> bool:
         """Whether all steps down to the smallest box have failed."""
         return self._box < self._smallest
-
-    @property
-    def centre(self) -> Evaluation | None:
-        """The point from which steps are taken: the best since the last restart."""
-        return self._centre
 
     @property
     def sampling_covariance(self) -> Floats:
@@ -159,17 +155,17 @@ class GradientSearch:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # about counts other than powers of two
                 return [self._space.decoded(shares) for shares in self._sequence.random(number)]
-        if self._centre is None:
+        if self.centre is None:
             return [self._prepared.problem.start]
         if self._model is None:
-            scenarios = active_scenarios(self._prepared, self._centre.point)
-            self._model = linearise(self._prepared, scenarios, self._centre.point)
+            scenarios = active_scenarios(self._prepared, self.centre.point)
+            self._model = linearise(self._prepared, scenarios, self.centre.point)
             self._curvature = self._model.curvature
             self.gradients += 1
             self.rollouts += len(self._prepared.scenarios) + len(self._prepared.hard)
             self.rollouts += len(scenarios) * (1 + len(self._smooth))
         attempts = ATTEMPTS[self._attempt : self._attempt + min(count, self._abreast)]
-        points = [self._stepped(self._centre.point, self._model, *attempt) for attempt in attempts]
+        points = [self._stepped(self.centre.point, self._model, *attempt) for attempt in attempts]
         self._asked += points
         return points
 
@@ -191,23 +187,23 @@ class GradientSearch:
                 self.restart(min(self._starts, key=self._merit))
             return
         leader = min(evaluations, key=self._merit)
-        if self._centre is None:
+        if self.centre is None:
             self.restart(leader)
             return
         self._learn_bend(evaluations)
-        gain = self._merit(self._centre) - self._merit(leader)
+        gain = self._merit(self.centre) - self._merit(leader)
         if gain > self._enough:
             self.gain = gain
-            moved = np.abs(self._encoded(leader) - self._encoded(self._centre)).max(initial=0.0)
+            moved = np.abs(self._encoded(leader) - self._encoded(self.centre)).max(initial=0.0)
             bend = self._bend
             self._begin(leader, float(np.clip(2 * moved, 10 * self._smallest, self._largest)), self._penalty)
             self._bend = bend
         else:
             self._attempt += sum(evaluation.point in self._asked for evaluation in evaluations)
-        if self.converged and not self._centre.feasible and self._penalty == self._usual_penalty:
-            self._begin(self._centre, penalty=10 * self._usual_penalty)
+        if self.converged and not self.centre.feasible and self._penalty == self._usual_penalty:
+            self._begin(self.centre, penalty=10 * self._usual_penalty)
         elif self.converged:
-            self.minima.append(self._centre)
+            self.minima.append(self.centre)
             self._starts = []
 
     def _merit(self, evaluation: Evaluation) -> float:
@@ -218,11 +214,11 @@ class GradientSearch:
 
     def _learn_bend(self, evaluations: Sequence[Evaluation]) -> None:
         """Estimate the curvature of constraints: deviation from the linear model over the square of the step's size."""
-        if self._centre is None or self._model is None or not len(self._bend):
+        if self.centre is None or self._model is None or not len(self._bend):
             return
         found: list[Floats] = []
         for evaluation in evaluations:
-            moved = self._encoded(evaluation) - self._encoded(self._centre)
+            moved = self._encoded(evaluation) - self._encoded(self.centre)
             size = float(np.abs(moved).max(initial=0.0))
             if evaluation.pruned or not 0 < size <= 1.01 * self._size:
                 continue

@@ -150,7 +150,8 @@ def linearise(prepared: TrainingSet, scenarios: Sequence[Experiment | Scenario],
     for column, dimension in enumerate(dimensions):
         for key in dimension.keys:
             scales[keys.index(key), column] = _scale(dimension, values[key])
-    moved = [_with(scenario, problem, point) for scenario in scenarios]
+    settings = problem.space.settings(point)  # all gains, including those without a derivative
+    moved = [each.having(settings) if isinstance(each, Scenario) else with_leaves(each, settings) for each in scenarios]
     run = sensitivities(keys, [numbers], moved, stride=STRIDE, workers=prepared.workers)
     if run.interrupted:
         raise KeyboardInterrupt
@@ -231,12 +232,6 @@ def _bounded(
 def _usable(slopes: Floats, steepest: float = STEEPEST) -> Floats:
     """Slopes, with 0 in place of those above `steepest`."""
     return np.where(np.abs(slopes) < steepest, slopes, 0.0)
-
-
-def _with(scenario: Experiment | Scenario, problem: TuningProblem, point: Point) -> Experiment | Scenario:
-    """A scenario with all of the point's gains, including those without a derivative."""
-    settings = problem.space.settings(point)
-    return scenario.having(settings) if isinstance(scenario, Scenario) else with_leaves(scenario, settings)
 
 
 def _slope(statistic: Statistic, run: Sensitivities, counted: Sequence[bool] | NDArray[np.bool_]) -> Floats:

@@ -1,8 +1,9 @@
 """Optuna's samplers, each on a study in memory, so that the cost of a candidate does not grow with the storage."""
 
+import importlib.util
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,17 +23,34 @@ class SamplerKind:
     """A kind of sampler.
 
     Attributes:
-        make: makes the sampler from a seed.
+        name: of Optuna's class.
         memory: largest number of evaluations it uses; beyond, half of them are dropped, and the best and the latest
             kept. 0: without limit.
+        settings: further arguments of the class.
     """
 
-    make: Callable[[int], "optuna.samplers.BaseSampler"]
+    name: str
     memory: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def make(self, seed: int) -> "optuna.samplers.BaseSampler":
+        """Make the sampler from a seed."""
+        import optuna
+
+        if self.name == "GPSampler" and importlib.util.find_spec("torch") is None:
+            raise ConfigurationError("--method gp: needs PyTorch, `pip install torch`, or `uv run --with torch ...`")
+        return getattr(optuna.samplers, self.name)(seed=seed, **self.settings)
+
+
+TPE = SamplerKind("TPESampler", 256, {"n_startup_trials": 20})
+GP = SamplerKind("GPSampler", 128, {"deterministic_objective": True})
+NSGA2, NSGA3 = SamplerKind("NSGAIISampler", 0), SamplerKind("NSGAIIISampler", 0)
+QMC = SamplerKind("QMCSampler", 256, {"scramble": True, "warn_independent_sampling": False})
+RANDOM = SamplerKind("RandomSampler", 256)
 
 
 class SamplerSearch:
-    """An optimiser by one of Optuna's samplers.
+    """An optimiser by one of Optuna's samplers; the same seed gives the same candidates.
 
     Attributes:
         rollouts: none of its own.
@@ -41,7 +59,6 @@ class SamplerSearch:
     rollouts = 0
 
     def __init__(self, kind: SamplerKind, prepared: TrainingSet, seed: int) -> None:
-        """Set up; the same seed gives the same candidates."""
         self._kind, problem = kind, prepared.problem
         self._space = problem.space
         self._distributions = distributions(problem.space)
@@ -93,29 +110,3 @@ def _remembered(known: Sequence[Evaluation], count: int) -> list[Evaluation]:
     kept = set(feasibility_first(known)[: count // 2])
     kept |= set([index for index in range(len(known)) if index not in kept][-(count - len(kept)) :])
     return [known[index] for index in sorted(kept)]
-
-
-def _gp(seed: int) -> "optuna.samplers.BaseSampler":
-    import importlib.util
-
-    import optuna
-
-    if importlib.util.find_spec("torch") is None:
-        raise ConfigurationError("--method gp: needs PyTorch, `pip install torch`, or `uv run --with torch ...`")
-    return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
-
-
-def _named(name: str, **settings: Any) -> Callable[[int], "optuna.samplers.BaseSampler"]:
-    def make(seed: int) -> "optuna.samplers.BaseSampler":
-        import optuna
-
-        return getattr(optuna.samplers, name)(seed=seed, **settings)
-
-    return make
-
-
-TPE = SamplerKind(_named("TPESampler", n_startup_trials=20), 256)
-GP = SamplerKind(_gp, 128)
-NSGA2, NSGA3 = SamplerKind(_named("NSGAIISampler"), 0), SamplerKind(_named("NSGAIIISampler"), 0)
-QMC = SamplerKind(_named("QMCSampler", scramble=True, warn_independent_sampling=False), 256)
-RANDOM = SamplerKind(_named("RandomSampler"), 256)

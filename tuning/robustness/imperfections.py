@@ -114,11 +114,6 @@ def _differs(key: str, drawn: Drawn | None, base: Ensemble, ours: Mapping[str, A
     return follows and ours.get(key) != theirs[key]
 
 
-def nominal_values(experiment: Experiment) -> dict[str, Any]:
-    """The plant's values for which a controller was designed, by their keys in the experiment."""
-    return leaves(experiment.plant, "plant.")
-
-
 SHAPING = {Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO}
 """Marks of numbers that may need more sub-steps than the ensemble has."""
 
@@ -293,7 +288,7 @@ class ScaledEnsemble:
 
     def nominal(self, sizes: Mapping[str, float]) -> Plant:
         """The plant for which a controller was designed: with the values that are set, without the draws."""
-        ours, theirs = nominal_values(self._start.experiment), nominal_values(self.ensemble.experiment)
+        ours, theirs = (leaves(each.experiment.plant, "plant.") for each in (self._start, self.ensemble))
         mixed = self._between(ours, theirs, sizes)
         return with_leaves(self._start.experiment.plant, mixed, "plant.")
 

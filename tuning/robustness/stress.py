@@ -189,8 +189,7 @@ def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -
     usual, theirs, ours = leaves(plain), leaves(asked), leaves(experiment)
     taken = {key for key, value in theirs.items() if value != usual.get(key) and value == ours.get(key)}
     return override(
-        experiment,
-        {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)},
+        experiment, {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)}
     )
 
 
@@ -206,7 +205,7 @@ def _ensemble(
 
 
 class ScaledRunner:
-    """Runs scenarios of scaled imperfections; the progress is the share of the largest number of sizes to run."""
+    """Runs scenarios of scaled imperfections, and reports the share that is done of the `expected` number of sizes."""
 
     def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
         self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
@@ -219,7 +218,7 @@ class ScaledRunner:
         map_all(compile_batch, list(loops), threads_of(self._workers))
 
     def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
-        """Run the scenarios of each of several sizes, by scaled key; without any, those of the base."""
+        """Run the scenarios of each of several sizes, given by scaled key; an empty one is the base."""
         scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
         for row, each in enumerate(sizes):
             scenarios[row] = self._scaling.scenarios(controller, each)
@@ -266,7 +265,10 @@ def breakdowns(
         base, ensemble, imperfections(base, ensemble), scenarios, seed, tuple(controllers.values())
     )
     for name, controller in controllers.items():
-        _check(scaling, name, controller)
+        try:
+            prepare(scaling.scenario(0, controller, {}).experiment)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{name}: {error}") from error
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
     reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
     sizes = sum(len(reach.steps) + HALVINGS for reach in reaches.values())
@@ -296,13 +298,6 @@ def breakdowns(
     ]
     progress(1.0)
     return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows))
-
-
-def _check(scaling: ScaledEnsemble, name: str, controller: Controller) -> None:
-    try:
-        prepare(scaling.scenario(0, controller, {}).experiment)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{name}: {error}") from error
 
 
 def _margins(

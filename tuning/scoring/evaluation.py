@@ -26,19 +26,13 @@ from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, TuningProgress
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
-from dualwinch.tuning.scoring.rollouts import (
-    joined,
-    keeps_tight,
-    over,
-    row_of,
-    run_pairs,
-    worst_of,
-)
+from dualwinch.tuning.scoring.rollouts import keeps_tight, over, run_pairs, worst_of
 from dualwinch.tuning.scoring.training_set import ActiveLoops, ActiveScenarios, TrainingSet, survey
 from dualwinch.tuning.selection_config import SampleSizes
 
@@ -77,7 +71,7 @@ class BatchEvaluation:
 
     candidates: Sequence[Candidate]
     evaluations: list[Evaluation]
-    results: dict[int, BatchResult]
+    results: dict[int, RunOutcomes]
     margins: list[Margins | None]
     surveyed: set[int]
 
@@ -244,7 +238,7 @@ class Scorer:
     def evaluation(
         self,
         candidate: Candidate,
-        result: BatchResult,
+        result: RunOutcomes,
         scenarios: Sequence[Experiment | Scenario],
         row: int = 0,
         *,
@@ -274,7 +268,7 @@ class Scorer:
             outcomes=dict(Counter(outcomes.tolist())),
             scenarios=len(outcomes),
             pruned=pruned,
-            violated=int((worst_of(row_of(result, row), bounds) > 0).sum()),
+            violated=int((worst_of(result.take([row], axis=0), bounds) > 0).sum()),
             units=self._units,
         )
         return evaluation if margins is None else self.with_margins(evaluation, margins, bounds, training=training)
@@ -384,10 +378,7 @@ class Evaluator(Scorer):
         batch.evaluations[row] = self.with_margins(batch.evaluations[row], worst, bounds, training=True)
 
     def _in_active(
-        self,
-        batch: BatchEvaluation,
-        common: Sequence[Experiment | Scenario],
-        active: Sequence[Experiment | Scenario],
+        self, batch: BatchEvaluation, common: Sequence[Experiment | Scenario], active: Sequence[Experiment | Scenario]
     ) -> list[int]:
         """Run the best candidates in the active scenarios until the leader has been run there; return their rows.
 
@@ -419,7 +410,7 @@ class Evaluator(Scorer):
         together = [*before, *scenarios]
         for number, row in enumerate(rows):
             candidate, margins = batch.candidates[row], batch.margins[row]
-            batch.results[row] = result = joined(batch.results[row], more, number)
+            batch.results[row] = result = concatenated([batch.results[row], more.take([number], axis=0)])
             batch.evaluations[row] = self.evaluation(candidate, result, together, training=True, margins=margins)
 
     def _in_common(
@@ -430,7 +421,7 @@ class Evaluator(Scorer):
         first = scenarios if len(candidates) <= self._config.prune_above else scenarios[: self._first]
         prunes = len(first) < len(scenarios)
         early = self.run(candidates, first, to_the_end=bool(exempt))
-        whole = {row: row_of(early, row) for row in range(len(candidates))}
+        whole: dict[int, RunOutcomes] = {row: early.take([row], axis=0) for row in range(len(candidates))}
         found = list[Evaluation]()
         if prunes:
             found = [
@@ -440,7 +431,7 @@ class Evaluator(Scorer):
             order = penalised_first(found)
             rows = sorted({*order[: self._promoted(len(order))], *exempt})
             late = self.run([candidates[row] for row in rows], scenarios[self._first :], to_the_end=bool(exempt))
-            whole = {row: joined(whole[row], late, number) for number, row in enumerate(rows)}
+            whole = {row: concatenated([whole[row], late.take([number], axis=0)]) for number, row in enumerate(rows)}
         evaluations = {
             row: self.evaluation(candidates[row], result, scenarios, training=True) for row, result in whole.items()
         }

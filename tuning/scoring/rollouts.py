@@ -11,7 +11,7 @@ from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results.outcomes import WORDS
+from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint, measured
 
@@ -50,7 +50,7 @@ def keeps_tight(constraints: Sequence[Constraint]) -> bool:
     )
 
 
-def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
+def worst_of(result: RunOutcomes, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
     """Largest violation of a bound on the worst case in each run (candidates, scenarios), as a share of the bound.
 
     It is infinite for incomplete runs.
@@ -64,7 +64,7 @@ def worst_of(result: BatchResult, constraints: Sequence[Constraint]) -> NDArray[
     return np.where(result.outcomes == "completed", worst, np.inf)
 
 
-def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
+def over(statistic: Statistic, result: RunOutcomes, row: int, scenarios: Sequence[Experiment | Scenario]) -> float:
     """A statistic of a row of a result, over the completed scenarios that count; NaN without any.
 
     The least tension is 0 if a run was stopped because of a slack rope.
@@ -73,21 +73,3 @@ def over(statistic: Statistic, result: BatchResult, row: int, scenarios: Sequenc
         return 0.0
     counted = [counts(statistic, scenario) for scenario in scenarios]
     return measured(statistic, result.metrics[statistic.metric][row, (result.outcomes[row] == "completed") & counted])
-
-
-def row_of(result: BatchResult, row: int) -> BatchResult:
-    """One candidate's results as a result of one row."""
-    metrics = {name: table[row : row + 1] for name, table in result.metrics.items()}
-    return BatchResult(result.outcomes[row : row + 1], result.end_times[row : row + 1], metrics, {})
-
-
-def joined(early: BatchResult, late: BatchResult, row: int) -> BatchResult:
-    """One candidate's results in first scenarios joined with row `row` of results in others, as a single row."""
-    more = row_of(late, row)
-    metrics = {name: np.hstack([early.metrics[name], more.metrics[name]]) for name in early.metrics}
-    return BatchResult(
-        outcomes=np.hstack([early.outcomes, more.outcomes]),
-        end_times=np.hstack([early.end_times, more.end_times]),
-        metrics=metrics,
-        columns={},
-    )

@@ -84,7 +84,7 @@ class Screening:
             self._tried += group
             if found := [each for each in found if improves_on(each.result, self._reference.result)]:
                 self._given = True
-                return self._before_the_start(found)
+                return before_the_start(found, self.start, self._config.penalty)
             self._back_off |= {label: 2 * self._back_off.get(label, self._config.back_off) for label in violated}
         if self._given:
             return []
@@ -93,7 +93,7 @@ class Screening:
         self._step(f"{len(some)} of {len(self._tried)} candidates once more", len(some))
         pairs = zip(some, self._in_all(some), strict=True)
         improved = [Validated(trial, each) for trial, each in pairs if improves_on(each, self._reference.result)]
-        return self._before_the_start(improved)
+        return before_the_start(improved, self.start, self._config.penalty)
 
     def learn(self, draws: Sequence[Scenario], waiting: Sequence[Validated]) -> list[Validated]:
         """Add draws in which a validated candidate violated a bound to the validation set.
@@ -163,9 +163,6 @@ class Screening:
         scenarios = len(self._validation.scenarios)
         status = f"choosing: {which} in {scenarios} validation scenarios"
         self._evaluator.step(SCREENING, count * scenarios, status)
-
-    def _before_the_start(self, found: Sequence[Validated]) -> list[Validated]:
-        return before_the_start(found, self.start, self._config.penalty)
 
     def _in_all(self, trials: Sequence[Evaluation]) -> list[Evaluation]:
         return self._evaluator.over(

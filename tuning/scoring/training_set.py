@@ -34,6 +34,7 @@ from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TRAINING, TuningProblem
@@ -151,7 +152,7 @@ def survey(
     """Survey of the machines on which stability margins are computed; ``None`` if no margin is bounded.
 
     These are the nominal machine and the first `SelectionConfig.margin_machines_validated` drawn ones, vertices before
-    draws. They have the problem's controller and points, or another controller, that of an `experiment`.
+    draws. An `experiment` has another controller in place of the problem's, with fixed gains.
     """
     if not problem.margins:
         return None
@@ -159,19 +160,7 @@ def survey(
     drawn.sort(key=lambda scenario: not scenario.vertex)
     taken = drawn[: problem.selection.margin_machines_validated]
     keys, machines = () if experiment else problem.space.keys, [experiment or problem.experiment, *taken]
-    return _survey_of(machines, keys, problem, workers)
-
-
-def _survey_of(
-    machines: Sequence[Experiment | Scenario],
-    keys: Sequence[str],
-    problem: TuningProblem,
-    workers: Workers,
-    amplitudes: Sequence[float] | None = None,
-) -> MarginSurvey:
-    """Survey of machines at a problem's points; at its amplitudes, unless others are given."""
-    sizes = problem.margin_amplitudes if amplitudes is None else amplitudes
-    return MarginSurvey(machines, keys, threads_of(workers), amplitudes=sizes)
+    return MarginSurvey(machines, keys, threads_of(workers), amplitudes=problem.margin_amplitudes)
 
 
 def hardest_machines(
@@ -187,7 +176,8 @@ def hardest_machines(
     if not (problem.margins and drawn):
         return []
     machines = [problem.experiment, *(scenarios[index] for index in drawn)]
-    surveyed = _survey_of(machines, problem.space.keys, problem, workers, problem.margin_amplitudes[-1:])
+    largest = problem.margin_amplitudes[-1:]
+    surveyed = MarginSurvey(machines, problem.space.keys, threads_of(workers), amplitudes=largest)
     kinds, start = [statistic.margin for statistic in problem.margins], [problem.space.parameters(problem.start)]
     (nominal,) = surveyed.of_loops(start, kinds, np.flatnonzero(surveyed.loops[:, 0] == 0))
     hardest = {min(range(len(nominal)), key=lambda point: nominal[point][kind].value) for kind in nominal[0]} or {0}
@@ -266,8 +256,9 @@ def prepare(
     run_paper = partial(run_pairs, [], [[]], _with_paper(problem, scenarios), workers)
     run_start = partial(run_pairs, problem.space.keys, [problem.space.parameters(problem.start)], scenarios, workers)
     compiling: list[Callable[[], Any]] = [partial(ahead, scenarios[0])] if ahead else []  # takes longest
+    survey_of = partial(MarginSurvey, threads=threads_of(workers), amplitudes=problem.margin_amplitudes)
     if problem.bounds_loop_margins:
-        compiling.append(_survey_of([problem.experiment], (), problem, workers).compile)
+        compiling.append(survey_of([problem.experiment]).compile)
     *_, start, paper = map_all(lambda call: call(), [*compiling, run_start, run_paper], threads_of(workers))
     began = clock.without_compiling()
     run_start()  # timed; the first call also loads libraries
@@ -282,8 +273,7 @@ def prepare(
             with_paper = _with_paper(problem, [*scenarios, *hard])
             machines = [problem.paper_experiment, *(with_paper[index] for index in hardest)]
             chosen = machines if problem.ensemble else machines[:1]
-            worst = _survey_of(chosen, (), problem, workers).worst([[]])[0]
-            reached = constraint.statistic.of(worst)
+            reached = constraint.statistic.of(survey_of(chosen).worst([[]])[0])
         bounds.append(constraint.given(reached))
     return TrainingSet(
         problem=problem,
@@ -316,7 +306,6 @@ class ActiveScenarios:
     """
 
     def __init__(self, training: TrainingSet) -> None:
-        """Set up with the order of the training set."""
         self._all = [*training.scenarios, *training.hard]
         self._order = np.arange(len(self._all))
         self._common = len(training.scenarios)
@@ -342,7 +331,7 @@ class ActiveScenarios:
         """The remaining hard ones."""
         return self._ordered(self._common + self._config.pool_size, None)
 
-    def learn(self, results: Sequence[BatchResult]) -> None:
+    def learn(self, results: Sequence[RunOutcomes]) -> None:
         """Update from results of one row each, in the common, active and possibly inactive scenarios, in order."""
         if not results:
             return
@@ -364,7 +353,7 @@ class ActiveLoops:
     """
 
     def __init__(self, surveyed: MarginSurvey, kinds: Sequence[str], config: SelectionConfig) -> None:
-        """Set up; all loops are active until `learn` is called. That of the drums' resonance is no kind."""
+        """Set up; all loops are active until `learn` is called. `kinds` are without that of the drums' resonance."""
         self._kinds, self._memory, self._largest = tuple(kinds), config.pool_memory, config.loop_range
         groups, self._groups = np.unique(surveyed.loops[:, [0, 2]], axis=0, return_inverse=True)
         self._groups = self._groups.ravel()

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from dualwinch.simulation.analysis.authority import force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
+from dualwinch.simulation.results.outcomes import concatenated
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import RESERVE
 from dualwinch.tuning.problem import VALIDATION, TuningProblem
 from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.progress import SCREENING
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.rollouts import joined, row_of, worst_of
+from dualwinch.tuning.scoring.rollouts import worst_of
 from dualwinch.tuning.scoring.training_set import validation_draws, vertices
 from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.space import ContinuousDimension
@@ -80,7 +81,11 @@ class ValidationSet:
         self._failures = np.array([scenario.hard for scenario in scenarios], float)
 
     def extend(self, draws: Sequence[Scenario]) -> list[Scenario]:
-        """Add draws to the set as its hardest scenarios, and return them, without those that it would exclude."""
+        """Add draws to the set as its hardest scenarios, except those that `validation_scenarios` would exclude.
+
+        Returns:
+            The added scenarios.
+        """
         config = self._scorer.training.problem.selection
         added = [
             replace(draw, hard=True)
@@ -109,7 +114,7 @@ class ValidationSet:
                 found[row] = Screened(None, {label: max(value, more[label]) for label, value in missing[row].items()})
         scenarios = self._chosen(order)
         for number, row in enumerate(kept):
-            whole = joined(row_of(early, row), late, number) if late else row_of(early, row)
+            whole = concatenated([early.take([row], axis=0), *([late.take([number], axis=0)] if late else [])])
             result = self._scorer.evaluation(candidates[row], whole, scenarios, constraints=self.constraints)
             found[row] = replace(found[row], result=result)
         return found if self.machines is None else self._with_margins(found)

@@ -82,7 +82,8 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
     import sqlalchemy.exc
 
     check_url(url)
-    url = _driver(url)
+    if url.startswith("postgresql://"):
+        url = url.replace("postgresql", "postgresql+psycopg", 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -126,11 +127,6 @@ def patient(url: str, action: Callable[[], Returned]) -> Returned:
                 raise StorageError(f"the database {shown(url)} is gone: {_reason(error, url)}") from None
             time.sleep(pause)
             pause = min(2 * pause, 5.0)
-
-
-def _driver(url: str) -> str:
-    """The URL with the psycopg driver."""
-    return "postgresql+psycopg" + url.removeprefix("postgresql") if url.startswith("postgresql://") else url
 
 
 def _reason(error: BaseException, url: str) -> str:

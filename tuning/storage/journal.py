@@ -23,13 +23,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.space import Space, space_from
-from dualwinch.tuning.storage.record import (
-    begun,
-    definitions,
-    evaluation_of,
-    finished_trial,
-    joined_definition,
-)
+from dualwinch.tuning.storage.record import begun, definitions, evaluation_of, finished_trial, joined_definition
 from dualwinch.tuning.storage.shared import FINISHED, WORKER, SharedStudy
 from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
 

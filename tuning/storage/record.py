@@ -1,14 +1,13 @@
 """Records of a study in a storage: its definition, its budget, and evaluations as Optuna trials."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import another, unknown
-from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.space import ContinuousDimension, Space, space_from
@@ -102,12 +101,7 @@ def first_candidates(problem: TuningProblem) -> list[Candidate]:
 
 
 DEFINITION, BUDGET, OBJECTIVES = "dualwinch definition", "dualwinch budget", "objectives"
-"""User attributes of a study: its definition, its budget, and names of the values of a trial."""
-
-
-def titles(objectives: Sequence[Statistic]) -> list[str]:
-    """Names of the values of a trial, with units."""
-    return [f"{statistic.name} [{statistic.unit}]" for statistic in objectives]
+"""User attributes of a study: its definition, its budget, and names of the values of a trial, with units."""
 
 
 def begun(
@@ -137,7 +131,7 @@ def begun(
     theirs = there.user_attrs
     if not there.get_trials(deepcopy=False) and set(theirs) <= {BUDGET, OBJECTIVES} and there.directions == directions:
         there.set_user_attr(BUDGET, asdict(budget))
-        there.set_user_attr(OBJECTIVES, titles(problem.objectives))
+        there.set_user_attr(OBJECTIVES, [f"{each.name} [{each.unit}]" for each in problem.objectives])
         there.set_user_attr(DEFINITION, dict(definition))
     else:
         known = theirs.get(DEFINITION)

@@ -48,7 +48,6 @@ class StudyStorage(ABC):
     """
 
     def __init__(self, budget: SearchBudget = NO_LIMIT) -> None:
-        """Set up with a budget."""
         self._budget = budget
 
     @abstractmethod
