@@ -35,6 +35,9 @@ MARGINS = {
 }
 """Name of a margin → its kind (`simulation.analysis.margins.MARGIN_KINDS`, or `RESONANCE`), unit and meaning."""
 
+MOST_PHASE = 180.0
+"""Largest phase margin in degrees that a constraint may ask for."""
+
 
 @dataclass(frozen=True)
 class MarginStatistic:
@@ -303,11 +306,16 @@ def _checked(constraint: Constraint) -> Constraint:
     if sign != wanted and not _is_own(statistic):
         end = "small" if statistic.small_is_bad else "large"
         raise ConfigurationError(f"--constraint {text}: {end} values are the bad ones: {text.replace(sign, wanted)}")
-    least = statistic.quantity.least if isinstance(statistic, Statistic) else -math.inf
-    if not constraint.at_least and constraint.bound < least:
-        raise ConfigurationError(
-            f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{behind_number(statistic.unit)}"
-        )
+    bound, unit = constraint.bound, behind_number(statistic.unit)
+    if isinstance(statistic, MarginStatistic):
+        if statistic.margin == "phase" and bound > MOST_PHASE:
+            raise ConfigurationError(f"--constraint {text}: must be at most {MOST_PHASE:g}{unit}, half a turn")
+        return constraint
+    least, most = statistic.quantity.least, statistic.quantity.most
+    if not constraint.at_least and bound < least:
+        raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{unit}")
+    if not constraint.at_least and not constraint.of_paper and bound > most:
+        raise ConfigurationError(f"--constraint {text}: all runs satisfy it, none has more than {most:g}{unit}")
     return constraint
 
 

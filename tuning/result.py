@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
+from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
 from dualwinch.simulation.analysis.authority import infeasible_words
@@ -148,7 +149,9 @@ class TuningResult:
         """
         space, searched = self.problem.space, _search_points(self)
         point = searched[0] if searched and not self.verdict.improved else self.verdict.best.point
-        ended = [each for each in space.dimensions if isinstance(each, ContinuousDimension) and _bound(each, point)]
+        ended = [
+            each for each in space.dimensions if isinstance(each, ContinuousDimension) and _bound(self, each, point)
+        ]
         if not ended:
             return frozenset()
         moved = [point | {dimension.name: dimension.decoded(0.5)} for dimension in ended]
@@ -444,15 +447,16 @@ def gains_at_bounds(tuned: TuningResult) -> list[tuple[str, float]]:
         for dimension in tuned.problem.space.dimensions
         if tuned.verdict.improved
         and isinstance(dimension, ContinuousDimension)
-        and (bound := _bound(dimension, tuned.verdict.best.point))
+        and (bound := _bound(tuned, dimension, tuned.verdict.best.point))
         and dimension.name not in tuned.idle
     ]
 
 
-def _bound(dimension: ContinuousDimension, point: Point) -> float:
-    """The bound at which a gain lies; 0 if it lies at none, or at the bound 0, which cannot be widened."""
+def _bound(tuned: TuningResult, dimension: ContinuousDimension, point: Point) -> float:
+    """The bound at which a gain lies; 0 if it lies at none, or at one that cannot be widened."""
     share = dimension.encoded(point[dimension.name])
-    return dimension.upper if share >= 1 - EDGE else dimension.lower if share <= EDGE else 0.0
+    bound = dimension.upper if share >= 1 - EDGE else dimension.lower if share <= EDGE else 0.0
+    return 0.0 if bound in describe_parts(tuned.problem.experiment)[dimension.keys[0]].bounds else bound
 
 
 def _search_points(tuned: TuningResult) -> list[Point]:
@@ -488,6 +492,6 @@ def _at_bounds(tuned: TuningResult) -> list[str]:
         for dimension in tuned.problem.space.dimensions
         if isinstance(dimension, ContinuousDimension)
         and len(points) == LEADING
-        and all(_bound(dimension, point) for point in points)
+        and all(_bound(tuned, dimension, point) for point in points)
         and dimension.name not in tuned.idle
     ]

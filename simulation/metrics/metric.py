@@ -29,7 +29,7 @@ class MetricQuantity(Quantity):
         shown: display unit (empty: its own unit), factor from its unit to the display unit, and number format.
         small_is_bad: whether the worst of many runs is the smallest value.
         abbreviated: whether its name is an abbreviation, written in capitals in sentences.
-        least: lower bound of its values.
+        least, most: bounds of its values.
     """
 
     label: str = ""
@@ -38,6 +38,7 @@ class MetricQuantity(Quantity):
     small_is_bad: bool = False
     abbreviated: bool = False
     least: float = -math.inf
+    most: float = math.inf
 
     @property
     def shown_unit(self) -> str:

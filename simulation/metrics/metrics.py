@@ -30,7 +30,8 @@ def _error(
 
 def _share(meaning: str, label: str, formula: str) -> MetricQuantity:
     """Metadata of a share of the samples, displayed in percent."""
-    return MetricQuantity("1", f"share of samples with {meaning}", "", label, formula, ("%", 1e2, ".4g"), least=0.0)
+    about, shown = f"share of samples with {meaning}", ("%", 1e2, ".4g")
+    return MetricQuantity("1", about, "", label, formula, shown, least=0.0, most=1.0)
 
 
 @dataclass(frozen=True, repr=False)

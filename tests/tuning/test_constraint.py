@@ -116,6 +116,8 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
         ("mean.chatter<=-1", "nothing satisfies it, no run has less than 0 N"),
         ("mean.chatter<=-1*paper", "nothing satisfies it, no run has less than 0 N"),
         ("mean.slack_share<=-1%", "nothing satisfies it, no run has less than 0"),
+        ("mean.saturated_share<=150%", "all runs satisfy it, none has more than 1"),
+        ("worst.phase_margin>=400deg", "must be at most 180 deg, half a turn"),
     ],
 )
 def test_wrong_constraints_are_one_line(text: str, message: str) -> None:

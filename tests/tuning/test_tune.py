@@ -297,6 +297,15 @@ def test_wider_bounds_are_advised_for_gains_that_the_search_leaves_at_theirs(
     assert "wider bounds (--space): the best trials lie at those of nftsm.beta" in advice(tuned)  # a ramp is >= 0
 
 
+def test_a_gain_at_the_end_of_its_allowed_range_needs_no_wider_bounds(make_problem: MakeProblem) -> None:
+    beta, share = "controller.nftsm.beta", "controller.kalman.compensation"
+    kept = tune(make_problem(space=[beta, share], constraints=[]), method="random", trials=2, test_scenarios=4)
+    best = kept.verdict.best
+    candidate = replace(best.candidate, point=best.point | {beta: 0.005, share: 1.0})
+    tuned = replace(kept, verdict=replace(kept.verdict, obstacle="", best=replace(best, candidate=candidate)))
+    assert gains_at_bounds(tuned) == [(beta, 0.005)]
+
+
 def test_gains_that_change_nothing_need_no_wider_bounds(
     make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
