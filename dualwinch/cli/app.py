@@ -2,15 +2,17 @@
 
 import io
 import os
+import re
 import signal
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from inspect import cleandoc
-from typing import NoReturn
+from dataclasses import is_dataclass
+from inspect import cleandoc, signature
+from typing import Any, NoReturn
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from dualwinch import __version__
 from dualwinch.cli import (
@@ -83,16 +85,20 @@ COMMANDS = (
 """In the order of the help."""
 
 
-def _unwrapped(text: str) -> str:
-    """A docstring with one line per paragraph, which the terminal wraps; indented examples stay as they are."""
-    blocks = cleandoc(text).split("\n\n")
-    return "\n\n".join(block if block.startswith(" ") else block.replace("\n", " ") for block in blocks)
+def _unwrap(documented: Any) -> None:
+    """Give each paragraph and each argument of a docstring one line, which the terminal wraps."""
+    documented.__doc__ = re.sub(r"(?<!\n)\n(?!\n| {4}\S) *", " ", cleandoc(documented.__doc__ or ""))
 
 
 for module in COMMANDS:
     app.command(module.app)
     for command in (module.app, *(module.app[name] for name in module.app if not name.startswith("-"))):
-        command.help = _unwrapped(command.help)
+        command.default_parameter = Parameter(negative=())
+        if function := command.default_command:
+            _unwrap(function)
+            for each in signature(function).parameters.values():
+                if is_dataclass(each.default):
+                    _unwrap(type(each.default))
 
 
 app.register_install_completion_command()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 from rich.text import Text
 
 from dualwinch.cli.linearise import print_resonance, resonance_tables
@@ -45,14 +45,18 @@ def certify(
     *,
     ensemble: NominalMachine = None,
     given: ControllerOptions = CONTROLLER,
-    out: Annotated[Path | None, Parameter(help="File for the report: .json.")] = None,
-    plot: Annotated[Path | None, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
+    out: Path | None = None,
+    plot: Path | None = None,
 ) -> None:
     """Check the paper's stability theorem for given gains and a scenario.
 
     The theorem covers the position laws fando-nftsm and nftsm. Prints every condition with both sides and a verdict,
     the share of the run in which the theorem's Lyapunov function decreases, nearby gains that satisfy the conditions
     (or why there are none), what the proof assumes, and, beside the theorem, the rule for the drums' resonance.
+
+    Args:
+        out: File for the report: .json.
+        plot: File for a figure of V(t) and dV/dt: .png, .svg or .pdf.
     """
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
@@ -49,12 +49,12 @@ app = App(
 
 @app.default
 def compare(
-    *files: Annotated[str, Parameter(help="TOML files of gains; `paper` means the paper's gains.")],
-    ensemble: Annotated[str, Parameter(help="Ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file.")] = "sea",
-    scenarios: Annotated[int, WHOLE, Parameter(help="Scenarios, the same for every file.")] = 200,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of the draws and of the intervals.")] = 0,
+    *files: str,
+    ensemble: str = "sea",
+    scenarios: Annotated[int, WHOLE] = 200,
+    seed: Annotated[int, WHOLE] = 0,
     given: ExperimentOptions = EXPERIMENT,
-    out: Annotated[Path | None, Parameter(help="File for the statistics: .json.")] = None,
+    out: Path | None = None,
     plot: Figure = None,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
 ) -> None:
@@ -65,6 +65,13 @@ def compare(
     come from the ensemble alone; --case or --config supply the values missing from its file. The paper's gains run with
     the nominal model and the damping of drums of the first file, and with its tension limits and preload if the limits
     are not the paper's.
+
+    Args:
+        files: TOML files of gains; `paper` means the paper's gains.
+        ensemble: Ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file.
+        scenarios: Scenarios, the same for every file.
+        seed: Seed of the draws and of the intervals.
+        out: File for the statistics: .json.
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import EXPERIMENT, ExperimentOptions
 
@@ -24,24 +23,17 @@ app = App(
 
 
 @app.default
-def config(
-    *,
-    given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[str | None, Parameter(help="Print the file of an ensemble, such as `sea`, instead.")] = None,
-    start: Annotated[
-        bool,
-        Parameter(
-            help="Print the parts and gains from which `tune` starts, alone or with --ensemble; those that are named "
-            "stay as they are.",
-            negative="",
-        ),
-    ] = False,
-) -> None:
+def config(*, given: ExperimentOptions = EXPERIMENT, ensemble: str | None = None, start: bool = False) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
     With --config, keys that the file does not give are marked: still the paper's, or a default. They stay marked when
     the output is read again, until the mark is deleted from their line.
     With --plugin, the numbers of its parts follow, including parts that are not in use.
+
+    Args:
+        ensemble: Print the file of an ensemble, such as `sea`, instead.
+        start: Print the parts and gains from which `tune` starts, alone or with --ensemble; those that are named stay
+            as they are.
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
     from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml

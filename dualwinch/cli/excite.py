@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.identify import prior_from
 from dualwinch.cli.options import (
     EXPERIMENT,
-    WHOLE,
     ExperimentOptions,
     Figure,
     Json,
     Priors,
+    Whole,
     default_of,
     seconds_from,
     stated,
@@ -42,47 +42,25 @@ app = App(
 )
 
 
-EXCITE = "excite"
-"""Public function whose defaults the options have."""
-
-
 @app.default
 def excite(
     *,
-    fit: Annotated[
-        list[str],
-        Parameter(help="Keys to estimate, separated by commas; * stands for anything.", negative=""),
-    ],
+    fit: list[str],
     given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[
-        str | None,
-        Parameter(help="Ensemble, such as `rig`; identifiable parameters that it draws are estimated, too."),
-    ] = None,
+    ensemble: str | None = None,
     prior: Priors = None,
-    duration: Annotated[
-        str | None, default_of(EXCITE, "duration", "{:g}s"), Parameter(help="Length of the run, e.g. 60s, 2min.")
-    ] = None,
-    criterion: Annotated[
-        Literal["D", "A"] | None,
-        default_of(EXCITE, "criterion"),
-        Parameter(help="D: volume of the estimates' confidence region; A: mean of their variances."),
-    ] = None,
-    track: Annotated[float | None, Parameter(help="Farthest position in m (default: a metre before the end).")] = None,
-    speed: Annotated[float | None, Parameter(help="Largest speed in m/s (default: the reference's).")] = None,
-    acceleration: Annotated[
-        float | None,
-        Parameter(help="Largest acceleration in m/s^2 (default: that of half the ropes' largest net force)."),
-    ] = None,
-    torque: Annotated[float | None, Parameter(help="Largest torque of a motor in N m (default: any).")] = None,
+    duration: Annotated[str | None, default_of("excite", "duration", "{:g}s")] = None,
+    criterion: Annotated[Literal["D", "A"] | None, default_of("excite", "criterion")] = None,
+    track: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    torque: float | None = None,
     trials: Annotated[
-        int | None,
-        WHOLE,
-        default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time"),
-        Parameter(help="Motions to simulate."),
+        Whole, default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time")
     ] = None,
-    time: Annotated[str | None, Parameter(help="Time of the search, e.g. 60s, 5min.")] = None,
-    seed: Annotated[int | None, WHOLE, default_of(EXCITE, "seed"), Parameter(help="Seed of the search.")] = None,
-    out: Annotated[Path | None, Parameter(help="File for the experiment with that motion, .toml.")] = None,
+    time: str | None = None,
+    seed: Annotated[Whole, default_of("excite", "seed")] = None,
+    out: Path | None = None,
     plot: Figure = None,
     json: Json = False,
 ) -> None:
@@ -91,6 +69,20 @@ def excite(
     Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop;
     the filter of `identify` gives the Fisher information of each log. Prints the expected standard deviations beside
     those of the present motion.
+
+    Args:
+        fit: Keys to estimate, separated by commas; * stands for anything.
+        ensemble: Ensemble, such as `rig`; identifiable parameters that it draws are estimated, too.
+        duration: Length of the run, e.g. 60s, 2min.
+        criterion: D: volume of the estimates' confidence region; A: mean of their variances.
+        track: Farthest position in m (default: a metre before the end).
+        speed: Largest speed in m/s (default: the reference's).
+        acceleration: Largest acceleration in m/s^2 (default: that of half the ropes' largest net force).
+        torque: Largest torque of a motor in N m (default: any).
+        trials: Motions to simulate.
+        time: Time of the search, e.g. 60s, 5min.
+        seed: Seed of the search.
+        out: File for the experiment with that motion, .toml.
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.experiment_design import excite

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, default_of, own_default, print_note, stated
+from dualwinch.cli.options import (
+    EXPERIMENT,
+    ExperimentOptions,
+    Whole,
+    default_of,
+    own_default,
+    print_note,
+    stated,
+)
 from dualwinch.cli.output import wrote
 
 if TYPE_CHECKING:
@@ -60,30 +68,29 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
 def export_c(
     *,
     out: Out,
-    block: Annotated[Block | None, default_of("export_c", "block"), Parameter(help="Block to export.")] = None,
-    precision: Annotated[
-        Literal["double", "float"] | None,
-        default_of("export_c", "precision"),
-        Parameter(help="Of every number; float: no double-precision operation at all."),
-    ] = None,
-    freeze: Annotated[
-        bool, Parameter(help="Write the parameters as constants instead of an argument.", negative="")
-    ] = False,
-    udp: Annotated[
-        bool, Parameter(help="Also write a program that connects the controller to `dualwinch serve`.", negative="")
-    ] = False,
-    generator: Annotated[
-        Literal["dualwinch", "casadi"],
-        Parameter(help="Code generator; casadi: CasADi's own, for `casadi.external`."),
-    ] = "dualwinch",
-    header: Annotated[bool, Parameter(help="CasADi's option: write a header file, too.")] = True,
-    main: Annotated[bool, Parameter(help="CasADi's option: write a `main` function, too.", negative="")] = False,
-    mex: Annotated[bool, Parameter(help="CasADi's option: write a gateway for MATLAB, too.", negative="")] = False,
+    block: Annotated[Block | None, default_of("export_c", "block")] = None,
+    precision: Annotated[Literal["double", "float"] | None, default_of("export_c", "precision")] = None,
+    freeze: bool = False,
+    udp: bool = False,
+    generator: Literal["dualwinch", "casadi"] = "dualwinch",
+    header: Annotated[bool, Parameter(negative="--no-header")] = True,
+    main: bool = False,
+    mex: bool = False,
     given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write a self-contained C99 package: source, header, CMake file, README and an example.
 
     No heap, no globals, no recursion; several instances may run at once.
+
+    Args:
+        block: Block to export.
+        precision: Of every number; float: no double-precision operation at all.
+        freeze: Write the parameters as constants instead of an argument.
+        udp: Also write a program that connects the controller to `dualwinch serve`.
+        generator: Code generator; casadi: CasADi's own, for `casadi.external`.
+        header: CasADi's option: write a header file, too.
+        main: CasADi's option: write a `main` function, too.
+        mex: CasADi's option: write a gateway for MATLAB, too.
     """
     from dualwinch.export import export_c as run
     from dualwinch.export import generate_c
@@ -115,31 +122,24 @@ def export_c(
 def export_st(
     *,
     out: Out,
-    block: Annotated[Block | None, default_of("export_st", "block"), Parameter(help="Block to export.")] = None,
-    precision: Annotated[
-        Literal["double", "float"] | None,
-        default_of("export_st", "precision"),
-        Parameter(help="Of every number; double: LREAL, float: REAL."),
-    ] = None,
+    block: Annotated[Block | None, default_of("export_st", "block")] = None,
+    precision: Annotated[Literal["double", "float"] | None, default_of("export_st", "precision")] = None,
     flavour: Annotated[
-        Literal["iec", "codesys", "twincat", "siemens-scl"] | None,
-        default_of("export_st", "flavour"),
-        Parameter(
-            help="Dialect; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a "
-            "project; siemens-scl: external sources of TIA Portal."
-        ),
+        Literal["iec", "codesys", "twincat", "siemens-scl"] | None, default_of("export_st", "flavour")
     ] = None,
-    max_operations: Annotated[
-        int | None,
-        WHOLE,
-        default_of("export_st", "max_operations"),
-        Parameter(help="Refuse a block with more operations per call; the README states their number."),
-    ] = None,
+    max_operations: Annotated[Whole, default_of("export_st", "max_operations")] = None,
     given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
 
     It performs the operations of the C package in their order, with the experiment's parameters.
+
+    Args:
+        block: Block to export.
+        precision: Of every number; double: LREAL, float: REAL.
+        flavour: Dialect; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a
+            project; siemens-scl: external sources of TIA Portal.
+        max_operations: Refuse a block with more operations per call; the README states their number.
     """
     from dualwinch.export import export_st as run
     from dualwinch.model.errors import ConfigurationError
@@ -162,25 +162,24 @@ def export_st(
 )
 def export_fmu(
     *,
-    out: Annotated[Path, Parameter(help="File to write, .fmu.")],
-    block: Annotated[Block | None, default_of("export_fmu", "block"), Parameter(help="Block to export.")] = None,
-    fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi"), Parameter(help="Version of FMI.")] = None,
-    kind: Annotated[
-        Literal["co-simulation", "model-exchange", "both"] | None,
-        Parameter(help="Interfaces (default: both for the plant, else co-simulation)."),
-    ] = None,
-    platforms: Annotated[
-        str | None,
-        Parameter(
-            help="Binaries to include, separated by commas: linux64, win64, darwin64, aarch64-linux, aarch64-darwin, "
-            "or all (default: this machine's)."
-        ),
-    ] = None,
+    out: Path,
+    block: Annotated[Block | None, default_of("export_fmu", "block")] = None,
+    fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi")] = None,
+    kind: Literal["co-simulation", "model-exchange", "both"] | None = None,
+    platforms: str | None = None,
     given: ExperimentOptions = EXPERIMENT,
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
     Binaries for other platforms are compiled here by zig (`pip install 'dualwinch[zig]'`).
+
+    Args:
+        out: File to write, .fmu.
+        block: Block to export.
+        fmi: Version of FMI.
+        kind: Interfaces (default: both for the plant, else co-simulation).
+        platforms: Binaries to include, separated by commas: linux64, win64, darwin64, aarch64-linux, aarch64-darwin, or
+            all (default: this machine's).
     """
     from dualwinch.cli.progress import ProgressLine
     from dualwinch.export import export_fmu as run

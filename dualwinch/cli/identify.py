@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
@@ -18,6 +18,7 @@ from dualwinch.cli.options import (
     Figure,
     Json,
     Priors,
+    Whole,
     default_of,
     stated,
 )
@@ -54,68 +55,25 @@ app = App(
 )
 
 
-IDENTIFY = "identify"
-"""Public function whose defaults the options have."""
-
-
 @app.default
 def identify(
-    logs: Annotated[
-        list[Path], Parameter(help="Logs of one machine: .csv, .txt, .parquet, .mat or .npz.", negative="")
-    ],
+    logs: list[Path],
     *,
-    fit: Annotated[
-        list[str],
-        Parameter(help="Keys to estimate, separated by commas; * stands for anything; may be repeated.", negative=""),
-    ],
+    fit: list[str],
     given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[
-        str | None,
-        Parameter(
-            help="Ensemble, such as `rig`; parameters that it draws are estimated, too, with its distributions as "
-            "priors, where logs can identify them."
-        ),
-    ] = None,
+    ensemble: str | None = None,
     prior: Priors = None,
-    column: Annotated[
-        list[str] | None,
-        Parameter(help="Column and unit of a reading, F1=load_cell_left:kN; may be repeated.", negative=""),
-    ] = None,
-    csv: Annotated[
-        str, Parameter(help="Separator and decimal mark of CSV files, such as ';,'; default: detected in each file.")
-    ] = "",
-    hold_out: Annotated[
-        str | None,
-        default_of(IDENTIFY, "hold_out", "{:.0%}"),
-        Parameter(help="Share at the end of each log that is held out and predicted."),
-    ] = None,
-    starts: Annotated[
-        int | None,
-        WHOLE,
-        default_of(IDENTIFY, "starts"),
-        Parameter(help="Searches from different starting points, to find distinct optima."),
-    ] = None,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of these starts, and of the ensemble's draws.")] = 0,
-    profile: Annotated[
-        list[str] | None,
-        Parameter(help="Keys whose profile likelihood is computed; may be repeated.", negative=""),
-    ] = None,
-    disturbance: Annotated[
-        Path | None,
-        Parameter(help="File for the force on the vehicle, .csv or .parquet, for disturbance.force.file."),
-    ] = None,
+    column: list[str] | None = None,
+    csv: str = "",
+    hold_out: Annotated[str | None, default_of("identify", "hold_out", "{:.0%}")] = None,
+    starts: Annotated[Whole, default_of("identify", "starts")] = None,
+    seed: Annotated[int, WHOLE] = 0,
+    profile: list[str] | None = None,
+    disturbance: Path | None = None,
     unrecorded: Annotated[
-        str | None,
-        default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}"),
-        Parameter(
-            help="Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of "
-            "another machine."
-        ),
+        str | None, default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}")
     ] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(help="File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json."),
-    ] = None,
+    out: Path | None = None,
     plot: Figure = None,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
@@ -125,6 +83,22 @@ def identify(
     The torques of a log drive the plant, an extended Kalman filter predicts all readings one sample ahead, and the
     parameters maximise the likelihood of its innovations. Prints estimates with standard deviations, unidentifiable
     directions, and whiteness tests of the innovations.
+
+    Args:
+        logs: Logs of one machine: .csv, .txt, .parquet, .mat or .npz.
+        fit: Keys to estimate, separated by commas; * stands for anything; may be repeated.
+        ensemble: Ensemble, such as `rig`; parameters that it draws are estimated, too, with its distributions as
+            priors, where logs can identify them.
+        column: Column and unit of a reading, F1=load_cell_left:kN; may be repeated.
+        csv: Separator and decimal mark of CSV files, such as ';,'; default: detected in each file.
+        hold_out: Share at the end of each log that is held out and predicted.
+        starts: Searches from different starting points, to find distinct optima.
+        seed: Seed of these starts, and of the ensemble's draws.
+        profile: Keys whose profile likelihood is computed; may be repeated.
+        disturbance: File for the force on the vehicle, .csv or .parquet, for disturbance.force.file.
+        unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
+            another machine.
+        out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
     """
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.config.experiment_file import to_toml

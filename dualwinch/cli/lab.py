@@ -27,17 +27,24 @@ app = App(
 )
 
 
+Browser = Annotated[bool, Parameter(help="Open the page in a browser.", negative="--no-browser")]
+
+
 @app.default
 def lab(
     *,
-    out: Annotated[Path | None, Parameter(help="Write the page to this file (.html) instead of serving it.")] = None,
-    port: Annotated[int, WHOLE, Parameter(help="Port on this machine; 0: any that is free.")] = 0,
-    browser: Annotated[bool, Parameter(help="Open the page in a browser.")] = True,
+    out: Path | None = None,
+    port: Annotated[int, WHOLE] = 0,
+    browser: Browser = True,
 ) -> None:
     """Play with the closed loop in a browser: every case, law and number, redrawn at once.
 
     The page is one file and needs no server; it runs what `simulate` runs, compiled to WebAssembly. The first
     call builds it, which takes about a minute and needs zig (`pip install ziglang`); it is kept for the next.
+
+    Args:
+        out: Write the page to this file (.html) instead of serving it.
+        port: Port on this machine; 0: any that is free.
     """
     import webbrowser
 

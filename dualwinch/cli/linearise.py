@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
@@ -62,40 +62,18 @@ app = App(
 @app.default
 def linearise(
     *,
-    x: Annotated[float | None, Parameter(help="Position in m (default: middle of the track).")] = None,
-    v: Annotated[float | None, Parameter(help="Speed in m/s (default 0); negative: towards winch 2.")] = None,
-    preload: Annotated[
-        float | None, Parameter(help="Sum of both tensions in N (default: controller.coordination.preload).")
-    ] = None,
-    sweep: Annotated[str | None, Parameter(help="Many points: name=first:last:step, the name x, v or preload.")] = None,
-    loop: Annotated[
-        Literal["plant", "open", "broken", "closed"],
-        Parameter(
-            help="What to linearise: the plant alone, or the loop over a sample, opened at a signal (also `broken`) or "
-            "closed."
-        ),
-    ] = "plant",
-    opening: Annotated[
-        Literal["u", "tau_1", "tau_2", "torques"] | None,
-        Parameter(
-            help="open: signal at which the loop is opened: force command (default), torque of a winch, or both "
-            "torques, which then change alike."
-        ),
-    ] = None,
-    dt: Annotated[
-        float | None, Parameter(help="Sample time in s: discrete time, inputs held (default: continuous).")
-    ] = None,
+    x: float | None = None,
+    v: float | None = None,
+    preload: float | None = None,
+    sweep: str | None = None,
+    loop: Literal["plant", "open", "broken", "closed"] = "plant",
+    opening: Literal["u", "tau_1", "tau_2", "torques"] | None = None,
+    dt: float | None = None,
     ensemble: NominalMachine = None,
     given: ControllerOptions = CONTROLLER,
-    out: Annotated[Path | None, Parameter(help="File for the matrices: .json, .mat or .npz.")] = None,
+    out: Path | None = None,
     plot: Figure = None,
-    figure: Annotated[
-        Literal["amplitude", "bode", "modes", "poles", "shapes"] | None,
-        Parameter(
-            help="Which figure. plant: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles; "
-            "open: bode with margins (default), or margins against the amplitude of the speed error."
-        ),
-    ] = None,
+    figure: Literal["amplitude", "bode", "modes", "poles", "shapes"] | None = None,
 ) -> None:
     """Linearise the plant at an operating point or along a sweep; print its modes and the sample rate they need.
 
@@ -106,6 +84,20 @@ def linearise(
     a signal: its gain, phase, delay and disk margins are printed, and how they depend on the amplitude of the speed
     error. With either loop, the rule for the drums' resonance on their ropes is checked, and constants of the machine
     that the estimator learns are held at their true values.
+
+    Args:
+        x: Position in m (default: middle of the track).
+        v: Speed in m/s (default 0); negative: towards winch 2.
+        preload: Sum of both tensions in N (default: controller.coordination.preload).
+        sweep: Many points: name=first:last:step, the name x, v or preload.
+        loop: What to linearise: the plant alone, or the loop over a sample, opened at a signal (also `broken`) or
+            closed.
+        opening: open: signal at which the loop is opened: force command (default), torque of a winch, or both torques,
+            which then change alike.
+        dt: Sample time in s: discrete time, inputs held (default: continuous).
+        out: File for the matrices: .json, .mat or .npz.
+        figure: Which figure. plant: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles;
+            open: bode with margins (default), or margins against the amplitude of the speed error.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.linear.system import save_sweep, writer

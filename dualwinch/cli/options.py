@@ -39,9 +39,12 @@ def whole(kind: Any, tokens: Sequence[Token]) -> int:  # noqa: ARG001
 WHOLE = Parameter(converter=whole)
 """Annotation of every option that is a whole number."""
 
+Whole = Annotated[int | None, WHOLE]
+"""A whole number that need not be given."""
+
 Priors = Annotated[
     list[str] | None,
-    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated.", negative=""),
+    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated."),
 ]
 
 Assignments = Annotated[
@@ -49,13 +52,12 @@ Assignments = Annotated[
     Parameter(
         name="--set",
         help="key=value, any key of `dualwinch config`, or all that are like plant.rope_*.damping; may be repeated.",
-        negative="",
     ),
 ]
 
 Plugins = Annotated[
     list[str] | None,
-    Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated.", negative=""),
+    Parameter(name="--plugin", help="Python file, or module, with parts of your own; may be repeated."),
 ]
 
 NominalMachine = Annotated[
@@ -64,7 +66,7 @@ NominalMachine = Annotated[
 
 Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
 
-Json = Annotated[bool, Parameter(help="Print JSON instead of tables.", negative="")]
+Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
 
 def own_default(place: str, argument: str = "") -> Any:
@@ -116,10 +118,15 @@ def choice(what: str, more: str = "") -> str:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ExperimentOptions:
-    """The experiment of a command: a case, a file or the defaults, and values that replace its own."""
+    """The experiment of a command: a case, a file or the defaults, and values that replace its own.
 
-    case: Annotated[int | None, WHOLE, Parameter(help="Case 1 to 4 of the paper.")] = None
-    config: Annotated[Path | None, Parameter(help="Experiment to read, TOML (see `dualwinch config`).")] = None
+    Attributes:
+        case: Case 1 to 4 of the paper.
+        config: Experiment to read, TOML (see `dualwinch config`).
+    """
+
+    case: Whole = None
+    config: Path | None = None
     set_: Assignments = None
     plugin: Plugins = None
 
@@ -418,24 +425,16 @@ def share_from(text: str | None, option: str) -> float | None:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
-    """Options for batches of runs: cluster and reproducibility."""
+    """Options for batches of runs: cluster and reproducibility.
 
-    cluster: Annotated[
-        str | None,
-        Parameter(
-            help="Dask cluster for the runs: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client "
-            "(default: this machine).",
-            env_var="DUALWINCH_CLUSTER",
-        ),
-    ] = None
-    exact: Annotated[
-        bool,
-        Parameter(
-            help="Bit-identical results from every compiler and processor; takes somewhat longer.",
-            env_var="DUALWINCH_EXACT",
-            negative="",
-        ),
-    ] = False
+    Attributes:
+        cluster: Dask cluster for the runs: tcp://SCHEDULER:8786, or FILE.py:FUNCTION that returns a Dask client
+            (default: this machine).
+        exact: Bit-identical results from every compiler and processor; takes somewhat longer.
+    """
+
+    cluster: Annotated[str | None, Parameter(env_var="DUALWINCH_CLUSTER")] = None
+    exact: Annotated[bool, Parameter(env_var="DUALWINCH_EXACT")] = False
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
@@ -474,15 +473,14 @@ WORKERS = WorkerOptions()
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class CheckpointingWorkerOptions(WorkerOptions):
-    """Options for batches of runs: cluster, reproducibility, and a folder for finished portions."""
+    """Options for batches of runs: cluster, reproducibility, and a folder for finished portions.
 
-    checkpoint: Annotated[
-        Path | None,
-        Parameter(
-            help="Folder for portions that the cluster's workers have finished; if the scheduler or this process ends "
-            "early, the same call continues with the rest."
-        ),
-    ] = None
+    Attributes:
+        checkpoint: Folder for portions that the cluster's workers have finished; if the scheduler or this process ends
+            early, the same call continues with the rest.
+    """
+
+    checkpoint: Path | None = None
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:

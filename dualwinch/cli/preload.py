@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
 from dualwinch.cli.output import (
@@ -43,15 +43,10 @@ app = App(
 def preload(
     *,
     given: ControllerOptions = CONTROLLER,
-    minimise: Annotated[
-        Literal["load", "peak", "energy"],
-        Parameter(help="What to minimise: continuous load, largest tension, or work of the motors."),
-    ] = "load",
-    error: Annotated[float, Parameter(help="Optimum: largest allowed distance from the reference in m.")] = 0.0,
-    torque_rate: Annotated[
-        float | None, Parameter(help="Optimum: largest rate of each motor torque in N m/s (default: any).")
-    ] = None,
-    out: Annotated[Path | None, Parameter(help="File for all numbers: .json.")] = None,
+    minimise: Literal["load", "peak", "energy"] = "load",
+    error: float = 0.0,
+    torque_rate: float | None = None,
+    out: Path | None = None,
     plot: Figure = None,
 ) -> None:
     """Compare a scheduled preload with constant ones and with the optimum.
@@ -60,6 +55,12 @@ def preload(
     smaller tensions than the schedule, and with the preload scheduled, and solves for the tensions over time that load
     the motors least. Prints load, tensions, work and error of each. Constant preloads have differential tension; an
     experiment with another coordination is first run as it is.
+
+    Args:
+        minimise: What to minimise: continuous load, largest tension, or work of the motors.
+        error: Optimum: largest allowed distance from the reference in m.
+        torque_rate: Optimum: largest rate of each motor torque in N m/s (default: any).
+        out: File for all numbers: .json.
     """
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads

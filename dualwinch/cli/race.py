@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from dualwinch.cli.options import (
-    WHOLE,
     WORKERS,
     Assignments,
     Plugins,
+    Whole,
     WorkerOptions,
     choice,
     default_of,
@@ -47,10 +47,6 @@ app = App(
 )
 
 
-RACE = "race"
-"""Public function whose defaults the options have."""
-
-
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkEntries:
@@ -58,20 +54,18 @@ class BenchmarkEntries:
 
     law: Annotated[
         list[str] | None,
-        Parameter(help=choice("position law", "; may be repeated. Default: all"), negative=""),
+        Parameter(help=choice("position law", "; may be repeated. Default: all")),
     ] = None
     estimator: Annotated[
         list[str] | None,
         Parameter(
             help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
-            negative="",
         ),
     ] = None
     coordination: Annotated[
         list[str] | None,
         Parameter(
             help=choice("coordination", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
-            negative="",
         ),
     ] = None
 
@@ -83,57 +77,21 @@ ENTRIES = BenchmarkEntries()
 @app.default
 def race(
     *,
-    ensemble: Annotated[
-        str | None,
-        default_of(RACE, "ensemble"),
-        Parameter(help="Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file."),
-    ] = None,
+    ensemble: Annotated[str | None, default_of("race", "ensemble")] = None,
     entries: BenchmarkEntries = ENTRIES,
-    ablations: Annotated[
-        bool, Parameter(help="Include the paper's law without each of its parts.", negative="")
-    ] = False,
+    ablations: bool = False,
     plugin: Plugins = None,
-    config: Annotated[
-        Path | None, Parameter(help="Machine to race on, TOML: values missing from the ensemble's file.")
-    ] = None,
-    rollouts: Annotated[
-        int | None, WHOLE, default_of(RACE, "rollouts"), Parameter(help="Rollouts of each search.")
-    ] = None,
-    searches: Annotated[
-        int | None,
-        WHOLE,
-        default_of(RACE, "searches"),
-        Parameter(help="Searches per entry, each with its own seed; several show their spread."),
-    ] = None,
-    scenarios: Annotated[
-        int | None,
-        WHOLE,
-        default_of("tuning.selection_config:SCENARIOS"),
-        Parameter(help="Scenarios of the training set, in which a candidate is tried."),
-    ] = None,
-    test_scenarios: Annotated[
-        int | None,
-        WHOLE,
-        default_of(RACE, "test_scenarios"),
-        Parameter(help="Scenarios of the test set, which decide the scores."),
-    ] = None,
+    config: Path | None = None,
+    rollouts: Annotated[Whole, default_of("race", "rollouts")] = None,
+    searches: Annotated[Whole, default_of("race", "searches")] = None,
+    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    test_scenarios: Annotated[Whole, default_of("race", "test_scenarios")] = None,
     set_: Assignments = None,
-    constraint: Annotated[
-        list[str] | None,
-        Parameter(help="As in `dualwinch tune`, for all entries; may be repeated; none: no constraint.", negative=""),
-    ] = None,
-    method: Annotated[str | None, Parameter(help="Optimiser, as in `dualwinch tune`.")] = None,
-    seed: Annotated[
-        int | None, WHOLE, default_of(RACE, "seed"), Parameter(help="Seed of all scenarios and searches.")
-    ] = None,
-    stress: Annotated[
-        bool,
-        Parameter(
-            help="Also find which imperfection breaks the best gains of each entry first (`dualwinch stress`).",
-            negative="",
-        ),
-    ] = False,
-    out: Annotated[Path, Parameter(help="Folder of the race, from which it can be continued.")] = Path("race"),
+    constraint: list[str] | None = None,
+    method: str | None = None,
+    seed: Annotated[Whole, default_of("race", "seed")] = None,
+    stress: bool = False,
+    out: Path = Path("race"),
     where: WorkerOptions = WORKERS,
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same test set.
@@ -142,6 +100,20 @@ def race(
     the paper's gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
     continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
     and the gains of each entry as a configuration.
+
+    Args:
+        ensemble: Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file.
+        ablations: Include the paper's law without each of its parts.
+        config: Machine to race on, TOML: values missing from the ensemble's file.
+        rollouts: Rollouts of each search.
+        searches: Searches per entry, each with its own seed; several show their spread.
+        scenarios: Scenarios of the training set, in which a candidate is tried.
+        test_scenarios: Scenarios of the test set, which decide the scores.
+        constraint: As in `dualwinch tune`, for all entries; may be repeated; none: no constraint.
+        method: Optimiser, as in `dualwinch tune`.
+        seed: Seed of all scenarios and searches.
+        stress: Also find which imperfection breaks the best gains of each entry first (`dualwinch stress`).
+        out: Folder of the race, from which it can be continued.
     """
     from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.config.experiment_file import load
@@ -149,7 +121,7 @@ def race(
     from dualwinch.tuning.benchmark.race import race
 
     use_parts(plugin)
-    name = own_default(RACE, "ensemble") if ensemble is None else ensemble
+    name = own_default("race", "ensemble") if ensemble is None else ensemble
     drawn = load_ensemble(name, load(config) if config else None)
     note_other_machine(config, name, drawn)
     with (

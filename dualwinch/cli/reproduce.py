@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import App, Parameter
+from cyclopts import App
 from rich.console import Console
 
 from dualwinch.cli.output import (
@@ -48,19 +48,21 @@ app = App(
 @app.default
 def reproduce(
     *,
-    out: Annotated[Path, Parameter(help="Folder for figures, data, metrics and the report.")] = Path("results"),
-    cases: Annotated[str, Parameter(help="Cases to run, separated by commas.")] = "1,2,3,4",
-    controllers: Annotated[
-        str, Parameter(help="Controllers to compare, separated by commas.")
-    ] = "fando-nftsm,nftsm,pid-cascade",
-    extended: Annotated[
-        bool, Parameter(help="Also compare all position laws and coordinations, beyond the paper's.", negative="")
-    ] = False,
+    out: Path = Path("results"),
+    cases: str = "1,2,3,4",
+    controllers: str = "fando-nftsm,nftsm,pid-cascade",
+    extended: bool = False,
 ) -> None:
     """Run the paper's cases and controllers, and write every figure, the data and one report.
 
     Prints the figures of merit and, where Case 4 runs with both sliding-mode controllers, the reductions of
     Figure 21 beside the paper's.
+
+    Args:
+        out: Folder for figures, data, metrics and the report.
+        cases: Cases to run, separated by commas.
+        controllers: Controllers to compare, separated by commas.
+        extended: Also compare all position laws and coordinations, beyond the paper's.
     """
     from dualwinch.config.folders import made_folder
 

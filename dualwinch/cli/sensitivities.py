@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
@@ -49,22 +49,11 @@ app = App(
 
 @app.default
 def sensitivities(
-    *keys: Annotated[
-        str, Parameter(help="Keys of continuous parameters, also separated by commas; * stands for anything.")
-    ],
+    *keys: str,
     given: ControllerOptions = CONTROLLER,
-    metric: Annotated[
-        list[str] | None,
-        Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
-    ] = None,
-    column: Annotated[
-        list[str] | None,
-        Parameter(help="Column of the result over time (default e); may be repeated.", negative=""),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(help="File for the columns and their derivatives: .csv, .parquet, .npz."),
-    ] = None,
+    metric: list[str] | None = None,
+    column: list[str] | None = None,
+    out: Path | None = None,
     plot: Figure = None,
     json: Json = False,
 ) -> None:
@@ -73,6 +62,12 @@ def sensitivities(
     Any continuous parameter of these in `dualwinch config` may be given, and nominal.* for the controller's nominal
     model of the plant, which plant.* leaves unchanged. Random signals keep their draws, and quantised sensors are
     taken as continuous. Tables and figure show first-order changes for one more percent of each parameter.
+
+    Args:
+        keys: Keys of continuous parameters, also separated by commas; * stands for anything.
+        metric: Figure of merit to show (default mse); may be repeated.
+        column: Column of the result over time (default e); may be repeated.
+        out: File for the columns and their derivatives: .csv, .parquet, .npz.
     """
     from dualwinch.simulation.batch.sensitivities import sensitivities
     from dualwinch.simulation.prepare import check_memory

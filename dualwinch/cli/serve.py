@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from dualwinch.cli.lab import HOST, page_of, server_of
-from dualwinch.cli.options import EXPERIMENT, WHOLE, ExperimentOptions, Json, NominalMachine, default_of, stated
+from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
 from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import print_result
@@ -47,58 +47,20 @@ def serve(
     *,
     given: ExperimentOptions = EXPERIMENT,
     ensemble: NominalMachine = None,
-    realtime: Annotated[
-        bool,
-        Parameter(
-            negative="--lockstep",
-            help="Run in real time; or let each sample wait for the controller's answer.",
-        ),
-    ] = True,
-    rate: Annotated[
-        float | None,
-        default_of(SETTINGS, "rate"),
-        Parameter(help="Speed of the plant's clock relative to real time."),
-    ] = None,
-    host: Annotated[str, Parameter(help="Address to listen at; other machines reach only a public one.")] = HOST,
-    udp: Annotated[
-        int | None,
-        WHOLE,
-        default_of("simulation.server.plant:PORT"),
-        Parameter(help="Port of the datagrams; 0: any that is free."),
-    ] = None,
-    modbus: Annotated[
-        int | None,
-        WHOLE,
-        Parameter(help="Port of Modbus TCP, such as 5020 (default: off; `pip install 'dualwinch[serve]'`)."),
-    ] = None,
-    opcua: Annotated[
-        int | None, WHOLE, Parameter(help="Port of OPC UA, such as 4840 (default: off; the same extra).")
-    ] = None,
-    allow_write: Annotated[
-        bool, Parameter(help="Let clients start, command and disturb; otherwise they only read.", negative="")
-    ] = False,
-    watchdog: Annotated[
-        float | None,
-        default_of(SETTINGS, "watchdog"),
-        Parameter(help="Time in s without a command after which the safe torques take effect."),
-    ] = None,
-    safe: Annotated[
-        str | None,
-        Parameter(help="Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope)."),
-    ] = None,
-    priority: Annotated[
-        int | None,
-        WHOLE,
-        Parameter(help="Real-time priority of the sampling thread, 1 to 99 (default: none)."),
-    ] = None,
-    runs: Annotated[int | None, WHOLE, Parameter(help="End after this many runs (default: at Ctrl-C).")] = None,
-    out: Annotated[
-        Path | None, Parameter(help="File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, ….")
-    ] = None,
-    map_: Annotated[
-        Path | None, Parameter(name="--map", help="File for the table of registers and nodes: .csv, or .md for a page.")
-    ] = None,
-    lab: Annotated[bool, Parameter(help="Show each run in the lab's page while it proceeds.", negative="")] = False,
+    realtime: Annotated[bool, Parameter(negative="--lockstep")] = True,
+    rate: Annotated[float | None, default_of(SETTINGS, "rate")] = None,
+    host: str = HOST,
+    udp: Annotated[Whole, default_of("simulation.server.plant:PORT")] = None,
+    modbus: Whole = None,
+    opcua: Whole = None,
+    allow_write: bool = False,
+    watchdog: Annotated[float | None, default_of(SETTINGS, "watchdog")] = None,
+    safe: str | None = None,
+    priority: Whole = None,
+    runs: Whole = None,
+    out: Path | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    lab: bool = False,
     json: Json = False,
 ) -> None:
     """Run the plant with ropes and sensors in real time, for a controller in another process.
@@ -107,6 +69,22 @@ def serve(
     it and ends after its duration; Ctrl-C or SIGTERM ends it earlier and keeps its data. If no command arrives within
     the watchdog's time, safe torques take effect. The server listens at this machine's own address unless --host names
     another; clients may write only with --allow-write.
+
+    Args:
+        realtime: Run in real time; or let each sample wait for the controller's answer.
+        rate: Speed of the plant's clock relative to real time.
+        host: Address to listen at; other machines reach only a public one.
+        udp: Port of the datagrams; 0: any that is free.
+        modbus: Port of Modbus TCP, such as 5020 (default: off; `pip install 'dualwinch[serve]'`).
+        opcua: Port of OPC UA, such as 4840 (default: off; the same extra).
+        allow_write: Let clients start, command and disturb; otherwise they only read.
+        watchdog: Time in s without a command after which the safe torques take effect.
+        safe: Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope).
+        priority: Real-time priority of the sampling thread, 1 to 99 (default: none).
+        runs: End after this many runs (default: at Ctrl-C).
+        out: File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, ….
+        map_: File for the table of registers and nodes: .csv, or .md for a page.
+        lab: Show each run in the lab's page while it proceeds.
     """
     from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError

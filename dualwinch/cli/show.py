@@ -1,11 +1,10 @@
 """The command ``show``: the lab's page with the user's own run."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from dualwinch.cli.lab import PAGES, page_of, write_page
+from dualwinch.cli.lab import PAGES, Browser, page_of, write_page
 from dualwinch.cli.output import check_file
 
 app = App(
@@ -20,14 +19,13 @@ app = App(
 
 
 @app.default
-def show(
-    run: Annotated[Path, Parameter(help="A run that `simulate --out` has written: .parquet, .csv, .npz or .mat.")],
-    /,
-    *,
-    out: Annotated[Path | None, Parameter(help="The page (.html; default: beside the run).")] = None,
-    browser: Annotated[bool, Parameter(help="Open the page in a browser.")] = False,
-) -> None:
-    """Write the lab's page with a run of your own, as run A to compare with."""
+def show(run: Path, /, *, out: Path | None = None, browser: Browser = False) -> None:
+    """Write the lab's page with a run of your own, as run A to compare with.
+
+    Args:
+        run: A run that `simulate --out` has written: .parquet, .csv, .npz or .mat.
+        out: The page (.html; default: beside the run).
+    """
     from dualwinch.lab.assemble import own_run
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import load_result

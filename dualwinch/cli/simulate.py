@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
@@ -18,6 +18,8 @@ from dualwinch.cli.options import (
     ControllerOptions,
     Figure,
     Json,
+    Whole,
+    default_of,
     note_other_ensemble,
 )
 from dualwinch.cli.output import (
@@ -66,34 +68,15 @@ app = App(
 def simulate(
     *,
     given: ControllerOptions = CONTROLLER,
-    ensemble: Annotated[
-        str | None,
-        Parameter(help="Run an ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file (see `config --ensemble`)."),
-    ] = None,
-    scenarios: Annotated[int | None, WHOLE, Parameter(help=f"Scenarios of the ensemble (default {SCENARIOS}).")] = None,
-    seed: Annotated[int | None, WHOLE, Parameter(help=f"Seed of the ensemble's draws (default {SEED}).")] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(help="File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble)."),
-    ] = None,
+    ensemble: str | None = None,
+    scenarios: Annotated[Whole, default_of("cli.simulate:SCENARIOS")] = None,
+    seed: Annotated[Whole, default_of("cli.simulate:SEED")] = None,
+    out: Path | None = None,
     plot: Figure = None,
-    animate: Annotated[Path | None, Parameter(help="File for an animation of the machine: .svg.")] = None,
-    stride: Annotated[int, WHOLE, Parameter(help="Keep every n-th sample in the data.")] = 1,
-    engine: Annotated[
-        Literal["compiled", "casadi", "interpreter"] | None,
-        Parameter(
-            help="Replaces `simulation.engine`: compiled C, C written by CasADi's code generator, or CasADi's "
-            "interpreter (slow; used by default only if there is no compiler)."
-        ),
-    ] = None,
-    statistics_only: Annotated[
-        bool,
-        Parameter(
-            help="Keep only the ensemble's statistics, so that memory does not grow with the number of scenarios; "
-            "median and 95 % are within 0.1 %.",
-            negative="",
-        ),
-    ] = False,
+    animate: Path | None = None,
+    stride: Annotated[int, WHOLE] = 1,
+    engine: Literal["compiled", "casadi", "interpreter"] | None = None,
+    statistics_only: bool = False,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
@@ -104,6 +87,18 @@ def simulate(
     With --ensemble, many scenarios are drawn and run on all cores. --case or --config supply the values missing from
     the ensemble's file; --controller and --set change its nominal values, and relative distributions follow. The data
     hold one row per scenario, the figure is a fan chart.
+
+    Args:
+        ensemble: Run an ensemble of scenarios: `sea`, `rig`, `site`, or a TOML file (see `config --ensemble`).
+        scenarios: Scenarios of the ensemble.
+        seed: Seed of the ensemble's draws.
+        out: File for the data: .csv, .parquet, .npz, .mat (one run) or .json (ensemble).
+        animate: File for an animation of the machine: .svg.
+        stride: Keep every n-th sample in the data.
+        engine: Replaces `simulation.engine`: compiled C, C written by CasADi's code generator, or CasADi's interpreter
+            (slow; used by default only if there is no compiler).
+        statistics_only: Keep only the ensemble's statistics, so that memory does not grow with the number of scenarios;
+            median and 95 % are within 0.1 %.
     """
     from dualwinch.model.errors import ConfigurationError
 

@@ -11,15 +11,15 @@ from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     EXPERIMENT,
-    WHOLE,
     CheckpointingWorkerOptions,
     ExperimentOptions,
     Json,
+    Whole,
     default_of,
     note_other_ensemble,
     note_other_machine,
@@ -46,47 +46,17 @@ app = App(
 )
 
 
-STRESS = "stress"
-"""Public function whose defaults the options have."""
-
-
 @app.default
 def stress(
-    file: Annotated[
-        Path | None, Parameter(help="Gains: best.toml of `dualwinch tune`, or any experiment as TOML.")
-    ] = None,
+    file: Path | None = None,
     *,
     given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[
-        str | None,
-        default_of(STRESS, "ensemble"),
-        Parameter(help="Ensemble that gives the imperfections: `rig`, or a TOML file."),
-    ] = None,
-    base: Annotated[
-        str | None,
-        default_of(STRESS, "base"),
-        Parameter(help="Ensemble to which they are added: `sea`, a TOML file, or `none` for the experiment as it is."),
-    ] = None,
-    constraint: Annotated[
-        list[str] | None,
-        Parameter(
-            help="Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (a multiple of the value of the "
-            "paper's gains in the base); may be repeated; none: only that runs are completed. Default: those of the "
-            "study beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.",
-            negative="",
-        ),
-    ] = None,
-    scenarios: Annotated[
-        int | None,
-        WHOLE,
-        default_of(STRESS, "scenarios"),
-        Parameter(help="Scenarios, the same at every size and for all gains."),
-    ] = None,
-    seed: Annotated[int | None, WHOLE, default_of(STRESS, "seed"), Parameter(help="Seed of the draws.")] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(help="Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them."),
-    ] = None,
+    ensemble: Annotated[str | None, default_of("stress", "ensemble")] = None,
+    base: Annotated[str | None, default_of("stress", "base")] = None,
+    constraint: list[str] | None = None,
+    scenarios: Annotated[Whole, default_of("stress", "scenarios")] = None,
+    seed: Annotated[Whole, default_of("stress", "seed")] = None,
+    out: Path | None = None,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
 ) -> None:
@@ -95,6 +65,17 @@ def stress(
     Everything that the ensemble draws or sets and the base does not is an imperfection. Each is scaled, alone and
     together with all others, from a thousandth to a hundred times its size in the ensemble, until the worst scenario
     violates a constraint.
+
+    Args:
+        file: Gains: best.toml of `dualwinch tune`, or any experiment as TOML.
+        ensemble: Ensemble that gives the imperfections: `rig`, or a TOML file.
+        base: Ensemble to which they are added: `sea`, a TOML file, or `none` for the experiment as it is.
+        constraint: Constraints, e.g. worst.peak_tension<=6000, mean.chatter<=0.25*paper (a multiple of the value of the
+            paper's gains in the base); may be repeated; none: only that runs are completed. Default: those of the study
+            beside the file, no slack, no peak beyond tension_max, no more than 4 times the paper's MSE.
+        scenarios: Scenarios, the same at every size and for all gains.
+        seed: Seed of the draws.
+        out: Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them.
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, load_ensemble
     from dualwinch.config.folders import made_folder
@@ -105,14 +86,14 @@ def stress(
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    around = own_default(STRESS, "base") if base is None else base
+    around = own_default("stress", "base") if base is None else base
     if file:
         names = [NO_ENSEMBLE]
         if around != NO_BASE:
             beneath = load_ensemble(around, experiment)
             note_other_machine(file, around, beneath)
             names = [beneath.name]
-        added = load_ensemble(own_default(STRESS, "ensemble") if ensemble is None else ensemble, experiment)
+        added = load_ensemble(own_default("stress", "ensemble") if ensemble is None else ensemble, experiment)
         note_other_ensemble(file, *names, added.name)
     with (
         made_folder(out) if out else nullcontext(),

@@ -9,9 +9,9 @@ import re
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
@@ -58,18 +58,10 @@ app = App(
 
 @app.default
 def sweep(
-    *over: Annotated[
-        str, Parameter(help="One or two keys: key=value,value or key=first:last:step or key=first:last:count:log.")
-    ],
+    *over: str,
     given: ControllerOptions = CONTROLLER,
-    metric: Annotated[
-        list[str] | None,
-        Parameter(help="Figure of merit to show (default mse); may be repeated.", negative=""),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Parameter(help="File for the data, a row per run with all figures of merit: .csv, .parquet, .npz."),
-    ] = None,
+    metric: list[str] | None = None,
+    out: Path | None = None,
     plot: Figure = None,
     where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
     json: Json = False,
@@ -78,6 +70,11 @@ def sweep(
 
     Any key of `dualwinch config` can be varied, including those that choose parts or change the compiled code. The
     figure is a line over one key, a heat map over two.
+
+    Args:
+        over: One or two keys: key=value,value or key=first:last:step or key=first:last:count:log.
+        metric: Figure of merit to show (default mse); may be repeated.
+        out: File for the data, a row per run with all figures of merit: .csv, .parquet, .npz.
     """
     from dualwinch.simulation.results.file_formats import FORMATS, MIXED
     from dualwinch.simulation.sweep import sweep

@@ -24,6 +24,7 @@ from dualwinch.cli.options import (
     WHOLE,
     WORKERS,
     ExperimentOptions,
+    Whole,
     WorkerOptions,
     default_of,
     note_other_machine,
@@ -70,52 +71,39 @@ def usual_methods(_: object) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """Options of a study: method, budget and storage."""
+    """Options of a study: method, budget and storage.
 
-    method: Annotated[
-        str | None,
-        Parameter(
-            help=f"Optimiser: {METHODS}.",
-            show_default=usual_methods,
-        ),
-    ] = None
+    Attributes:
+        trials: Trials of the search.
+        time: Time of the search, e.g. 60s, 5min; the command ends within 1.3 times that + 10 s.
+        rollouts: Rollouts of the search: the same budget for slow laws and fast ones.
+        storage: Journal file, or postgresql+psycopg://USER@HOST/DATABASE.
+        study: Name of the study.
+        workers: Processes on this machine; more than one needs --shared or a database.
+        shared: Let processes on other machines join a study whose journal file is in a shared folder
+            (`dualwinch worker`).
+        resume: Continue a study that has trials.
+        out: Folder for best.toml and study.json.
+        stress: Afterwards find which imperfection breaks the best gains first (`dualwinch stress`).
+    """
+
+    method: Annotated[str | None, Parameter(help=f"Optimiser: {METHODS}.", show_default=usual_methods)] = None
     trials: Annotated[
-        int | None,
-        WHOLE,
+        Whole,
         default_of(
             "tuning.selection_config:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"
         ),
-        Parameter(help="Trials of the search."),
     ] = None
-    time: Annotated[
-        str | None, Parameter(help="Time of the search, e.g. 60s, 5min; the command ends within 1.3 times that + 10 s.")
-    ] = None
-    rollouts: Annotated[
-        int | None, WHOLE, Parameter(help="Rollouts of the search: the same budget for slow laws and fast ones.")
-    ] = None
-    storage: Annotated[
-        str | None,
-        Parameter(help="Journal file, or postgresql+psycopg://USER@HOST/DATABASE.", env_var="DUALWINCH_STORAGE"),
-    ] = None
-    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning"
-    workers: Annotated[
-        int, WHOLE, Parameter(help="Processes on this machine; more than one needs --shared or a database.")
-    ] = 1
-    shared: Annotated[
-        bool,
-        Parameter(
-            help="Let processes on other machines join a study whose journal file is in a shared folder "
-            "(`dualwinch worker`).",
-            negative="",
-        ),
-    ] = False
-    resume: Annotated[bool, Parameter(help="Continue a study that has trials.", negative="")] = False
-    out: Annotated[Path, Parameter(help="Folder for best.toml and study.json.")] = Path("tuning-results")
+    time: str | None = None
+    rollouts: Whole = None
+    storage: Annotated[str | None, Parameter(env_var="DUALWINCH_STORAGE")] = None
+    study: str = "tuning"
+    workers: Annotated[int, WHOLE] = 1
+    shared: bool = False
+    resume: bool = False
+    out: Path = Path("tuning-results")
     where: WorkerOptions = WORKERS
-    stress: Annotated[
-        bool,
-        Parameter(help="Afterwards find which imperfection breaks the best gains first (`dualwinch stress`)."),
-    ] = False
+    stress: Annotated[bool, Parameter(negative="--no-stress")] = False
 
     @property
     def seconds(self) -> float | None:
@@ -140,50 +128,14 @@ SELECTION = "tuning.selection_config:SelectionConfig"
 def tune(
     *,
     given: ExperimentOptions = EXPERIMENT,
-    ensemble: Annotated[
-        str | None, Parameter(help="Tune in scenarios of an ensemble: `sea`, `rig`, `site`, or a TOML file.")
-    ] = None,
-    scenarios: Annotated[
-        int | None,
-        WHOLE,
-        default_of("tuning.selection_config:SCENARIOS"),
-        Parameter(help="Scenarios of the ensemble in which each candidate is tried."),
-    ] = None,
-    space: Annotated[
-        list[str] | None,
-        Parameter(
-            help="Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` to replace its own; "
-            "controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. "
-            "May be repeated. Default: all gains in use.",
-            negative="",
-        ),
-    ] = None,
-    objective: Annotated[
-        list[str] | None,
-        Parameter(
-            help="mean, median, p95 or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.", negative=""
-        ),
-    ] = None,
-    constraint: Annotated[
-        list[str] | None,
-        Parameter(
-            help="e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%, "
-            "worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Added to the defaults: no slack, "
-            "no peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.",
-            negative="",
-        ),
-    ] = None,
-    violation: Annotated[
-        str | None,
-        default_of(SELECTION, "violation", "{:.1%}"),
-        Parameter(help="Largest probability that a draw of the ensemble violates a bound, e.g. 1%."),
-    ] = None,
-    confidence: Annotated[
-        str | None,
-        default_of(SELECTION, "confidence", "{:.0%}"),
-        Parameter(help="Confidence with which fresh draws must support that, e.g. 99%."),
-    ] = None,
-    seed: Annotated[int, WHOLE, Parameter(help="Seed of scenarios and optimiser.")] = 0,
+    ensemble: str | None = None,
+    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    space: list[str] | None = None,
+    objective: list[str] | None = None,
+    constraint: list[str] | None = None,
+    violation: Annotated[str | None, default_of(SELECTION, "violation", "{:.1%}")] = None,
+    confidence: Annotated[str | None, default_of(SELECTION, "confidence", "{:.0%}")] = None,
+    seed: Annotated[int, WHOLE] = 0,
     options: StudyOptions = STUDY,
 ) -> None:
     """Search for better gains, and score the best in a test set.
@@ -191,6 +143,20 @@ def tune(
     The first trials are the paper's gains and the experiment's own. All candidates run in the same scenarios; Ctrl-C
     ends the search and keeps the best so far. If nothing is better than the start, the start is kept and remedies are
     listed. best.toml is a configuration: `dualwinch simulate --config best.toml`.
+
+    Args:
+        ensemble: Tune in scenarios of an ensemble: `sea`, `rig`, `site`, or a TOML file.
+        scenarios: Scenarios of the ensemble in which each candidate is tried.
+        space: Gain or table of gains, e.g. controller.nftsm.beta, with bounds `=0.005:5:log` to replace its own;
+            controller.winch.* gives both winches the same gains; controller.nftsm.p/q=5/3,7/5; or a TOML file. May be
+            repeated. Default: all gains in use.
+        objective: mean, median, p95 or worst of a metric, e.g. mean.mse; may be repeated: Pareto front.
+        constraint: e.g. worst.peak_tension<=6000, mean.chatter<=25%*paper, mean.saturated_share<=1%,
+            worst.delay_margin>=5ms (gain, phase, disk likewise); may be repeated. Added to the defaults: no slack, no
+            peak beyond tension_max, little chatter, and in an ensemble stability margins; none leaves these out.
+        violation: Largest probability that a draw of the ensemble violates a bound, e.g. 1%.
+        confidence: Confidence with which fresh draws must support that, e.g. 99%.
+        seed: Seed of scenarios and optimiser.
     """
     with ProgressLine("reading the problem", command="tune") as line:
         check_options(options)

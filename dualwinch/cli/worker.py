@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dualwinch.cli.options import WHOLE, Plugins, use_parts
+from dualwinch.cli.options import Plugins, Whole, use_parts
 from dualwinch.cli.progress import ProgressLine
 
 app = App(
@@ -26,21 +26,20 @@ app = App(
 @app.default
 def worker(
     *,
-    storage: Annotated[
-        str | None,
-        Parameter(
-            help="postgresql+psycopg://USER@HOST/DATABASE, or the journal file of `dualwinch tune --shared`.",
-            env_var="DUALWINCH_STORAGE",
-        ),
-    ] = None,
-    study: Annotated[str, Parameter(help="Name of the study.")] = "tuning",
-    threads: Annotated[int | None, WHOLE, Parameter(help="Threads (default: one per core).")] = None,
+    storage: Annotated[str | None, Parameter(env_var="DUALWINCH_STORAGE")] = None,
+    study: str = "tuning",
+    threads: Whole = None,
     plugin: Plugins = None,
 ) -> None:
     """Join a study that `dualwinch tune` has started in a database or a shared file, and work on it until it ends.
 
     Your own parts are imported from their place when the study was started. On another machine, or if they have moved,
     give their place with --plugin; they must be unchanged.
+
+    Args:
+        storage: postgresql+psycopg://USER@HOST/DATABASE, or the journal file of `dualwinch tune --shared`.
+        study: Name of the study.
+        threads: Threads (default: one per core).
     """
     with ProgressLine("joining the study", command="worker") as line:
         from dualwinch.model.errors import ConfigurationError
