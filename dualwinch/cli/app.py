@@ -9,34 +9,13 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
+from importlib import import_module
 from inspect import cleandoc, signature
 from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli import (
-    certify,
-    compare,
-    config,
-    doctor,
-    excite,
-    export,
-    identify,
-    lab,
-    linearise,
-    preload,
-    race,
-    reproduce,
-    sensitivities,
-    serve,
-    show,
-    simulate,
-    stress,
-    sweep,
-    tune,
-    worker,
-)
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
@@ -60,29 +39,32 @@ Add `--traceback` to any command to see where in the program a failure occurred.
     suppress_keyboard_interrupt=False,
 )
 
-COMMANDS = (
-    reproduce,
-    simulate,
-    lab,
-    show,
-    sweep,
-    sensitivities,
-    linearise,
-    compare,
-    tune,
-    race,
-    stress,
-    preload,
-    excite,
-    identify,
-    worker,
-    config,
-    certify,
-    export,
-    serve,
-    doctor,
+COMMANDS = tuple(
+    import_module(f"dualwinch.cli.{name}")
+    for name in (
+        "reproduce",
+        "simulate",
+        "lab",
+        "show",
+        "sweep",
+        "sensitivities",
+        "linearise",
+        "compare",
+        "tune",
+        "race",
+        "stress",
+        "preload",
+        "excite",
+        "identify",
+        "worker",
+        "config",
+        "certify",
+        "export",
+        "serve",
+        "doctor",
+    )
 )
-"""In the order of the help."""
+"""Modules of the commands, in the order of the help."""
 
 
 def _unwrap(documented: Any) -> None:
@@ -107,24 +89,22 @@ TRACEBACK = "--traceback"
 """Option of every command: print the traceback of an unforeseen failure instead of writing it to a file."""
 
 
-def _fail(message: object, code: int) -> NoReturn:
+def _say(kind: str, message: object) -> None:
     from dualwinch.codegen.text import shortened, without_secrets
 
-    sys.stderr.write(f"dualwinch: error: {shortened(without_secrets(str(message)))}\n")
+    sys.stderr.write(f"dualwinch: {kind}: {shortened(without_secrets(str(message)))}\n")
     sys.stderr.flush()
+
+
+def _fail(message: object, code: int) -> NoReturn:
+    _say("error", message)
     raise SystemExit(code)
-
-
-def _warn(message: Warning | str, *_: object) -> None:
-    from dualwinch.codegen.text import shortened, without_secrets
-
-    sys.stderr.write(f"dualwinch: warning: {shortened(without_secrets(str(message)))}\n")
 
 
 @contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
     """Print each warning in one line, without its place in the program."""
-    before, warnings.showwarning = warnings.showwarning, _warn
+    before, warnings.showwarning = warnings.showwarning, lambda message, *_: _say("warning", message)
     try:
         yield
     finally:
@@ -140,6 +120,32 @@ def _check_text(words: list[str]) -> None:
         # surrogates stand for undecodable bytes in a file name, and a NUL would end it
         if any("\ud800" <= letter <= "\udfff" or letter == "\0" for letter in word):
             _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
+
+
+def _unforeseen(error: Exception, *, printed: bool) -> str:
+    """Print a failure's traceback, or write it to a new file that only its owner can read; return the message.
+
+    Neither contains the command line, which may hold passwords.
+    """
+    import platform
+    import tempfile
+    import traceback
+
+    from dualwinch.codegen.text import without_secrets
+
+    where = f"dualwinch {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+    text = without_secrets(where + "".join(traceback.format_exception(error)))
+    what = f"unforeseen {type(error).__name__}: {error}"
+    if printed:
+        sys.stderr.write(text)
+        return what
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="dualwinch-traceback-", suffix=".txt")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    except OSError:
+        return f"{what}; a fault of dualwinch, please report it with the output of --traceback"
+    return f"{what}; a fault of dualwinch, please report it with {path} to your supplier of dualwinch"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -172,7 +178,5 @@ def main(arguments: list[str] | None = None) -> None:
         from dualwinch.model.errors import ConfigurationError
 
         if not isinstance(error, DualwinchError):
-            from dualwinch.cli.unforeseen import unforeseen
-
-            _fail(unforeseen(error, printed=TRACEBACK in words), FAILED)
+            _fail(_unforeseen(error, printed=TRACEBACK in words), FAILED)
         _fail(error, WRONG_INPUT if isinstance(error, ConfigurationError) else FAILED)

@@ -18,6 +18,7 @@ from dualwinch.cli.options import (
     Figure,
     note_other_ensemble,
     note_other_machine,
+    use_parts,
 )
 from dualwinch.cli.output import (
     FIGURE_SUFFIXES,
@@ -79,7 +80,7 @@ def compare(
     for key in given.values:
         if key.startswith("controller."):
             raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
-    given.use_parts()
+    use_parts(given.plugin)
     wanted, drawn = controllers(files), given.ensemble(ensemble)
     for name in files:
         if name != PAPER:

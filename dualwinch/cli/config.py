@@ -6,7 +6,7 @@ import sys
 
 from cyclopts import App
 
-from dualwinch.cli.options import EXPERIMENT, ExperimentOptions
+from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, use_parts
 
 app = App(
     name="config",
@@ -49,7 +49,7 @@ def config(*, given: ExperimentOptions = EXPERIMENT, ensemble: str | None = None
         return
     if given.case is not None or given.config or given.assignments:
         raise ConfigurationError("--ensemble: prints a file as it is; give --case, --config or --set to 'simulate'")
-    given.use_parts()
+    use_parts(given.plugin)
     load_ensemble(ensemble)
     sys.stdout.write(find_ensemble(ensemble).read_text(encoding="utf-8"))
 

@@ -14,10 +14,9 @@ from dualwinch.cli.options import (
     Whole,
     default_of,
     own_default,
-    print_note,
     stated,
 )
-from dualwinch.cli.output import wrote
+from dualwinch.cli.output import print_note, wrote
 
 if TYPE_CHECKING:
     from dualwinch.simulation.blocks import BlockName
@@ -45,7 +44,7 @@ def chosen_from(given: ExperimentOptions, block: str | None = None) -> Experimen
     found = given.experiment()
     if block != "plant" and found.plant != Experiment().plant:
         for words in loop_remarks(found):
-            print_note(in_full(words, given.typed))
+            print_note(in_full(words, given.typed), stderr=True)
     return found
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
+from dualwinch.cli.output import print_note
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -101,13 +102,9 @@ def stated(**options: Any) -> dict[str, Any]:
 
 
 def choice(what: str, more: str = "") -> str:
-    """Help of an option for the kind of a part: the registered kinds.
+    """Help of an option for the kind of a part: the registered kinds, and `more` text.
 
     Commands have postponed annotations, so that the list of commands imports no registry.
-
-    Args:
-        what: name of the registry.
-        more: further text.
     """
     from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 
@@ -153,26 +150,17 @@ class ExperimentOptions:
         parts |= {"--set": self.assignments, "--plugin": self.plugin or []}
         return shlex.join(str(word) for name, given in parts.items() for value in given for word in (name, value))
 
-    def use_parts(self) -> None:
-        """Register the parts of installed packages, and those of ``--plugin``.
-
-        Raises:
-            ConfigurationError: a file or module cannot be imported, or a part cannot be registered.
-        """
-        use_parts(self.plugin)
-
     def experiment(self, *defaults: str) -> Experiment:
         """The experiment; print notes on values that may be oversights.
 
-        Args:
-            defaults: of the command, as assignments; the user's come after them.
+        The user's assignments come after the `defaults` of a command.
 
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
         """
         from dualwinch.config.experiment_file import experiment_from, own_keys
 
-        self.use_parts()
+        use_parts(self.plugin)
         found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
         own = own_keys(self.config) if self.config else frozenset()
         note_left_defaults(found, own | self.values.keys())
@@ -184,16 +172,11 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: as `experiment` and `ensemble`.
         """
-        from dualwinch.config.ensemble_file import load_ensemble
-        from dualwinch.config.experiment_file import experiment_from
         from dualwinch.simulation.settings import override
 
         if ensemble is None:
             return self.experiment()
-        self.use_parts()
-        drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
-        note_other_machine(self.config, ensemble, drawn)
-        return override(drawn.experiment, self.values)
+        return override(self._unchanged(ensemble).experiment, self.values)
 
     def ensemble(self, name: str) -> Ensemble:
         """An ensemble; the case or file supplies values missing from its file, and relative distributions follow.
@@ -201,13 +184,19 @@ class ExperimentOptions:
         Raises:
             ConfigurationError: anything wrong with a plugin, the ensemble, a key or a value.
         """
-        from dualwinch.config.ensemble_file import load_ensemble, reset
+        from dualwinch.config.ensemble_file import reset
+
+        return reset(self._unchanged(name), self.values)
+
+    def _unchanged(self, ensemble: str) -> Ensemble:
+        """An ensemble without the values of ``--set``; print notes on differences from the machine of the file."""
+        from dualwinch.config.ensemble_file import load_ensemble
         from dualwinch.config.experiment_file import experiment_from
 
-        self.use_parts()
-        drawn = load_ensemble(name, experiment_from(self.case, self.config))
-        note_other_machine(self.config, name, drawn)
-        return reset(drawn, self.values)
+        use_parts(self.plugin)
+        drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
+        note_other_machine(self.config, ensemble, drawn)
+        return drawn
 
 
 @Parameter(name="*")
@@ -231,12 +220,7 @@ EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
 
 
 def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
-    """Print notes on defaults that do not follow the user's values, on unusual values and on those without effect.
-
-    Args:
-        experiment: any.
-        own: keys that the user has set.
-    """
+    """Print notes on defaults that do not follow the user's `own` keys, on unusual values, and those without effect."""
     if not own:
         return
     from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values, without_effect
@@ -245,7 +229,7 @@ def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     same = experiment.plant == Experiment().plant
     left = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
     for words in [*left, *without_effect(experiment, own)]:
-        print_note(words)
+        print_note(words, stderr=True)
 
 
 def note_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
@@ -253,21 +237,14 @@ def note_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:
     if file is None:
         return
     for words in filter(None, (other_machine(file, name, drawn), sizes_of_ensemble(file, name, drawn))):
-        print_note(words)
+        print_note(words, stderr=True)
 
 
 def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
     """Name the absolute sizes that a built-in ensemble sets or draws, and that do not follow the machine of a file.
 
-    They are in m, N and so on, chosen for machines like the paper's; relative values do follow.
-
-    Args:
-        file: an experiment; keys that it gives are left out.
-        name: of the ensemble, or its file.
-        drawn: the ensemble in use.
-
-    Returns:
-        A sentence; empty for no such sizes, the paper's machine, and ensembles of the user's own.
+    They are in m, N and so on, chosen for machines like the paper's; relative values do follow, and keys that the file
+    gives are left out. Empty for no such sizes, the paper's machine, and ensembles of the user's own.
     """
     from dualwinch.config.ensemble_file import built_in_ensembles, load_ensemble
     from dualwinch.config.experiment_file import given_keys, load
@@ -302,15 +279,7 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
 def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
     """Name the differences between the machine of a file and an ensemble's nominal one, with a remedy.
 
-    Default values in the file that the ensemble's own file replaces are left out.
-
-    Args:
-        file: an experiment, such as one with tuned gains.
-        name: of the ensemble, or its file.
-        drawn: the ensemble in use.
-
-    Returns:
-        A sentence; empty if there is no difference.
+    Default values in the file that the ensemble's own file replaces are left out. Empty if there is no difference.
     """
     from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.config.experiment_file import given_keys, load
@@ -343,18 +312,14 @@ def _first(words: list[str], count: int) -> str:
 def note_other_ensemble(file: Path | None, *names: str) -> None:
     """Print a note if the gains of a file were tuned in another ensemble."""
     if file is not None and (words := other_ensemble(file, *names)):
-        print_note(words)
+        print_note(words, stderr=True)
 
 
 def other_ensemble(file: Path, *names: str) -> str:
-    """Say that the gains of a file were tuned in another ensemble than they are judged in, with a remedy.
+    """Say that the gains of a file were tuned in another ensemble than those in which they are judged, with a remedy.
 
-    Args:
-        file: an experiment; its head names the ensemble in which `dualwinch tune` or `race` found the gains.
-        names: ensembles in which they are judged; `NO_ENSEMBLE` stands for the experiment itself.
-
-    Returns:
-        A sentence; empty if they were tuned in one of these, or the file names no ensemble.
+    The head of a file names the ensemble in which `dualwinch tune` or `race` found its gains. Empty if that is one of
+    `names`, where `NO_ENSEMBLE` stands for the experiment itself, or if it names none.
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN, built_in_ensembles
     from dualwinch.config.toml_text import head_comment, read_source
@@ -369,13 +334,6 @@ def other_ensemble(file: Path, *names: str) -> str:
     return f"{file}: tuned in '{tuned_in}', {judged}; to judge it where it was tuned: --ensemble {known}"
 
 
-def print_note(words: str) -> None:
-    """Print a note on standard error."""
-    from dualwinch.cli.output import styled, terminal
-
-    terminal(stderr=True, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
-
-
 LONGEST_TIME = 1e7
 """Longest time in s."""
 
@@ -383,14 +341,8 @@ LONGEST_TIME = 1e7
 def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: float = LONGEST_TIME) -> float:
     """Parse a time such as ``60s``, ``5min``, ``2h`` or ``90`` into s.
 
-    Args:
-        text: value of the option.
-        option: its name, for messages.
-        least: smallest time in s; 0 itself is refused.
-        most: largest time in s.
-
     Raises:
-        ConfigurationError: no time, or out of range.
+        ConfigurationError: no time, or not in the range of `least` to `most` in s; 0 itself is refused.
     """
     from dualwinch.model.errors import ConfigurationError
 

@@ -262,6 +262,11 @@ def version_notes() -> dict[str, str]:
     return {f"version_{name}": version for name, version in versions().items()}
 
 
+def print_note(words: str, *, stderr: bool = False) -> None:
+    """Print a note."""
+    terminal(stderr=stderr, soft_wrap=True).print(styled("yellow", "note", f": {words}"))
+
+
 def wrote(file: object) -> None:
     """Print on standard error that a file was written."""
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)

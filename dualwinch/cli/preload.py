@@ -14,6 +14,7 @@ from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,
     check_file,
+    print_note,
     styled,
     terminal,
     versions,
@@ -141,7 +142,7 @@ def print_preloads(found: Preloads, typed: str) -> None:
     else:
         _print_saved(found)
     for words in remarks(found.scheduled):
-        console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
+        print_note(in_full(words, typed))
 
 
 def _coordinations(found: Preloads) -> str:

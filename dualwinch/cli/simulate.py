@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -29,6 +30,7 @@ from dualwinch.cli.output import (
     check_file,
     print_idealisations,
     print_json,
+    print_note,
     styled,
     terminal,
     version_notes,
@@ -122,16 +124,10 @@ def simulate(
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
-    drawn, typed = given.ensemble(ensemble), shlex.join(["--ensemble", ensemble])
-    typed = f"{given.typed} {typed}".lstrip()
+    drawn, typed = given.ensemble(ensemble), f"{given.typed} {shlex.join(['--ensemble', ensemble])}".lstrip()
     note_other_ensemble(given.config, drawn.name)
-    if statistics_only:
-        check_file(out, ".json")
-        if plot:
-            raise ConfigurationError("--plot and --statistics-only: give one of them")
-        stream_ensemble(drawn, scenarios, seed, out, where, typed, json=json)
-    else:
-        simulate_ensemble(drawn, scenarios, seed, out, plot, where, typed, json=json)
+    count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
+    simulate_ensemble(drawn, count, seed, out, plot, where, typed, statistics_only=statistics_only, json=json)
 
 
 def simulate_one(
@@ -141,22 +137,19 @@ def simulate_one(
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions,
     *,
     json: bool,
 ) -> None:
     """Check the files, then run, print and write."""
-    from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import format_of, save
+    from dualwinch.simulation.results.file_formats import FORMATS, save
     from dualwinch.simulation.simulate import simulate as run
 
     experiment = given.experiment()
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
-    if out:
-        format_of(out)
-        check_place(out)
+    check_file(out, *FORMATS)
     check_file(animate, ".svg")
     engine = engine or engine_here(experiment.simulation.engine)
     with ProgressLine("simulating") as progress, where.workers(progress):
@@ -176,15 +169,48 @@ def simulate_one(
         wrote(animate)
 
 
-def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
-    """Print outcome, figures of merit and remarks of a run.
+def simulate_ensemble(
+    ensemble: Ensemble,
+    scenarios: int,
+    seed: int,
+    out: Path | None,
+    plot: Path | None,
+    where: CheckpointingWorkerOptions,
+    typed: str,
+    *,
+    statistics_only: bool,
+    json: bool,
+) -> None:
+    """Check the files, then run, print and write."""
+    from dualwinch.config.ensemble_file import ensemble_to_toml
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.simulation.ensembles.result import SUFFIXES, save_ensemble
+    from dualwinch.simulation.ensembles.run import run_ensemble
+    from dualwinch.simulation.ensembles.streamed import EnsembleStatistics, ensemble_statistics
 
-    Args:
-        result: the run.
-        typed: options that choose its experiment, for commands in remarks.
-        json: print JSON.
-        loop: as in `simulation.analysis.remarks.remarks`.
-        further: facts for JSON, by name.
+    check_file(out, *([".json"] if statistics_only else SUFFIXES))
+    if statistics_only and plot:
+        raise ConfigurationError("--plot and --statistics-only: give one of them")
+    with ProgressLine(f"simulating {scenarios} scenarios") as progress, where.workers(progress) as workers:
+        run = ensemble_statistics if statistics_only else partial(run_ensemble, traces=plot is not None)
+        result = run(ensemble, scenarios, seed, workers=workers, progress=progress)
+    print_ensemble(result, typed, json=json)
+    if out:
+        notes = {"configuration": ensemble_to_toml(ensemble), **version_notes()}
+        if isinstance(result, EnsembleStatistics):
+            result.save(out, notes)
+        else:
+            save_ensemble(result, out, notes)
+        wrote(out)
+    write_figure(plot, "fan_chart", result)
+    if result.partial:
+        raise KeyboardInterrupt
+
+
+def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
+    """Print outcome, figures of merit and remarks of a run; commands in remarks have the options `typed`.
+
+    With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
     """
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import in_full, remarks
@@ -205,7 +231,7 @@ def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = Tr
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
     for words in remarks(result, loop=loop):
-        console.print(styled("yellow", "note", f": {in_full(words, typed)}"), soft_wrap=True)
+        print_note(in_full(words, typed))
     print_idealisations(found)
 
 
@@ -236,71 +262,8 @@ def engine_here(engine: EngineName) -> EngineName:
     return "compiled"
 
 
-def simulate_ensemble(
-    ensemble: Ensemble,
-    scenarios: int | None,
-    seed: int | None,
-    out: Path | None,
-    plot: Path | None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
-    typed: str = "",
-    *,
-    json: bool,
-) -> None:
-    """Check the files, then run, print and write."""
-    from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.config.folders import check_place
-    from dualwinch.simulation.ensembles.result import ensemble_writer, save_ensemble
-    from dualwinch.simulation.ensembles.run import run_ensemble
-
-    count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
-    if out:
-        ensemble_writer(out)
-        check_place(out)
-    with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
-        result = run_ensemble(ensemble, count, seed, traces=plot is not None, workers=workers, progress=progress)
-    print_ensemble(result, typed, json=json)
-    if out:
-        save_ensemble(result, out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
-        wrote(out)
-    write_figure(plot, "fan_chart", result)
-    if result.partial:
-        raise KeyboardInterrupt
-
-
-def stream_ensemble(
-    ensemble: Ensemble,
-    scenarios: int | None,
-    seed: int | None,
-    out: Path | None,
-    where: CheckpointingWorkerOptions,
-    typed: str = "",
-    *,
-    json: bool,
-) -> None:
-    """Run, print and write statistics alone."""
-    from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.simulation.ensembles.streamed import ensemble_statistics
-
-    count, seed = SCENARIOS if scenarios is None else scenarios, SEED if seed is None else seed
-    with ProgressLine(f"simulating {count} scenarios") as progress, where.workers(progress) as workers:
-        result = ensemble_statistics(ensemble, count, seed, workers=workers, progress=progress)
-    print_ensemble(result, typed, json=json)
-    if out:
-        result.save(out, {"configuration": ensemble_to_toml(ensemble), **version_notes()})
-        wrote(out)
-    if result.partial:
-        raise KeyboardInterrupt
-
-
-def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str = "", *, json: bool) -> None:
-    """Print outcomes and statistics of an ensemble, and remarks.
-
-    Args:
-        result: the ensemble's.
-        typed: options that choose its nominal experiment, for commands in remarks.
-        json: print JSON.
-    """
+def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, json: bool) -> None:
+    """Print outcomes and statistics of an ensemble, and remarks, whose commands have the options `typed`."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import ensemble_remarks, in_full
     from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -331,5 +294,5 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str = "",
     if completed < len(result):
         console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
     for words in noted:
-        console.print(styled("yellow", "note", f": {words}"), soft_wrap=True)
+        print_note(words)
     print_idealisations(found)

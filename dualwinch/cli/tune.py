@@ -30,8 +30,9 @@ from dualwinch.cli.options import (
     note_other_machine,
     seconds_from,
     share_from,
+    use_parts,
 )
-from dualwinch.cli.output import FigureColumn, FigureTable, print_idealisations, styled, terminal, versions
+from dualwinch.cli.output import FigureColumn, FigureTable, print_idealisations, print_note, styled, terminal, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
 
@@ -164,7 +165,7 @@ def tune(
 
         for text in space or []:
             check_words(text)
-        given.use_parts()
+        use_parts(given.plugin)
         given = replace(given, plugin=[*(given.plugin or []), *recall_parts(options)])
         problem = tuning_problem(
             case=given.case,
@@ -488,7 +489,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     say(styled("bold", worth(tuned)))
     say(headline(tuned))
     for words in tuned.remarks:
-        say(styled("yellow", "note", f": {in_full(words, typed)}"))
+        print_note(in_full(words, typed))
     names, rows = statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
     console.print(FigureTable("statistics", columns, rows).render())
