@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
@@ -86,24 +86,23 @@ def serve(
         map_: File for the table of registers and nodes: .csv, or .md for a page.
         lab: Show each run in the lab's page while it proceeds.
     """
-    from dualwinch.config.folders import check_place
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import format_of
+    from dualwinch.simulation.results.file_formats import FORMATS, save
     from dualwinch.simulation.server.plant import PORT, ServedPlant, ServerSettings
-    from dualwinch.simulation.server.registers import FORMATS, write_map
+    from dualwinch.simulation.server.protocols import Modbus, OpcUa
+    from dualwinch.simulation.server.registers import FORMATS as MAP_FORMATS
+    from dualwinch.simulation.server.registers import write_map
 
     if runs is not None and runs < 1:
         raise ConfigurationError(f"--runs = {runs}: must be a whole number >= 1")
-    if out:
-        format_of(out)
-        check_place(out)
-    check_file(map_, *FORMATS)
+    check_file(out, *FORMATS)
+    check_file(map_, *MAP_FORMATS)
     settings = ServerSettings(
         lockstep=not realtime,
         may_write=allow_write,
-        **stated(rate=rate, watchdog=watchdog, safe=torques_from(safe), priority=priority),
+        **stated(rate=rate, watchdog=watchdog, safe=_torques(safe), priority=priority),
     )
-    protocols = protocols_at(host, modbus, opcua)
+    protocols = [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
     experiment = given.nominal(ensemble)
     with ProgressLine("compiling the plant"):
         plant = ServedPlant(experiment, settings, host=host, port=PORT if udp is None else udp)
@@ -117,42 +116,27 @@ def serve(
                 if result is None:
                     return
                 print_run(plant, result, json=json)
-                keep(plant, result, out and (out if number == 1 else out.with_stem(f"{out.stem}-{number}")))
+                if out:
+                    file = out if number == 1 else out.with_stem(f"{out.stem}-{number}")
+                    save(result, file, {**plant.notes, **version_notes()})
+                    wrote(file)
                 if plant.closed:
                     return
     finally:
         plant.release()
 
 
-def torques_from(text: str | None) -> tuple[float, ...] | None:
-    """Parse two torques in N m, such as ``22,22``; ``None`` if not given.
-
-    Raises:
-        ConfigurationError: not two numbers.
-    """
+def _torques(text: str | None) -> tuple[float, ...] | None:
+    """The two torques in N m of ``--safe``, such as ``22,22``."""
     from dualwinch.model.errors import ConfigurationError
 
     if text is None:
         return None
     try:
-        torques = tuple(map(float, text.split(",")))
+        tau_1, tau_2 = map(float, text.split(","))
     except ValueError:
-        torques = ()
-    if len(torques) != 2:
-        raise ConfigurationError(f"--safe {text}: must be two torques in N m, such as 22,22")
-    return torques
-
-
-def protocols_at(host: str, modbus: int | None, opcua: int | None) -> list[Protocol]:
-    """Servers of the protocols with given ports.
-
-    Raises:
-        ConfigurationError: a port out of range.
-        MissingExtraError: their libraries are not installed.
-    """
-    from dualwinch.simulation.server.protocols import Modbus, OpcUa
-
-    return [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
+        raise ConfigurationError(f"--safe {text}: must be two torques in N m, such as 22,22") from None
+    return tau_1, tau_2
 
 
 @contextmanager
@@ -176,15 +160,10 @@ def shown(
             Thread(target=server.serve_forever, daemon=True).start()
             stack.callback(server.shutdown)
             addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
-        print_addresses(addresses, plant)
+        writing = "clients may write" if plant.settings.may_write else "clients may only read"
+        words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
+        terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
         yield
-
-
-def print_addresses(addresses: list[str], plant: ServedPlant) -> None:
-    """Print the addresses of a plant, and whether clients may write."""
-    writing = "clients may write" if plant.settings.may_write else "clients may only read"
-    words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
-    terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
 
 
 def watched(plant: ServedPlant) -> Result | None:
@@ -193,6 +172,10 @@ def watched(plant: ServedPlant) -> Result | None:
     Ctrl-C and SIGTERM end the run; its data until then are kept. None: none was started.
     """
     silences, was_safe, duration = 0, False, plant.experiment.duration
+    tau_1, tau_2 = plant.safe
+    silent = (
+        f"no command for {plant.settings.watchdog:g} s; the safe torques {tau_1:.4g} and {tau_2:.4g} N m are in force"
+    )
     with (
         sigterm_as_interrupt(),
         ThreadPoolExecutor(1, thread_name_prefix="plant") as pool,
@@ -204,14 +187,14 @@ def watched(plant: ServedPlant) -> Result | None:
             while not run.done():
                 state, counts = plant.read(), plant.counts
                 if counts["silences"] > silences:
-                    progress.say(silent_words(plant))
+                    progress.say(f"t = {plant.time:.3f} s: {silent}")
                 elif was_safe and not state["safe"] and state["running"]:
                     progress.say(f"t = {plant.time:.3f} s: commands arrive again")
                 silences, was_safe = counts["silences"], bool(state["safe"])
                 if state["running"]:
                     words = f"{plant.time:.1f} of {duration:g} s, {counts['missed']} samples more than a period late"
                     progress(plant.time / duration, "running", words)
-                wait(run)
+                wait([run], timeout=INTERVAL)
         except KeyboardInterrupt:
             plant.close()
         return run.result()
@@ -233,22 +216,6 @@ def sigterm_as_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def silent_words(plant: ServedPlant) -> str:
-    """Say that safe torques have taken effect, with their values."""
-    tau_1, tau_2 = plant.safe
-    return (
-        f"t = {plant.time:.3f} s: no command for {plant.settings.watchdog:g} s; "
-        f"the safe torques {tau_1:.4g} and {tau_2:.4g} N m are in force"
-    )
-
-
-def wait(run: Any) -> None:
-    """Wait for `INTERVAL`, or until a run has ended."""
-    from concurrent.futures import wait as wait_for
-
-    wait_for([run], timeout=INTERVAL)
-
-
 def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
     """Print outcome, figures of merit, commands and timing of a run.
 
@@ -261,26 +228,14 @@ def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
     if json:
         return
     console = terminal(soft_wrap=True)
-    console.print(
-        styled("bold", "commands", f": {timing['accepted']} accepted, {timing['refused']} refused"), highlight=False
-    )
+    console.print(styled("bold", "commands", f": {timing['accepted']} accepted, {timing['refused']} refused"))
     if timing["delay_s"] is not None:
-        console.print(
-            f"  mean delay {1e3 * timing['delay_s']:.3g} ms; safe torques {timing['silences']} times", highlight=False
-        )
+        words = f"  mean delay {1e3 * timing['delay_s']:.3g} ms; safe torques {timing['silences']} times"
+        console.print(words, highlight=False)
     if plant.settings.lockstep:
         return
     late = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
     counted = f"{timing['missed']} of {timing['ticks']} samples more than a period late"
     words = f": {counted}, the latest {timing['latest_us']:.0f} us"
-    console.print(styled("bold", "time", words), highlight=False)
+    console.print(styled("bold", "time", words))
     console.print(f"  samples by lateness: {late}", highlight=False)
-
-
-def keep(plant: ServedPlant, result: Result, file: Path | None) -> None:
-    """Write a run to a file, if requested."""
-    from dualwinch.simulation.results.file_formats import save
-
-    if file:
-        save(result, file, {**plant.notes, **version_notes()})
-        wrote(file)

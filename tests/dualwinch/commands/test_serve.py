@@ -158,7 +158,7 @@ def test_what_is_wrong_is_said_in_a_line(
 
 
 def test_ctrl_c_ends_a_run_and_keeps_what_happened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     def starts(port: int) -> None:
@@ -188,10 +188,8 @@ def test_a_terminated_run_keeps_what_happened(tmp_path: Path) -> None:
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
-def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(serve, "page_of", lambda own: f"<p>{own['live']}</p>")
-    said: list[str] = []
-    monkeypatch.setattr(serve, "print_addresses", lambda addresses, _: said.extend(addresses))
     plant = ServedPlant(short(0.1), ServerSettings(lockstep=True, may_write=True))
     with serve.shown(plant, plant.experiment, [], "127.0.0.1", lab=True), ThreadPoolExecutor(1) as pool:
         run = pool.submit(plant.serve)
@@ -199,7 +197,9 @@ def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
         client.begin()
         client.run(50)
         client.sample()
-        address = http.client.HTTPConnection(said[-1].split("/")[2])
+        said = re.search(r", http://(\S+)/ \(lab\)", capsys.readouterr().err)
+        assert said
+        address = http.client.HTTPConnection(said[1])
 
         def asked(path: str) -> str:
             address.request("GET", path)
