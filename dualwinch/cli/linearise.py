@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from cyclopts import App
 
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from dualwinch.model.plant import Plant
     from dualwinch.simulation.analysis.margins import Margins
     from dualwinch.simulation.experiment import Experiment
-
-    Values: TypeAlias = dict[str, list[float]]
-    """x, v and preload of every point."""
 
 app = App(
     name="linearise",
@@ -99,45 +96,48 @@ def linearise(
         figure: Which figure. plant: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles;
             open: bode with margins (default), or margins against the amplitude of the speed error.
     """
-    from dualwinch.config.folders import check_place
-    from dualwinch.model.linear.system import save_sweep, writer
+    from dualwinch.model.linear.system import WRITERS, save_sweep
     from dualwinch.simulation.analysis.linear_loop import learns
 
     loop = "open" if loop == "broken" else loop
     experiment = given.nominal(ensemble)
     if preload is not None:
         experiment = _with_preload(experiment, preload)
-    if out:
-        writer(out)
-        check_place(out)
+    check_file(out, *WRITERS)
     check_file(plot, *FIGURE_SUFFIXES)
     swept = _swept_name(sweep) if sweep else None
     _check(loop, opening, dt, swept, figure, plot)
-    values = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
+    points = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)
     with terminal(stderr=True).status("linearising"):
-        systems, points = linear_systems(experiment, values, loop, opening or "u", dt)
+        systems, operating_points = linear_systems(experiment, points, loop, opening or "u", dt)
     if loop == "open":
-        tables = print_open(systems, experiment, values, swept, opening or "u")
+        tables = print_open(systems, experiment, points, swept, opening or "u")
     elif swept is None:
-        tables = print_point(systems[0], points[0], experiment.plant, closed=loop == "closed")
+        tables = print_point(systems[0], operating_points[0], experiment.plant, closed=loop == "closed")
     elif loop == "closed":
-        tables = print_closed_sweep(systems, experiment.plant, values[swept], swept)
+        tables = print_closed_sweep(systems, experiment.plant, points, swept)
     else:
-        tables = print_sweep(systems, points, experiment.plant, swept)
+        tables = print_sweep(systems, operating_points, experiment.plant, swept)
     if loop != "plant" and learns(experiment):
         terminal().print("what the estimator learns of the machine is held, at its true values")
     if loop != "plant" and swept is None:
-        resonance = resonance_tables(_with_preload(experiment, values["preload"][0]), values["x"][0])
+        resonance = resonance_tables(_with_preload(experiment, points[0].preload), points[0].x)
         print_resonance(resonance)
         tables += resonance
     if out:
         facts = records(tables)
         save_sweep(systems, out, facts) if swept else systems[0].save(out, facts)
         wrote(out)
-    write_figure(plot, lambda: _drawn(systems, experiment, values, swept, loop, opening or "u", figure))
+    write_figure(plot, lambda: _drawn(systems, experiment, points[0], swept, loop, opening or "u", figure))
 
 
-SWEPT = ("x", "v", "preload")
+class Point(NamedTuple):
+    """A point to linearise at: position in m, speed in m/s and sum of both tensions in N."""
+
+    x: float
+    v: float
+    preload: float
+
 
 FIGURES = {"plant": ("bode", "modes", "poles", "shapes"), "closed": ("poles",), "open": ("bode", "amplitude")}
 """Loop → its figures, the default of one point first."""
@@ -165,31 +165,28 @@ def _check(
         raise ConfigurationError(f"--figure {figure}: shows one operating point; give no --sweep")
 
 
-def grid(given: dict[str, float | None], sweep: str | None, experiment: Experiment) -> Values:
-    """Values of x, v and preload at every point.
+def grid(given: dict[str, float | None], sweep: str | None, experiment: Experiment) -> list[Point]:
+    """The points: a single one, or those of a sweep ``name=first:last:step``, the last one included.
 
-    Args:
-        given: name → value on the command line, or None.
-        sweep: ``name=first:last:step``, the last one included; None: one point.
-        experiment: its track and preload give the defaults.
+    Values that are not `given` are the middle of the track, rest and the experiment's preload.
 
     Raises:
         ConfigurationError: an unknown name, no range, or a name both given and swept.
     """
     from dualwinch.model.errors import ConfigurationError
 
-    defaults = {"x": experiment.plant.track.length / 2, "v": 0.0, "preload": experiment.controller.limits.preload}
-    values = {name: [defaults[name] if given[name] is None else float(given[name] or 0.0)] for name in SWEPT}
-    if sweep is not None:
-        name = _swept_name(sweep)
-        if given[name] is not None:
-            raise ConfigurationError(f"--{name} and --sweep {name}: give one of them")
-        wrong = f"--sweep {sweep}: must be name=first:last:step, e.g. x=1:47:2"
-        found = [float(value) for value in numbers_between(sweep.partition("=")[2], wrong)]
-        if len(found) < 2:
-            raise ConfigurationError(f"--sweep {sweep}: one point only; give --{name} {found[0]:g}")
-        values = {key: found if key == name else others * len(found) for key, others in values.items()}
-    return values
+    usual = Point(experiment.plant.track.length / 2, 0.0, experiment.controller.limits.preload)
+    point = usual._replace(**{name: float(value) for name, value in given.items() if value is not None})
+    if sweep is None:
+        return [point]
+    name = _swept_name(sweep)
+    if given[name] is not None:
+        raise ConfigurationError(f"--{name} and --sweep {name}: give one of them")
+    wrong = f"--sweep {sweep}: must be name=first:last:step, e.g. x=1:47:2"
+    found = [float(value) for value in numbers_between(sweep.partition("=")[2], wrong)]
+    if len(found) < 2:
+        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{name} {found[0]:g}")
+    return [point._replace(**{name: value}) for value in found]
 
 
 def _swept_name(sweep: str) -> str:
@@ -197,8 +194,8 @@ def _swept_name(sweep: str) -> str:
     from dualwinch.model.quantities.quantity import unknown
 
     name = sweep.partition("=")[0].strip()
-    if name not in SWEPT:
-        raise ConfigurationError(f"--sweep {sweep}: {unknown('name', name, SWEPT)}")
+    if name not in Point._fields:
+        raise ConfigurationError(f"--sweep {sweep}: {unknown('name', name, Point._fields)}")
     return name
 
 
@@ -209,7 +206,7 @@ def _with_preload(experiment: Experiment, preload: float) -> Experiment:
 
 
 def linear_systems(
-    experiment: Experiment, values: Values, loop: str, opening: str, dt: float | None
+    experiment: Experiment, points: Sequence[Point], loop: str, opening: str, dt: float | None
 ) -> tuple[list[LinearSystem], list[OperatingPoint]]:
     """The linear system at every point, and the plant's operating points (empty for an open loop).
 
@@ -222,27 +219,21 @@ def linear_systems(
     from dualwinch.model.linear.operating_point import operating_points
     from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 
+    if loop == "open":
+        return [linear_open_loop(_with_preload(experiment, preload), x, v, opening) for x, v, preload in points], []
     limits = experiment.controller.limits
     most = limits.tension_max if loop == "plant" else limits.command_max
-    x, v, preload = (np.array(values[name]) for name in SWEPT)
-    if loop == "open":
-        return [
-            linear_open_loop(_with_preload(experiment, preload), x, v, opening)
-            for x, v, preload in zip(*values.values(), strict=True)
-        ], []
-    points = operating_points(x, v, preload, experiment.plant, tension_min=limits.tension_min, tension_max=most)
+    x, v, preload = np.array(points).T
+    found = operating_points(x, v, preload, experiment.plant, tension_min=limits.tension_min, tension_max=most)
     if loop == "plant":
-        return list(linearise_at(points, experiment.plant, dt)), points
-    return [
-        linear_closed_loop(_with_preload(experiment, preload), x, v)
-        for x, v, preload in zip(*values.values(), strict=True)
-    ], points
+        return list(linearise_at(found, experiment.plant, dt)), found
+    return [linear_closed_loop(_with_preload(experiment, preload), x, v) for x, v, preload in points], found
 
 
 def _drawn(
     systems: Sequence[LinearSystem],
     experiment: Experiment,
-    values: Values,
+    first: Point,
     swept: str | None,
     loop: str,
     opening: str,
@@ -256,8 +247,8 @@ def _drawn(
     if loop == "closed":
         return linear.closed_loop_poles(systems, swept)
     if figure == "amplitude":
-        x, v, preload = (values[name][0] for name in SWEPT)
-        return linear.amplitude_margins(amplitude_sweep(_with_preload(experiment, preload), x, v, opening))
+        varied = amplitude_sweep(_with_preload(experiment, first.preload), first.x, first.v, opening)
+        return linear.amplitude_margins(varied)
     if loop == "open":
         return linear.loop_bode(systems, list(map(margins, systems)), swept)
     match figure or ("modes" if swept else "bode"):
@@ -273,12 +264,7 @@ def _drawn(
 
 
 def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[FigureColumn]:
-    """Columns of numbers of an operating point, from its metadata.
-
-    Args:
-        names: of the numbers.
-        point: the operating point; default: the fields that all plants have.
-    """
+    """Columns of numbers of an operating point, from its metadata or, without a point, from that of all plants."""
     from dualwinch.model.linear.operating_point import OperatingPoint
     from dualwinch.model.quantities.description import describe, describe_parts
 
@@ -310,7 +296,7 @@ def _margin_row(found: Margins) -> list[float | bool]:
 
 
 def print_open(
-    systems: Sequence[LinearSystem], experiment: Experiment, values: Values, swept: str | None, opening: str
+    systems: Sequence[LinearSystem], experiment: Experiment, points: Sequence[Point], swept: str | None, opening: str
 ) -> list[FigureTable]:
     """Print margins of open loops and, for one point of a sliding-mode law, their dependence on the amplitude."""
     from dualwinch.model.linear.operating_point import contact
@@ -326,17 +312,20 @@ def print_open(
     if not any(system.B.any() for system in systems):
         returned = " and ".join(LOOP_OPENINGS[signal] for signal in OPENED_SIGNALS[opening])
         console.print(f"no loop gain: {returned} rests on its limit or does not respond here")
-    rows = [[*([values[swept][k]] if swept else []), *_margin_row(margins(system))] for k, system in enumerate(systems)]
+    rows = [
+        [*([getattr(point, swept)] if swept else []), *_margin_row(margins(system))]
+        for point, system in zip(points, systems, strict=True)
+    ]
     first = _point_columns(swept) if swept else []
     tables = [FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)]
     console.print(tables[0].render())
     for words in contact(systems[0].operating_point, experiment.plant):
         console.print(words)
     if swept is None and isinstance(experiment.controller.law, SLIDING_MODE) and systems[0].B.any():
-        x, v, preload = (values[name][0] for name in SWEPT)
-        points = amplitude_sweep(_with_preload(experiment, preload), x, v, opening, PRINTED_AMPLITUDES)
+        ((x, v, preload),) = points
+        varied = amplitude_sweep(_with_preload(experiment, preload), x, v, opening, PRINTED_AMPLITUDES)
         amplitude = FigureColumn("amplitude", "m/s", "e2 m/s", form="g")
-        rows = [[point.amplitude, *_margin_row(point.margins)] for point in points]
+        rows = [[each.amplitude, *_margin_row(each.margins)] for each in varied]
         tables.append(FigureTable("margins_by_amplitude", (amplitude, *MARGIN_COLUMNS), rows))
         console.print(styled("bold", "by amplitude of the speed error", " (describing functions)"))
         console.print(tables[1].render())
@@ -346,9 +335,7 @@ def print_open(
 def resonance_tables(experiment: Experiment, x: float | None = None) -> list[FigureTable]:
     """The rule for the drums' resonance on their ropes, and its limits; empty for laws other than sliding-mode ones.
 
-    Args:
-        experiment: plant and gains.
-        x: position in m; default: the middle of the track.
+    The position x in m is the middle of the track by default.
     """
     from dualwinch.model.quantities.description import describe
     from dualwinch.model.quantities.tables import readable_unit
@@ -385,7 +372,7 @@ def print_resonance(tables: Sequence[FigureTable]) -> None:
 
 
 def print_closed_sweep(
-    systems: Sequence[LinearSystem], plant: Plant, values: Sequence[float], swept: str
+    systems: Sequence[LinearSystem], plant: Plant, points: Sequence[Point], swept: str
 ) -> list[FigureTable]:
     """Print spectral radius, slowest decay and least damping of the closed loop at every point."""
     from dualwinch.model.linear.modes import modes
@@ -398,12 +385,13 @@ def print_closed_sweep(
         FigureColumn("least_damped_frequency", "Hz", "at (Hz)"),
     )
     rows = []
-    for value, system in zip(values, systems, strict=True):
+    for point, system in zip(points, systems, strict=True):
         found = modes(system, plant)
         slowest = max(found, key=lambda mode: abs(mode.eigenvalue))
         least_damped = min(found, key=lambda mode: mode.damping)
         frequency = least_damped.natural_frequency / (2 * math.pi)
-        rows.append((value, abs(slowest.eigenvalue), slowest.time_constant, least_damped.damping, frequency))
+        decay = abs(slowest.eigenvalue), slowest.time_constant
+        rows.append((getattr(point, swept), *decay, least_damped.damping, frequency))
     table = FigureTable("closed_loop", columns, rows)
     terminal().print(table.render())
     return [table]
@@ -565,16 +553,11 @@ LEAST_GROWTH = 1e-6
 """Growth rate in 1/s above which a mode is unstable; smaller ones are within the eigenvalues' accuracy."""
 
 
-def is_unstable(mode: Mode) -> bool:
-    """Whether a mode grows."""
-    return mode.rate.real > LEAST_GROWTH
-
-
 def listed(found: Sequence[Mode], *, closed: bool) -> list[Mode]:
     """Modes in the order of the tables, unstable ones of a closed loop first; equal names get numbers."""
     from dualwinch.model.linear.modes import numbered
 
-    each = sorted(found, key=lambda mode: closed and not is_unstable(mode))
+    each = sorted(found, key=lambda mode: closed and mode.rate.real <= LEAST_GROWTH)
     labels = numbered([mode.label for mode in each])
     return [replace(mode, label=label) for mode, label in zip(each, labels, strict=True)]
 
@@ -583,7 +566,7 @@ def _mode_row(mode: Mode, *, closed: bool = False) -> tuple[Any, ...]:
     value, frequency = mode.eigenvalue, mode.natural_frequency / (2 * math.pi)
     words = f"{measured(value.real)} ± {measured(abs(value.imag))}j" if value.imag else measured(value.real)
     pace = frequency, mode.damping, mode.time_constant, mode.sample_rate
-    deadbeat, unstable = math.isinf(frequency), closed and is_unstable(mode)
+    deadbeat, unstable = math.isinf(frequency), closed and mode.rate.real > LEAST_GROWTH
     remark = UNSTABLE if unstable else "deadbeat" if deadbeat else ""
     return mode.label, words, value.real, value.imag, *pace, deadbeat, unstable, remark
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,18 +81,18 @@ def sensitivities(
         found = sensitivities(list(values), [list(values.values())], [base], columns=columns)
     if found.interrupted:
         raise KeyboardInterrupt
-    effects = Effects(base, values, found)
+    record = to_record(base, values, found)
     if json:
-        print_json(to_record(effects))
+        print_json(record)
     else:
-        print_effects(effects, metrics)
+        print_effects(record, base, found, metrics)
     if out:
-        FORMATS[out.suffix.lower()].write(content_of(effects), out)
+        FORMATS[out.suffix.lower()].write(content_of(record, base, found), out)
         wrote(out)
     if plot:
         from dualwinch.simulation.plots.analyses import effects_figure
 
-        write_figure(plot, lambda: effects_figure(base, effects.changes(), found.quantities))
+        write_figure(plot, lambda: effects_figure(base, changes(record, found), found.quantities))
 
 
 def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
@@ -124,71 +122,57 @@ SHARE = 0.01
 """Relative step of a parameter for the first-order changes in tables and figures."""
 
 
-@dataclass(frozen=True)
-class Effects:
-    """Sensitivities of one run, and first-order changes by steps of its parameters.
+def to_record(experiment: Experiment, values: dict[str, float], found: Sensitivities) -> dict[str, Any]:
+    """Outcome, parameters, figures of merit with gradients, and largest slopes of columns, as plain data.
 
-    Attributes:
-        experiment: of the run.
-        values: key → value of the parameters.
-        found: sensitivities of the one run.
+    The step of a parameter is a percent of its value; of a zero value, a percent of its largest bound, or 1.
     """
+    import numpy as np
 
-    experiment: Experiment
-    values: dict[str, float]
-    found: Sensitivities
+    from dualwinch.simulation.batch.sensitivities import described
+    from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    @cached_property
-    def units(self) -> dict[str, str]:
-        """Key → unit."""
-        from dualwinch.simulation.batch.sensitivities import described
+    known, merits = described(experiment), metric_quantities(experiment.metrics)
+    keys = {}
+    for key, value in values.items():
+        ends = [abs(end) for end in known[key].bounds if math.isfinite(end) and end]
+        step = SHARE * (abs(value) or max(ends, default=1 / SHARE))
+        keys[key] = {"value": value, "unit": known[key].quantity.unit, "step": step}
+    steps = np.array([each["step"] for each in keys.values()])
 
-        known = described(self.experiment)
-        return {key: known[key].quantity.unit for key in self.values}
+    def by_key(numbers: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(keys, numbers.tolist(), strict=True))
 
-    @cached_property
-    def steps(self) -> dict[str, float]:
-        """Key → step: a percent of the value; of a zero value, a percent of its largest bound, or 1."""
-        import numpy as np
-
-        from dualwinch.simulation.batch.sensitivities import described
-
-        known, steps = described(self.experiment), {}
-        for key, value in self.values.items():
-            ends = [abs(end) for end in known[key].bounds if np.isfinite(end) and end]
-            steps[key] = SHARE * (abs(value) or max(ends, default=1 / SHARE))
-        return steps
-
-    def by_step(self, slopes: Iterable[float]) -> dict[str, float]:
-        """Key → first-order change by its step, from the derivatives (parameters,)."""
-        return {key: float(slope) * self.steps[key] for key, slope in zip(self.values, slopes, strict=True)}
-
-    def asked(self, key: str) -> tuple[str, str]:
-        """A key and its step in words, e.g. ``+100 kg``."""
-        return key, _cell(self.steps[key], self.units[key], sign="+")
-
-    def largest(self, column: str) -> list[tuple[str, float, float]]:
-        """The largest derivative of a column by each key, with its time in s; NaN if there is none."""
-        import numpy as np
-
-        slopes = self.found.column_slopes[column][0, 0]
-        samples = np.where(np.isnan(slopes), -1.0, np.abs(slopes)).argmax(axis=0)
-        found = slopes[samples, np.arange(len(samples))]
-        times = samples * self.experiment.simulation.sample_time
-        return list(zip(self.values, found.tolist(), times.tolist(), strict=True))
-
-    def changes(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Column → key with its step → first-order change of the column over time (samples,)."""
-        import numpy as np
-
-        labels, steps = [" ".join(self.asked(key)) for key in self.values], np.array(list(self.steps.values()))
-        return {
-            column: dict(zip(labels, (slopes[0, 0] * steps).T, strict=True))
-            for column, slopes in self.found.column_slopes.items()
+    metrics, columns = {}, {}
+    for name, all_values in found.metrics.items():
+        value, gradient = float(all_values[0, 0]), found.gradients[name][0, 0]
+        metrics[name] = {
+            "value": value,
+            "unit": merits[name].unit,
+            "gradient": by_key(gradient),
+            "change_by_step": by_key(gradient * steps),
+            "relative_change_by_step": by_key(gradient / (value or math.nan) * steps),
         }
+    for name, quantity in found.quantities.items():
+        slopes = found.column_slopes[name][0, 0]
+        samples = np.where(np.isnan(slopes), -1.0, np.abs(slopes)).argmax(axis=0)
+        largest = slopes[samples, np.arange(len(samples))]
+        columns[name] = {
+            "unit": quantity.unit,
+            "largest_slope": by_key(largest),
+            "time_of_largest_slope": by_key(samples * experiment.simulation.sample_time),
+            "change_by_step": by_key(largest * steps),
+        }
+    return {
+        "outcome": str(found.outcomes[0, 0]),
+        "units": {"relative_change_by_step": "1", "time_of_largest_slope": "s"},
+        "keys": keys,
+        "metrics": metrics,
+        "columns": columns,
+    }
 
 
-def content_of(effects: Effects) -> FileContent:
+def content_of(record: dict[str, Any], experiment: Experiment, found: Sensitivities) -> FileContent:
     """Content of the data file: time, columns, and their derivatives, ``COLUMN by KEY``."""
     import numpy as np
 
@@ -196,89 +180,63 @@ def content_of(effects: Effects) -> FileContent:
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.results.file_formats import FileContent
 
-    found, sample_time = effects.found, effects.experiment.simulation.sample_time
-    t: NDArray[np.float64] = np.arange(effects.experiment.samples, dtype=np.float64) * sample_time
+    t: NDArray[np.float64] = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time
     columns = {"t": (t, Quantity("s", "nominal time of the sample"))}
     for name, quantity in found.quantities.items():
         columns.setdefault(name, (found.columns[name][0, 0], quantity))
-        for key, slope in zip(effects.values, found.column_slopes[name][0, 0].T, strict=True):
-            unit = per(quantity.unit, effects.units[key])
+        for (key, each), slope in zip(record["keys"].items(), found.column_slopes[name][0, 0].T, strict=True):
+            unit = per(quantity.unit, each["unit"])
             columns[f"{name} by {key}"] = slope, Quantity(unit, f"derivative of {name} by {key}")
-    facts = {"differentiated_by": ", ".join(effects.values), "experiment": leaves(effects.experiment)}
+    facts = {"differentiated_by": ", ".join(record["keys"]), "experiment": leaves(experiment)}
     return FileContent.of(columns, facts)
 
 
-def to_record(effects: Effects) -> dict[str, Any]:
-    """Outcome, parameters, figures of merit with gradients, and largest slopes of columns, as plain data."""
-    from dualwinch.simulation.metrics.metrics import metric_quantities
-
-    found, merits = effects.found, metric_quantities(effects.experiment.metrics)
+def changes(record: dict[str, Any], found: Sensitivities) -> dict[str, dict[str, NDArray[np.float64]]]:
+    """Column → key with its step → first-order change of the column over time (samples,)."""
     return {
-        "outcome": str(found.outcomes[0, 0]),
-        "units": {"relative_change_by_step": "1", "time_of_largest_slope": "s"},
-        "keys": {
-            key: {"value": value, "unit": effects.units[key], "step": effects.steps[key]}
-            for key, value in effects.values.items()
-        },
-        "metrics": {
-            name: {
-                "value": float(values[0, 0]),
-                "unit": merits[name].unit,
-                "gradient": dict(zip(effects.values, found.gradients[name][0, 0].tolist(), strict=True)),
-                "change_by_step": effects.by_step(found.gradients[name][0, 0]),
-                "relative_change_by_step": effects.by_step(found.gradients[name][0, 0] / (values[0, 0] or math.nan)),
-            }
-            for name, values in found.metrics.items()
-        },
-        "columns": {
-            name: {
-                "unit": quantity.unit,
-                "largest_slope": {key: slope for key, slope, _ in effects.largest(name)},
-                "time_of_largest_slope": {key: t for key, _, t in effects.largest(name)},
-                "change_by_step": effects.by_step([slope for _, slope, _ in effects.largest(name)]),
-            }
-            for name, quantity in found.quantities.items()
-        },
+        column: {
+            f"{key} {_cell(each['step'], each['unit'], sign='+')}": slope * each["step"]
+            for (key, each), slope in zip(record["keys"].items(), slopes[0, 0].T, strict=True)
+        }
+        for column, slopes in found.column_slopes.items()
     }
 
 
-def print_effects(effects: Effects, metrics: Sequence[str]) -> None:
+def print_effects(record: dict[str, Any], experiment: Experiment, found: Sensitivities, metrics: Sequence[str]) -> None:
     """Print derivatives and changes of figures of merit, and the largest ones of columns."""
     from dualwinch.model.quantities.tables import readable
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    console, found = terminal(), effects.found
-    law, outcome = effects.experiment.controller.law.kind, str(found.outcomes[0, 0]).replace("_", " ")
-    console.print(styled("bold", law, f": {outcome}"))
-    merits = metric_quantities(effects.experiment.metrics)
+    console, keys, merits = terminal(), record["keys"], metric_quantities(experiment.metrics)
+    console.print(styled("bold", experiment.controller.law.kind, f": {record['outcome'].replace('_', ' ')}"))
 
     def show(name: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         columns = [FigureColumn("key", "", ""), *map(FigureColumn, ("with", *headings))]
-        table = FigureTable(
-            name, columns, [(*effects.asked(key), *row) for key, row in zip(effects.values, rows, strict=True)]
-        )
-        console.print(table.render())
+        steps = ((key, _cell(each["step"], each["unit"], sign="+")) for key, each in keys.items())
+        lines = [(*step, *row) for step, row in zip(steps, rows, strict=True)]
+        console.print(FigureTable(name, columns, lines).render())
 
-    for metric in metrics:
-        value, unit = float(found.metrics[metric][0, 0]), merits[metric].unit
-        console.print(styled("bold", metric, f" = {_cell(value, unit)}: {readable(merits[metric].meaning)}"))
+    for name in metrics:
+        merit = record["metrics"][name]
+        value, unit = merit["value"], merit["unit"]
+        console.print(styled("bold", name, f" = {_cell(value, unit)}: {readable(merits[name].meaning)}"))
         rows = []
-        for key, slope in zip(effects.values, found.gradients[metric][0, 0].tolist(), strict=True):
-            change = slope * effects.steps[key]
+        for key, slope in merit["gradient"].items():
+            change = merit["change_by_step"][key]
             share = (100 * change / value, "%") if value else (change, unit)
-            rows.append((_cell(slope, per(unit, effects.units[key])), _cell(*share, sign="+")))
-        show(metric, ("derivative", "changes by"), rows)
-    for column, quantity in found.quantities.items():
-        console.print(styled("bold", column, f": {readable(quantity.meaning)}"))
+            rows.append((_cell(slope, per(unit, keys[key]["unit"])), _cell(*share, sign="+")))
+        show(name, ("derivative", "changes by"), rows)
+    for name, column in record["columns"].items():
+        console.print(styled("bold", name, f": {readable(found.quantities[name].meaning)}"))
         rows = [
             (
-                _cell(slope, per(quantity.unit, effects.units[key])),
-                _cell(slope * effects.steps[key], quantity.unit, sign="+"),
-                _cell(t, "s"),
+                _cell(slope, per(column["unit"], keys[key]["unit"])),
+                _cell(column["change_by_step"][key], column["unit"], sign="+"),
+                _cell(column["time_of_largest_slope"][key], "s"),
             )
-            for key, slope, t in effects.largest(column)
+            for key, slope in column["largest_slope"].items()
         ]
-        show(column, ("largest slope", "changes by", "at"), rows)
+        show(name, ("largest slope", "changes by", "at"), rows)
 
 
 def per(unit: str, other: str) -> str:
