@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App
+from cyclopts import App, Parameter
 from rich.text import Text
 
 from dualwinch.cli.linearise import print_resonance, resonance_tables
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, NominalMachine
+from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -46,7 +45,7 @@ def certify(
     ensemble: NominalMachine = None,
     given: ControllerOptions = CONTROLLER,
     out: Path | None = None,
-    plot: Path | None = None,
+    plot: Annotated[Figure, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
 ) -> None:
     """Check the paper's stability theorem for given gains and a scenario.
 
@@ -56,14 +55,12 @@ def certify(
 
     Args:
         out: File for the report: .json.
-        plot: File for a figure of V(t) and dV/dt: .png, .svg or .pdf.
     """
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains
 
     experiment = given.nominal(ensemble)
     check_file(out, ".json")
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress:
         certificate = judge(experiment, progress=progress)
         progress(0.0, "searching nearby gains")

@@ -21,7 +21,6 @@ from dualwinch.cli.options import (
     use_parts,
 )
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -88,7 +87,6 @@ def compare(
             if Path(name) != given.config:
                 note_other_machine(Path(name), ensemble, drawn)
     check_file(out, ".json")
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:
         result = run(wanted, drawn, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")

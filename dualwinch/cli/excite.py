@@ -20,7 +20,6 @@ from dualwinch.cli.options import (
     stated,
 )
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     check_file,
     print_json,
     terminal,
@@ -95,7 +94,6 @@ def excite(
     known = dict(map(prior_from, prior or []))
     limit = None if time is None else seconds_from(time)
     check_file(out, ".toml")
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("searching") as progress:
         found = excite(
             fit,

@@ -20,10 +20,10 @@ from dualwinch.cli.options import (
     Priors,
     Whole,
     default_of,
+    share_from,
     stated,
 )
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     check_file,
     print_idealisations,
     print_json,
@@ -102,18 +102,15 @@ def identify(
     """
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.config.folders import check_place
     from dualwinch.identification.identify import identify
     from dualwinch.simulation.analysis.idealisations import idealisations
-    from dualwinch.simulation.results.file_formats import format_of
+    from dualwinch.simulation.results.file_formats import FORMATS
 
-    share, most = _share("--hold-out", hold_out), _share("--unrecorded", unrecorded)
+    share = share_from(hold_out, "--hold-out", 0.2, zero=True)
+    most = share_from(unrecorded, "--unrecorded", 0.2, zero=True)
     known = dict(map(prior_from, prior or []))
     check_file(out, ".toml")
-    check_file(plot, *FIGURE_SUFFIXES)
-    if disturbance:
-        format_of(disturbance)
-        check_place(disturbance)
+    check_file(disturbance, *FORMATS)
     with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
         found = identify(
             list(logs),
@@ -162,21 +159,6 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     for path, force in zip(files, found.forces, strict=True):
         format_of(path).write(force.content, path)
     return files
-
-
-def _share(option: str, text: str | None) -> float | None:
-    from dualwinch.model.errors import ConfigurationError
-
-    if text is None:
-        return None
-    parts = re.fullmatch(r"\s*([0-9.]+)\s*(%?)\s*", text)
-    try:
-        value = float(parts[1]) / (100 if parts[2] else 1) if parts else -1.0
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < 1:
-        raise ConfigurationError(f"{option} {text}: must be 0% to less than 100%, e.g. 20%")
-    return value
 
 
 def prior_from(text: str) -> tuple[str, tuple[float, float]]:

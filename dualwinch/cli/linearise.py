@@ -15,7 +15,6 @@ from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -104,7 +103,6 @@ def linearise(
     if preload is not None:
         experiment = _with_preload(experiment, preload)
     check_file(out, *WRITERS)
-    check_file(plot, *FIGURE_SUFFIXES)
     swept = _swept_name(sweep) if sweep else None
     _check(loop, opening, dt, swept, figure, plot)
     points = grid({"x": x, "v": v, "preload": preload}, sweep, experiment)

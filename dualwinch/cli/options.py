@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from dualwinch.cli.output import print_note
+from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, print_note
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -65,7 +65,12 @@ NominalMachine = Annotated[
     str | None, Parameter(name="--ensemble", help="The nominal machine of an ensemble, such as `site`, or a TOML file.")
 ]
 
-Figure = Annotated[Path | None, Parameter(help="File for a figure: .png, .svg or .pdf.")]
+Figure = Annotated[
+    Path | None,
+    Parameter(
+        help="File for a figure: .png, .svg or .pdf.", validator=lambda _, file: check_file(file, *FIGURE_SUFFIXES)
+    ),
+]
 
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
@@ -356,21 +361,21 @@ def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: fl
     return seconds
 
 
-def share_from(text: str | None, option: str) -> float | None:
+def share_from(text: str | None, option: str, usual: float, *, zero: bool = False) -> float | None:
     """Parse a share such as ``0.5%`` or ``0.005``; ``None`` if not given.
 
     Raises:
-        ConfigurationError: not a number between 0 and 1.
+        ConfigurationError: not a number from 0 to less than 1, or 0 where `zero` is not allowed.
     """
     from dualwinch.model.errors import ConfigurationError
 
     if text is None:
         return None
-    parts = re.fullmatch(r"\s*(\d*\.?\d+)\s*(%?)\s*", text)
-    share = float(parts[1]) / (100 if parts[2] else 1) if parts else 0.0
-    if not 0 < share < 1:
-        usual = f"{100 * own_default('tuning.selection_config:SelectionConfig', option.removeprefix('--')):g}%"
-        raise ConfigurationError(f"{option} {text}: must be > 0 and < 1, or between 0 and 100 %, such as {usual}")
+    parts = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(%?)\s*", text)
+    share = float(parts[1]) / (100 if parts[2] else 1) if parts else -1.0
+    if not 0 <= share < 1 or (share == 0 and not zero):
+        allowed = "0% to less than 100%" if zero else "more than 0% and less than 100%"
+        raise ConfigurationError(f"{option} {text}: must be {allowed}, e.g. {100 * usual:g}% or {usual:g}")
     return share
 
 

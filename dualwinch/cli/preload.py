@@ -10,7 +10,6 @@ from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -68,7 +67,6 @@ def preload(
 
     experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
     check_file(out, ".json")
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("solving and simulating") as progress:
         found = preloads(
             experiment,

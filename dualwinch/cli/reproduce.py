@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, replace
-from itertools import count
+from itertools import count, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,10 +64,24 @@ def reproduce(
         extended: Also compare all position laws and coordinations, beyond the paper's.
     """
     from dualwinch.config.folders import made_folder
+    from dualwinch.simulation.paper import CASES, CONTROLLERS
 
-    numbers, kinds = _chosen_cases(cases.split(",")), _chosen_controllers(controllers.split(","))
+    numbers = [int(word) for word in _chosen("case", cases, [str(number) for number in CASES])]
+    kinds = _chosen("controller", controllers, list(CONTROLLERS))
     with made_folder(out), made_folder(out / "data"), made_folder(out / "figures"):
         _reproduce(out, numbers, kinds, extended=extended)
+
+
+def _chosen(what: str, text: str, known: list[str]) -> list[str]:
+    """The words of an option, separated by commas, in the order of those that are known."""
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.quantities.quantity import unknown
+
+    words = [word.strip() for word in text.split(",")]
+    for word in words:
+        if word not in known:
+            raise ConfigurationError(f"--{what}s = {text}: {unknown(what, word, known)}")
+    return [word for word in known if word in words]
 
 
 FIGURE_21 = 21
@@ -80,23 +93,33 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     from dualwinch.reports.claims import claims
     from dualwinch.simulation.paper import FIGURES, case
     from dualwinch.simulation.results.file_formats import save
+    from dualwinch.simulation.settings import override
     from dualwinch.simulation.simulate import simulate
 
     engine = engine_here("compiled")
     jobs = [(number, kind) for number in numbers for kind in kinds]
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
-    more = len(variants_beyond_paper()) * len(numbers) if extended else 0
-    with _progress(2 * len(jobs) + len(contents) + compared + 1 + more) as step:
-        runs: Runs = {}
+    beyond = list(product(numbers, variants_beyond_paper())) if extended else []
+    steps, done = 2 * len(jobs) + len(contents) + compared + 1 + len(beyond), count()
+    runs: Runs = {}
+    variants: Variants = {}
+    images: dict[int, bytes] = {}
+    with ProgressLine() as progress:
+
+        def step(phase: str) -> None:
+            progress(next(done) / steps, phase)
+
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
             runs[number, kind] = simulate(case(number, kind), engine=engine)
         for (number, kind), result in runs.items():
             step(f"case {number}, {kind}: write data")
             save(result, out / "data" / f"case{number}-{kind}.parquet", version_notes())
-        variants = run_variants(numbers, step, engine) if extended else {}
-        images: dict[int, bytes] = {}
+        for number, (law, coordination) in beyond:
+            step(f"case {number}, {law}, {coordination}")
+            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
+            variants[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
         for figure in contents:
             step(f"figure {figure.number}: case {figure.case}, {figure.content}")
             images[figure.number] = _draw(figure.content, _of_case(runs, figure.case), out, figure.number)
@@ -117,42 +140,8 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
-def _chosen_cases(words: list[str]) -> list[int]:
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.model.quantities.quantity import unknown
-    from dualwinch.simulation.paper import CASES
-
-    allowed = {str(number): number for number in CASES}
-    for word in map(str.strip, words):
-        if word not in allowed:
-            raise ConfigurationError(f"--cases = {','.join(words)}: {unknown('case', word, allowed)}")
-    return sorted({allowed[word.strip()] for word in words})
-
-
-def _chosen_controllers(words: list[str]) -> list[str]:
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.model.quantities.quantity import unknown
-    from dualwinch.simulation.paper import CONTROLLERS
-
-    chosen = {word.strip() for word in words}
-    for word in sorted(chosen - set(CONTROLLERS)):
-        raise ConfigurationError(f"--controllers = {','.join(words)}: {unknown('controller', word, CONTROLLERS)}")
-    return [kind for kind in CONTROLLERS if kind in chosen]
-
-
 def _of_case(runs: Runs, number: int) -> dict[str, Result]:
     return {kind: result for (run_case, kind), result in runs.items() if run_case == number}
-
-
-@contextmanager
-def _progress(steps: int) -> Iterator:
-    with ProgressLine() as progress:
-        done = count()
-
-        def step(phase: str) -> None:
-            progress(next(done) / steps, phase)
-
-        yield step
 
 
 def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> bytes:
@@ -223,13 +212,7 @@ FURTHER_METRICS = ("mae", "steady_mae", "chatter", "slack_share", "peak_tension"
 
 
 def runs_table(title: str, runs: Mapping[tuple[int, str], Result], names: tuple[str, ...]) -> FigureTable:
-    """Figures of merit of runs, with the outcome of those not completed.
-
-    Args:
-        title: of the table.
-        runs: (case, controller in words) → result.
-        names: of the figures of merit.
-    """
+    """Figures of merit of runs, (case, controller in words) → result, with the outcome of those not completed."""
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     merits = metric_quantities()
@@ -296,24 +279,3 @@ def variants_beyond_paper() -> list[tuple[str, str]]:
 
     others = (coordination for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION)
     return [*((law, PAPERS_COORDINATION) for law in POSITION_LAWS), *((PAPERS_LAW, other) for other in others)]
-
-
-def run_variants(numbers: list[int], step: Callable[[str], None], engine: EngineName) -> Variants:
-    """Run all variants with their default gains.
-
-    Args:
-        numbers: cases of the paper.
-        step: called with the name of each run.
-        engine: of the simulation.
-    """
-    from dualwinch.simulation.paper import case
-    from dualwinch.simulation.settings import override
-    from dualwinch.simulation.simulate import simulate
-
-    runs: Variants = {}
-    for number in numbers:
-        for law, coordination in variants_beyond_paper():
-            step(f"case {number}, {law}, {coordination}")
-            experiment = override(case(number, law), {"controller.coordination.kind": coordination})
-            runs[number, law, coordination] = simulate(experiment, stride=0, engine=engine)
-    return runs

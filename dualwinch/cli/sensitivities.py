@@ -12,7 +12,6 @@ from cyclopts import App
 
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -76,7 +75,6 @@ def sensitivities(
     values = values_of(keys, base)
     check_memory(base.samples, 1, (len(columns) + 1) * (len(values) + 1))
     check_file(out, *MIXED)
-    check_file(plot, *FIGURE_SUFFIXES)
     with terminal(stderr=True).status("differentiating"):
         found = sensitivities(list(values), [list(values.values())], [base], columns=columns)
     if found.interrupted:

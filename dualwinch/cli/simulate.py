@@ -24,7 +24,6 @@ from dualwinch.cli.options import (
     note_other_ensemble,
 )
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -104,7 +103,6 @@ def simulate(
     """
     from dualwinch.model.errors import ConfigurationError
 
-    check_file(plot, *FIGURE_SUFFIXES)
     if ensemble is None:
         alone = {
             "scenarios": scenarios,

@@ -22,7 +22,6 @@ from dualwinch.cli.options import (
     Json,
 )
 from dualwinch.cli.output import (
-    FIGURE_SUFFIXES,
     FigureColumn,
     FigureTable,
     check_file,
@@ -82,7 +81,6 @@ def sweep(
     base, axes = given.experiment(), axes_from(over)
     metrics = checked_metrics(metric or ["mse"], base)
     check_file(out, *MIXED)
-    check_file(plot, *FIGURE_SUFFIXES)
     with ProgressLine("simulating") as progress, where.workers(progress) as workers:
         found = sweep(base, axes, workers=workers, progress=progress)
     if json:

@@ -28,6 +28,7 @@ from dualwinch.cli.options import (
     WorkerOptions,
     default_of,
     note_other_machine,
+    own_default,
     seconds_from,
     share_from,
     use_parts,
@@ -39,7 +40,6 @@ from dualwinch.cli.stress import write_stress
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
-    from dualwinch.tuning.storage.parts import PartRecord
 
 METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
@@ -114,7 +114,7 @@ class StudyOptions:
     @property
     def kept_in(self) -> str:
         """File or URL of the study."""
-        return str(self.storage or Path(self.out) / "study.journal")
+        return str(self.storage or self.out / "study.journal")
 
 
 STUDY = StudyOptions()
@@ -177,8 +177,8 @@ def tune(
             constraints=constraint,
             scenarios=scenarios,
             seed=seed,
-            violation=share_from(violation, "--violation"),
-            confidence=share_from(confidence, "--confidence"),
+            violation=share_from(violation, "--violation", own_default(SELECTION, "violation")),
+            confidence=share_from(confidence, "--confidence", own_default(SELECTION, "confidence")),
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)
@@ -210,10 +210,7 @@ STORAGE_VARIABLE = "DUALWINCH_STORAGE"
 
 
 def recall_parts(options: StudyOptions) -> list[str]:
-    """With ``--resume``, register the parts that the study was begun with.
-
-    Returns:
-        Files and modules that were imported for it, in addition to those of ``--plugin``.
+    """With ``--resume``, register the parts that the study was begun with; return the files and modules imported.
 
     Raises:
         ConfigurationError: no such study, or a part that is missing or has changed.
@@ -242,22 +239,18 @@ def run_study(
     plugins: list[str] | None = None,
     following: str = "",
 ) -> TuningResult:
-    """Check options and files, then search, select, score, write and print.
+    """Check the problem and files, then search, select, score, write and print.
 
-    Args:
-        problem: space, scenarios, objectives and constraints.
-        options: method, budget and storage.
-        line: shows the progress.
-        plugins: files with the user's own parts, for printed commands about the best gains.
-        following: the command that evaluates the best gains (`next_line`), for the report.
+    Printed commands about the best gains load the `plugins`; the report ends with the command `following`.
 
     Raises:
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     from dualwinch.config.folders import made_folder
+    from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.batch.workers import cores
     from dualwinch.tuning.optimisers import check_method
-    from dualwinch.tuning.robustness.stress import check_stress
+    from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
     from dualwinch.tuning.scoring.progress import TuningProgress
     from dualwinch.tuning.selection_config import default_method
     from dualwinch.tuning.storage.opening import open_store
@@ -268,22 +261,28 @@ def run_study(
 
     method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
     trials = trials_of(problem, options.trials, seconds, options.rollouts)
-    check_options(options)
     if options.stress:
         check_stress(problem)
     check_method(method, len(problem.objectives))
-    definition, out = definition_of(problem, method), Path(options.out)
-    if options.workers > 1:
-        _check_sources(definition["parts"])
+    definition, out = definition_of(problem, method), options.out
+    for part in definition["parts"]:
+        if options.workers > 1 and part["script"]:
+            raise ConfigurationError(
+                f"--workers: other processes cannot import the {part['what']} '{part['kind']}' of {part['source']}, "
+                "a script; define it in a file of its own"
+            )
     until = None if seconds is None else time.time() + seconds + PREPARING_SECONDS
     budget = SearchBudget(trials, until, options.rollouts)
     with made_folder(out):
         ways = {"resume": options.resume, "shared": options.shared}
         store = open_store(options.kept_in, options.study, problem, definition, budget, **ways)
-        with closing(store), options.where.workers(line) as workers, _workers(options, options.kept_in):
+        with closing(store), options.where.workers(line) as workers, _workers(options):
             _announce(line, problem, method, options.kept_in, store.count())
             if seconds is not None:
-                line.say(forecast(seconds, problem.selection.time_of_all(seconds)))
+                line.say(
+                    f"ends within {problem.selection.time_of_all(seconds):.0f} s: up to {seconds:g} s of search, the "
+                    "rest for preparing, choosing, scoring and the report; compiling adds to that"
+                )
             tuned = run(
                 problem,
                 method=method,
@@ -296,7 +295,7 @@ def run_study(
                 watch=TuningProgress(line, problem.objectives),
             )
         line(1.0, "writing best.toml, study.json and report.html")
-        write(tuned, options.kept_in, options, plugins or [], following)
+        write(tuned, options, plugins or [], following)
         line.stop()
         if tuned.interrupted:
             line.say("interrupted; this is the best so far")
@@ -305,7 +304,10 @@ def run_study(
         if tuned.interrupted:
             raise KeyboardInterrupt
         if options.stress:
-            print_stress(tuned, out, line)
+            with ProgressLine("robustness margins") as progress:
+                found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
+            terminal(soft_wrap=True).print(repr(found), highlight=False)
+            line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
     return tuned
 
 
@@ -319,9 +321,7 @@ def seen_from(folder: Path, plugin: str) -> str:
         return str(Path(plugin).absolute())
 
 
-def write(
-    tuned: TuningResult, storage: str, options: StudyOptions, plugins: Sequence[str] = (), following: str = ""
-) -> None:
+def write(tuned: TuningResult, options: StudyOptions, plugins: Sequence[str] = (), following: str = "") -> None:
     """Write ``best.toml``, ``study.json`` and ``report.html``; `plugins` and `following` as in `run_study`."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, TUNED_IN
@@ -333,7 +333,7 @@ def write(
     from dualwinch.tuning.storage.parts import in_words, part_records
     from dualwinch.tuning.tuning_problem import configuration
 
-    problem, out = tuned.problem, Path(options.out)
+    problem, out, storage = tuned.problem, options.out, options.kept_in
     facts: dict[str, Any] = {
         "code version": f"dualwinch {__version__}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -397,30 +397,6 @@ def check_options(options: StudyOptions) -> None:
     check_storage(options.kept_in)
 
 
-def _check_sources(parts: Sequence[PartRecord]) -> None:
-    from dualwinch.model.errors import ConfigurationError
-
-    for part in parts:
-        if part["script"]:
-            raise ConfigurationError(
-                f"--workers: other processes cannot import the {part['what']} '{part['kind']}' of {part['source']}, "
-                "a script; define it in a file of its own"
-            )
-
-
-def forecast(search: float, whole: float) -> str:
-    """Announce the duration of a study.
-
-    Args:
-        search: longest time of the search in s.
-        whole: of all phases in s.
-    """
-    return (
-        f"ends within {whole:.0f} s: up to {search:g} s of search, the rest for preparing, choosing, scoring and the "
-        "report; compiling adds to that"
-    )
-
-
 def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: str, known: int) -> None:
     from dualwinch.tuning.result import controller_in_words
     from dualwinch.tuning.storage.connection import is_database, shown
@@ -439,10 +415,10 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
 
 
 @contextmanager
-def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
+def _workers(options: StudyOptions) -> Iterator[None]:
     """Start further processes on this machine that work on the study, and end them afterwards."""
     words = [sys.executable, "-m", "dualwinch", "worker", "--study", options.study]
-    environment = os.environ | {STORAGE_VARIABLE: storage}
+    environment = os.environ | {STORAGE_VARIABLE: options.kept_in}
     started = [
         subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         for _ in range(options.workers - 1)
@@ -458,12 +434,7 @@ def _workers(options: StudyOptions, storage: str) -> Iterator[None]:
 
 
 def print_study(tuned: TuningResult, typed: str) -> None:
-    """Print result, scores, advice and cost of a study.
-
-    Args:
-        tuned: the result.
-        typed: options that choose the best gains, for commands in remarks.
-    """
+    """Print result, scores, advice and cost of a study; commands in remarks have the options `typed`."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import in_full
     from dualwinch.tuning.result import (
@@ -515,13 +486,3 @@ def print_study(tuned: TuningResult, typed: str) -> None:
         f"({100 * cost.overhead:.0f} % of it not in rollouts), {cost.judging:.1f} s choosing and scoring"
         f"{f'; of that, {among}' if among else ''}"
     )
-
-
-def print_stress(tuned: TuningResult, out: Path, line: ProgressLine) -> None:
-    """Stress the best gains, print, write, and add the result to the report."""
-    from dualwinch.tuning.robustness.stress import stress_tuned
-
-    with ProgressLine("robustness margins") as progress:
-        found = stress_tuned(tuned.problem, tuned.best, name="best.toml", progress=progress)
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
-    line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")

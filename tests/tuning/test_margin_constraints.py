@@ -284,7 +284,7 @@ def test_tuned_gains_keep_the_delay_margin_that_error_alone_would_use_up(tmp_pat
     (place,) = [words for words in margin_places(kept) if "(best)" in words]
     assert f"x = {worst.x:g} m" in place
     assert worst.opening in place
-    write(kept, "memory", StudyOptions(out=tmp_path))
+    write(kept, StudyOptions(storage="memory", out=tmp_path))
     assert place in (tmp_path / "best.toml").read_text()
     assert worst.opening in (tmp_path / "report.html").read_text()
     noted = json.loads((tmp_path / "study.json").read_text())["margins"]

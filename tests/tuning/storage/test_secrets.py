@@ -75,7 +75,7 @@ def tuned() -> TuningResult:
 
 @pytest.mark.parametrize("url", all_but(URLS[2::4], URLS))
 def test_no_file_of_a_study_holds_a_secret(url: str, tmp_path: Path, tuned: TuningResult) -> None:
-    write(tuned, url, StudyOptions(storage=url, out=tmp_path))
+    write(tuned, StudyOptions(storage=url, out=tmp_path))
     files = list(tmp_path.iterdir())
     assert len(files) == 3
     for file in files:
@@ -90,7 +90,7 @@ def test_a_name_changes_nothing_of_what_a_file_says(name: str, tmp_path: Path, t
     """As the name of a study, of its ensemble and of its storage."""
     ensemble = Ensemble(name, f"of {name}", tuned.problem.experiment, {})
     named = replace(tuned, training=replace(tuned.training, problem=replace(tuned.problem, ensemble=ensemble)))
-    write(named, f"a{name}.journal", StudyOptions(study=name, out=tmp_path))
+    write(named, StudyOptions(storage=f"a{name}.journal", study=name, out=tmp_path))
     assert leaves(load(tmp_path / "best.toml")) == leaves(tuned.best)
     report = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "<script>*/" not in report
