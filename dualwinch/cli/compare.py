@@ -140,12 +140,7 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None) -> FigureTable:
-    """Statistics of the figures of merit, scenarios with slack, and outcomes, a row per file.
-
-    Args:
-        result: the comparison.
-        shown: name → name in the table; default: unchanged.
-    """
+    """Statistics, scenarios with slack and outcomes, a row per file, whose name in the table may be another one."""
     from dualwinch.simulation.ensembles.result import SUMMARY
     from dualwinch.simulation.metrics.metrics import metric_quantities
 

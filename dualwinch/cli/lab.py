@@ -94,12 +94,9 @@ def write_page(page: str, out: Path) -> None:
 
 
 def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | None = None) -> ThreadingHTTPServer:
-    """An HTTP server of one page at this machine's loopback address.
+    """An HTTP server of one page at this machine's loopback address; port 0 is any that is free.
 
-    Args:
-        page: at the root.
-        port: 0: any that is free.
-        live: (numbers in the query) → JSON of further rows (`lab.live.live_rows`).
+    A live run has further rows: (numbers in the query) → JSON (`lab.live.live_rows`).
 
     Raises:
         ConfigurationError: the port is taken.

@@ -76,12 +76,10 @@ Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
 
 def own_default(place: str, argument: str = "") -> Any:
-    """The default of an argument, or the value of a constant.
+    """The default of a function's argument, or the value of a constant.
 
-    Args:
-        place: a public function such as ``race``, or module and name of a class or constant below ``dualwinch``, such
-            as ``tuning.selection_config:TRIALS``.
-        argument: of that function or class; empty: the constant itself.
+    The place is a public function such as ``race``, or module and name of a class or constant below ``dualwinch``,
+    such as ``tuning.selection_config:TRIALS``.
     """
     module, _, name = place.rpartition(":")
     found = attrgetter(name)(import_module(f"dualwinch.{module}".rstrip(".")))
@@ -91,12 +89,8 @@ def own_default(place: str, argument: str = "") -> Any:
 def default_of(place: str, argument: str = "", words: str = "{}") -> Parameter:
     """Show in an option's help the default of the function that gets it; the option itself is None if not given.
 
-    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone.
-
-    Args:
-        place: as in `own_default`.
-        argument: as in `own_default`.
-        words: text of the help, a format string with one field.
+    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone. Place
+    and argument are those of `own_default`, the words a format string with one field.
     """
     return Parameter(show_default=lambda _: words.format(own_default(place, argument)))
 

@@ -69,17 +69,15 @@ class FigureColumn:
 
     @classmethod
     def of_metric(cls, name: str, quantity: "MetricQuantity", heading: str = "", form: str = "") -> "FigureColumn":
-        """The column of a figure of merit, from its metadata, printed in its customary unit.
-
-        Args:
-            name: of the figure of merit.
-            quantity: its metadata.
-            heading: default: its label.
-            form: default: that of the metadata.
-        """
+        """The column of a figure of merit, printed in its customary unit; heading and form default to its own."""
         unit, factor, own_form = quantity.shown
         words, shown = heading or quantity.label, unit or quantity.shown_unit
         return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=shown, meaning=quantity.meaning)
+
+    @property
+    def title(self) -> str:
+        """The heading on the terminal."""
+        return self.name if self.heading is None else self.heading
 
     def shown(self, value: Any) -> str | Text:
         """A value as text for the terminal."""
@@ -109,11 +107,7 @@ WITHIN_NAMES = re.compile(r"(?<=\.)(?=[^\W\d])|(?<= )"), re.compile(r"(?<=_)(?=[
 
 
 class CellWords:
-    """Words in a cell of a table, whose lines break between words, or in long names behind a dot or an underscore.
-
-    Args:
-        words: in the cell.
-    """
+    """Words in a cell of a table, whose lines break between words, or in long names behind a dot or an underscore."""
 
     def __init__(self, words: str) -> None:
         self.words = words
@@ -172,7 +166,7 @@ class FigureTable:
         table = Table(title=self.title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
         printed = [(index, column) for index, column in enumerate(self.columns) if column.form]
         for _, column in printed:
-            heading = column.name if column.heading is None else column.heading
+            heading = column.title
             if column.shown_unit:
                 heading = f"{fill(heading, HEADING_WIDTH, break_long_words=False)}\n{column.shown_unit}"
             table.add_column(
@@ -201,9 +195,8 @@ class FigureTable:
         if not headed:
             table.add_column("", style="dim")
         for column, values in figures[headed:]:
-            name = column.name if column.heading is None else column.heading
             unit = column.shown_unit or readable_unit(column.unit)
-            table.add_row(name, *map(column.shown, values), unit, *([] if headed else [column.meaning]))
+            table.add_row(column.title, *map(column.shown, values), unit, *([] if headed else [column.meaning]))
         return table
 
     def record(self) -> dict[str, Any]:
@@ -309,10 +302,7 @@ def write_json(file: Path | None, facts: Callable[[], Mapping[str, Any]]) -> Non
 def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -> None:
     """Draw and write a requested figure, and print its name.
 
-    Args:
-        file: for the figure; None: nothing is drawn.
-        figure: function that draws it, or name of a function of `simulation.plots`.
-        of: arguments of the latter.
+    The figure is a function that draws it, or the name of a function of `simulation.plots` with arguments `of`.
     """
     if file:
         from dualwinch.simulation import plots
@@ -329,12 +319,8 @@ MOST = 10_000
 def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     """The numbers of ``first:last:step`` or ``first:last:count:log``; integers if first, last and step are.
 
-    Args:
-        text: the range.
-        wrong: beginning of the error message.
-
     Raises:
-        ConfigurationError: no range, or one of too many numbers.
+        ConfigurationError: no range, or one of too many numbers; the message begins with the text `wrong`.
     """
     from dualwinch.model.errors import ConfigurationError
 

@@ -123,12 +123,7 @@ def preloads_table(found: Preloads) -> FigureTable:
 
 
 def print_preloads(found: Preloads, typed: str) -> None:
-    """Print a row for every preload, the saving of the schedule, and remarks on its run.
-
-    Args:
-        found: the preloads.
-        typed: options that choose the experiment.
-    """
+    """Print every preload, the saving of the schedule, and remarks, whose commands have the options `typed`."""
     from dualwinch.simulation.analysis.remarks import in_full, remarks
 
     console = terminal()
@@ -205,12 +200,7 @@ def _sums(extremes: list[float]) -> str:
 
 
 def to_record(found: Preloads, typed: str) -> dict[str, Any]:
-    """The preloads as plain data.
-
-    Args:
-        found: the preloads.
-        typed: options that choose the experiment, for remarks.
-    """
+    """The preloads as plain data; commands in remarks have the options `typed`."""
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.simulation.analysis.remarks import in_full, remarks
 

@@ -6,7 +6,7 @@ The benchmark itself is the function ``dualwinch.race``.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -47,38 +47,17 @@ app = App(
 )
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class BenchmarkEntries:
-    """The entries of a race."""
-
-    law: Annotated[
-        list[str] | None,
-        Parameter(help=choice("position law", "; may be repeated. Default: all")),
-    ] = None
-    estimator: Annotated[
-        list[str] | None,
-        Parameter(
-            help=choice("estimator", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
-        ),
-    ] = None
-    coordination: Annotated[
-        list[str] | None,
-        Parameter(
-            help=choice("coordination", ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"),
-        ),
-    ] = None
-
-
-ENTRIES = BenchmarkEntries()
-"""Defaults: no option given."""
+OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"
+"""End of a help text."""
 
 
 @app.default
 def race(
     *,
     ensemble: Annotated[str | None, default_of("race", "ensemble")] = None,
-    entries: BenchmarkEntries = ENTRIES,
+    law: Annotated[list[str] | None, Parameter(help=choice("position law", "; may be repeated. Default: all"))] = None,
+    estimator: Annotated[list[str] | None, Parameter(help=choice("estimator", OR_ALL))] = None,
+    coordination: Annotated[list[str] | None, Parameter(help=choice("coordination", OR_ALL))] = None,
     ablations: bool = False,
     plugin: Plugins = None,
     config: Path | None = None,
@@ -131,9 +110,9 @@ def race(
     ):
         found = race(
             ensemble=drawn,
-            laws=entries.law,
-            estimators=entries.estimator,
-            coordinations=entries.coordination,
+            laws=law,
+            estimators=estimator,
+            coordinations=coordination,
             ablations=ablations,
             settings=set_ or [],
             constraints=constraint,

@@ -119,9 +119,8 @@ MOST_KEYS = 2
 def axes_from(texts: Sequence[str]) -> dict[str, list[Any]]:
     """Parse the axes of a sweep: key → values.
 
-    Args:
-        texts: each ``key=value,value``, ``key=first:last:step``, ``key=first:last:count:log`` or, as in TOML,
-            ``key=[value, value]``.
+    An axis is ``key=value,value``, ``key=first:last:step``, ``key=first:last:count:log`` or, as in TOML,
+    ``key=[value, value]``.
 
     Raises:
         ConfigurationError: no axis, more than two, one key twice, or a text of another form.

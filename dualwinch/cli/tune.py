@@ -437,19 +437,7 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     """Print result, scores, advice and cost of a study; commands in remarks have the options `typed`."""
     from dualwinch.simulation.analysis.idealisations import idealisations
     from dualwinch.simulation.analysis.remarks import in_full
-    from dualwinch.tuning.result import (
-        advice,
-        authority,
-        contenders,
-        endings,
-        headline,
-        margin_places,
-        statistics_table,
-        tested,
-        too_short,
-        widen,
-        worth,
-    )
+    from dualwinch.tuning import result
     from dualwinch.tuning.scoring.ranking import pareto_front
 
     console, verdict = terminal(), tuned.verdict
@@ -457,22 +445,29 @@ def print_study(tuned: TuningResult, typed: str) -> None:
     def say(words: str | Text) -> None:
         console.print(words, highlight=False, soft_wrap=True)
 
-    say(styled("bold", worth(tuned)))
-    say(headline(tuned))
+    say(styled("bold", result.worth(tuned)))
+    say(result.headline(tuned))
     for words in tuned.remarks:
         print_note(in_full(words, typed))
-    names, rows = statistics_table(tuned)
+    names, rows = result.statistics_table(tuned)
     columns = [FigureColumn("", ""), *(FigureColumn(name, "1" if name else "") for name in names[1:])]
     console.print(FigureTable("statistics", columns, rows).render())
-    for words in contenders(tuned):
+    for words in result.contenders(tuned):
         say(words)
     for constraint in verdict.constraints:
         satisfied = verdict.scored.violations[constraint.label] <= 0
         say(styled("" if satisfied else "red", "satisfied" if satisfied else "violated ", f"  {constraint.label}"))
-    further = (*margin_places(tuned), widen(tuned), too_short(tuned), endings(tuned), authority(tuned))
-    for words in filter(None, (tested(tuned), *further)):
+    further = (
+        result.tested(tuned),
+        *result.margin_places(tuned),
+        result.widen(tuned),
+        result.too_short(tuned),
+        result.endings(tuned),
+        result.authority(tuned),
+    )
+    for words in filter(None, further):
         say(words)
-    for number, sentence in enumerate(advice(tuned)):
+    for number, sentence in enumerate(result.advice(tuned)):
         say(f"{'what would help: ' if not number else '                 '}{sentence}")
     print_idealisations(idealisations(tuned.best))
     if len(tuned.problem.objectives) > 1:
