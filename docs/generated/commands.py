@@ -15,7 +15,7 @@ def commands_markdown() -> str:
     from dualwinch.cli.app import COMMANDS, app
 
     whole = app.generate_docs(output_format="markdown", recursive=True, heading_level=1)
-    examples = {module.app.name[0]: _examples(module.app.help_epilogue) for module in COMMANDS}
+    examples = {name: _examples(app[name].help_epilogue) for name in COMMANDS}
     text = []
     for section in re.split(r"^(?=## dualwinch )", whole, flags=re.MULTILINE)[1:]:
         name = section.split("\n", 1)[0].removeprefix("## dualwinch ")

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import is_dataclass
 from importlib import import_module
 from inspect import cleandoc, signature
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -39,48 +39,53 @@ Add `--traceback` to any command to see where in the program a failure occurred.
     suppress_keyboard_interrupt=False,
 )
 
-COMMANDS = tuple(
-    import_module(f"dualwinch.cli.{name}")
-    for name in (
-        "reproduce",
-        "simulate",
-        "lab",
-        "show",
-        "sweep",
-        "sensitivities",
-        "linearise",
-        "compare",
-        "tune",
-        "race",
-        "stress",
-        "preload",
-        "excite",
-        "identify",
-        "worker",
-        "config",
-        "certify",
-        "export",
-        "serve",
-        "doctor",
-    )
+COMMANDS = (
+    "reproduce",
+    "simulate",
+    "lab",
+    "show",
+    "sweep",
+    "sensitivities",
+    "linearise",
+    "compare",
+    "tune",
+    "race",
+    "stress",
+    "preload",
+    "excite",
+    "identify",
+    "worker",
+    "config",
+    "certify",
+    "export",
+    "serve",
+    "doctor",
 )
-"""Modules of the commands, in the order of the help."""
+"""Names of the commands, in the order of the help; each is a function, or an application, in the module of its name."""
 
 
-def _unwrap(documented: Any) -> None:
-    """Give each paragraph and each argument of a docstring one line, which the terminal wraps."""
-    documented.__doc__ = re.sub(r"(?<!\n)\n(?!\n| {4}\S) *", " ", cleandoc(documented.__doc__ or ""))
+def _take_help(command: App) -> None:
+    """Take the help of a command, of its options and its examples from docstrings, and let no option have a negative.
+
+    Each paragraph and each argument gets one line, which the terminal wraps.
+    """
+    command.default_parameter = Parameter(negative=())
+    if not (function := command.default_command):
+        return
+    groups = (type(each.default) for each in signature(function).parameters.values() if is_dataclass(each.default))
+    for documented in (function, *groups):
+        text, _, examples = cleandoc(documented.__doc__ or "").partition("\n\nExamples:\n")
+        documented.__doc__ = re.sub(r"(?<!\n)\n(?!\n| {4}\S) *", " ", text)
+        if examples:
+            command.help_epilogue = f"Examples:\n\n{examples}\n"
 
 
-for module in COMMANDS:
-    app.command(module.app)
-    for command in (module.app, *(module.app[name] for name in module.app if not name.startswith("-"))):
-        command.default_parameter = Parameter(negative=())
-        if function := command.default_command:
-            _unwrap(function)
-            for each in signature(function).parameters.values():
-                if is_dataclass(each.default):
-                    _unwrap(type(each.default))
+for name in COMMANDS:
+    found = getattr(import_module(f"dualwinch.cli.{name}"), name)
+    added = found if isinstance(found, App) else App(name=name, default_command=found)
+    app.command(added)
+    for command in (added, *(added[below] for below in added if not below.startswith("-"))):
+        _take_help(command)
 
 
 app.register_install_completion_command()

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 from rich.text import Text
 
 from dualwinch.cli.linearise import print_resonance, resonance_tables
@@ -28,18 +28,7 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.simulation.analysis.stability import Certificate, Condition, NearbyGains
 
-app = App(
-    name="certify",
-    help_epilogue="""Examples:
 
-    dualwinch certify --case 4
-    dualwinch certify --case 3 --plot lyapunov.png --out certificate.json
-    dualwinch certify --case 4 --controller nftsm --set controller.nftsm.k=2
-""",
-)
-
-
-@app.default
 def certify(
     *,
     ensemble: NominalMachine = None,
@@ -55,6 +44,11 @@ def certify(
 
     Args:
         out: File for the report: .json.
+
+    Examples:
+        dualwinch certify --case 4
+        dualwinch certify --case 3 --plot lyapunov.png --out certificate.json
+        dualwinch certify --case 4 --controller nftsm --set controller.nftsm.k=2
     """
     from dualwinch.simulation.analysis.stability import certify as judge
     from dualwinch.simulation.analysis.stability import nearby_gains

@@ -7,8 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App
-
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     EXPERIMENT,
@@ -36,18 +34,7 @@ if TYPE_CHECKING:
     from dualwinch.controllers.controller import Controller
     from dualwinch.simulation.ensembles.comparison import Comparison, Interval
 
-app = App(
-    name="compare",
-    help_epilogue="""Examples:
 
-    dualwinch compare paper best.toml
-    dualwinch compare paper mine.toml --plugin my_law.py
-    dualwinch compare paper best.toml calm.toml --scenarios 500 --seed 1 --out gains.json --plot gains.png
-""",
-)
-
-
-@app.default
 def compare(
     *files: str,
     ensemble: str = "sea",
@@ -72,6 +59,11 @@ def compare(
         scenarios: Scenarios, the same for every file.
         seed: Seed of the draws and of the intervals.
         out: File for the statistics: .json.
+
+    Examples:
+        dualwinch compare paper best.toml
+        dualwinch compare paper mine.toml --plugin my_law.py
+        dualwinch compare paper best.toml calm.toml --scenarios 500 --seed 1 --out gains.json --plot gains.png
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.ensembles.comparison import compare as run

@@ -4,25 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from cyclopts import App
-
 from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, use_parts
 
-app = App(
-    name="config",
-    help_epilogue="""Examples:
 
-    dualwinch config > my.toml
-    dualwinch config --config mine.toml > whole.toml
-    dualwinch config --case 4 --set controller.kind=nftsm
-    dualwinch config --plugin my_law.py --set controller.kind=my-law > mine.toml
-    dualwinch config --ensemble sea > my-sea.toml
-    dualwinch config --config mine.toml --start > start.toml
-""",
-)
-
-
-@app.default
 def config(*, given: ExperimentOptions = EXPERIMENT, ensemble: str | None = None, start: bool = False) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
@@ -34,6 +18,14 @@ def config(*, given: ExperimentOptions = EXPERIMENT, ensemble: str | None = None
         ensemble: Print the file of an ensemble, such as `sea`, instead.
         start: Print the parts and gains from which `tune` starts, alone or with --ensemble; those that are named stay
             as they are.
+
+    Examples:
+        dualwinch config > my.toml
+        dualwinch config --config mine.toml > whole.toml
+        dualwinch config --case 4 --set controller.kind=nftsm
+        dualwinch config --plugin my_law.py --set controller.kind=my-law > mine.toml
+        dualwinch config --ensemble sea > my-sea.toml
+        dualwinch config --config mine.toml --start > start.toml
     """
     from dualwinch.config.ensemble_file import find_ensemble, load_ensemble
     from dualwinch.config.experiment_file import own_keys, own_parts_to_toml, to_toml

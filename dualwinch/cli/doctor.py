@@ -6,16 +6,12 @@ import os
 import sys
 from typing import Any
 
-from cyclopts import App
 from rich.table import Table
 
 from dualwinch.cli.options import Json
 from dualwinch.cli.output import print_json, terminal, versions
 
-app = App(name="doctor")
 
-
-@app.default
 def doctor(*, json: Json = False) -> None:
     """Show which compiler, cache folder, processor features and optional parts are in use."""
     found = findings()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App
-
 from dualwinch.cli.identify import prior_from
 from dualwinch.cli.options import (
     EXPERIMENT,
@@ -29,19 +27,7 @@ from dualwinch.cli.output import (
 )
 from dualwinch.cli.progress import ProgressLine
 
-app = App(
-    name="excite",
-    help_epilogue="""Examples:
 
-    dualwinch excite --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4 --out exciting.toml
-    dualwinch excite --fit "plant.rope_*.modulus" --duration 30s --speed 1 --track 40 --time 2min
-    dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
-    dualwinch simulate --config exciting.toml --out run.parquet    # the run with that motion
-""",
-)
-
-
-@app.default
 def excite(
     *,
     fit: list[str],
@@ -82,6 +68,12 @@ def excite(
         time: Time of the search, e.g. 60s, 5min.
         seed: Seed of the search.
         out: File for the experiment with that motion, .toml.
+
+    Examples:
+        dualwinch excite --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4 --out exciting.toml
+        dualwinch excite --fit "plant.rope_*.modulus" --duration 30s --speed 1 --track 40 --time 2min
+        dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
+        dualwinch simulate --config exciting.toml --out run.parquet    # the run with that motion
     """
     from dualwinch.config.experiment_file import to_toml
     from dualwinch.identification.experiment_design import excite

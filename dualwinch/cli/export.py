@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.blocks import BlockName
     from dualwinch.simulation.experiment import Experiment
 
-app = App(
+export = App(
     name="export",
     help="""Write controller, plant and closed loop as code for other tools.
 
@@ -53,17 +53,7 @@ def wrote_to(folder: Path, files: list[Path]) -> None:
     wrote(f"{folder}: {', '.join(path.name for path in files)}")
 
 
-@app.command(
-    name="c",
-    help_epilogue="""Examples:
-
-    dualwinch export c --out controller
-    dualwinch export c --precision float --freeze --out firmware
-    dualwinch export c --udp --case 4 --out controller
-    dualwinch export c --block plant --case 4 --out plant
-    dualwinch export c --generator casadi --block plant --mex --out plant
-""",
-)
+@export.command(name="c")
 def export_c(
     *,
     out: Out,
@@ -90,6 +80,13 @@ def export_c(
         header: CasADi's option: write a header file, too.
         main: CasADi's option: write a `main` function, too.
         mex: CasADi's option: write a gateway for MATLAB, too.
+
+    Examples:
+        dualwinch export c --out controller
+        dualwinch export c --precision float --freeze --out firmware
+        dualwinch export c --udp --case 4 --out controller
+        dualwinch export c --block plant --case 4 --out plant
+        dualwinch export c --generator casadi --block plant --mex --out plant
     """
     from dualwinch.export import export_c as run
     from dualwinch.export import generate_c
@@ -109,15 +106,7 @@ def export_c(
     wrote_to(out, generate_c(experiment, out, blocks=blocks, header=header, main=main, mex=mex))
 
 
-@app.command(
-    name="st",
-    help_epilogue="""Examples:
-
-    dualwinch export st --config tuned/best.toml --out plc
-    dualwinch export st --flavour twincat --precision float --out plc
-    dualwinch export st --set controller.kind=mpc --max-operations 2000 --out plc
-""",
-)
+@export.command(name="st")
 def export_st(
     *,
     out: Out,
@@ -139,6 +128,11 @@ def export_st(
         flavour: Dialect; iec: the standard's, with a configuration, for Beremiz and OpenPLC; twincat: files of a
             project; siemens-scl: external sources of TIA Portal.
         max_operations: Refuse a block with more operations per call; the README states their number.
+
+    Examples:
+        dualwinch export st --config tuned/best.toml --out plc
+        dualwinch export st --flavour twincat --precision float --out plc
+        dualwinch export st --set controller.kind=mpc --max-operations 2000 --out plc
     """
     from dualwinch.export import export_st as run
     from dualwinch.model.errors import ConfigurationError
@@ -150,15 +144,7 @@ def export_st(
     wrote_to(out, run(experiment, out, **options))
 
 
-@app.command(
-    name="fmu",
-    help_epilogue="""Examples:
-
-    dualwinch export fmu --block plant --case 4 --out plant.fmu
-    dualwinch export fmu --block controller --fmi 3 --out controller.fmu
-    dualwinch export fmu --block plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
-""",
-)
+@export.command(name="fmu")
 def export_fmu(
     *,
     out: Path,
@@ -179,6 +165,11 @@ def export_fmu(
         kind: Interfaces (default: both for the plant, else co-simulation).
         platforms: Binaries to include, separated by commas: linux64, win64, darwin64, aarch64-linux, aarch64-darwin, or
             all (default: this machine's).
+
+    Examples:
+        dualwinch export fmu --block plant --case 4 --out plant.fmu
+        dualwinch export fmu --block controller --fmi 3 --out controller.fmu
+        dualwinch export fmu --block plant --kind model-exchange --platforms linux64,win64,darwin64 --out plant.fmu
     """
     from dualwinch.cli.progress import ProgressLine
     from dualwinch.export import export_fmu as run
@@ -189,29 +180,25 @@ def export_fmu(
     wrote(words)
 
 
-@app.command(
-    name="mex",
-    help_epilogue="""Examples:
-
-    dualwinch export mex --case 4 --out mex
-""",
-)
+@export.command(name="mex")
 def export_mex(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
-    """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language."""
+    """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language.
+
+    Examples:
+        dualwinch export mex --case 4 --out mex
+    """
     from dualwinch.export import export_mex as run
 
     wrote_to(out, run(chosen_from(given), out))
 
 
-@app.command(
-    name="casadi",
-    help_epilogue="""Examples:
-
-    dualwinch export casadi --case 4 --out functions
-""",
-)
+@export.command(name="casadi")
 def export_casadi(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
-    """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables."""
+    """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables.
+
+    Examples:
+        dualwinch export casadi --case 4 --out functions
+    """
     from dualwinch.export import export_casadi as run
 
     wrote_to(out, run(chosen_from(given), out))

@@ -7,8 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App
-
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     EXPERIMENT,
@@ -39,23 +37,7 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.identification.result import IdentificationResult
 
-app = App(
-    name="identify",
-    help_epilogue="""Examples:
 
-    dualwinch simulate --case 4 --set simulation.readings=true --out run.parquet    # makes a log
-    dualwinch identify run.parquet --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4
-    dualwinch identify run.parquet --fit "plant.rope_*.modulus" --hold-out 20% --plot fit.png --out fitted.toml
-    dualwinch identify a.csv b.csv --ensemble rig --fit plant.vehicle.mass --column F1=load_cell_left:kN
-    dualwinch identify run.mat --fit plant.vehicle.mass,sensors.load_cell_zero_* --prior plant.vehicle.mass=1e4+-500
-    dualwinch identify run.parquet --fit plant.vehicle.mass --disturbance force.parquet
-    dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
-    dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
-""",
-)
-
-
-@app.default
 def identify(
     logs: list[Path],
     *,
@@ -99,6 +81,16 @@ def identify(
         unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
             another machine.
         out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
+
+    Examples:
+        dualwinch simulate --case 4 --set simulation.readings=true --out run.parquet    # makes a log
+        dualwinch identify run.parquet --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4
+        dualwinch identify run.parquet --fit "plant.rope_*.modulus" --hold-out 20% --plot fit.png --out fitted.toml
+        dualwinch identify a.csv b.csv --ensemble rig --fit plant.vehicle.mass --column F1=load_cell_left:kN
+        dualwinch identify run.mat --fit plant.vehicle.mass,sensors.load_cell_zero_* --prior plant.vehicle.mass=1e4+-500
+        dualwinch identify run.parquet --fit plant.vehicle.mass --disturbance force.parquet
+        dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
+        dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
     """
     from dualwinch.config.ensemble_file import ensemble_to_toml
     from dualwinch.config.experiment_file import to_toml

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from dualwinch import __version__
 from dualwinch.cli.options import WHOLE
@@ -16,21 +16,9 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
 
-app = App(
-    name="lab",
-    help_epilogue="""Examples:
-
-    dualwinch lab
-    dualwinch lab --port 8000 --no-browser
-    dualwinch lab --out lab.html
-""",
-)
-
-
 Browser = Annotated[bool, Parameter(help="Open the page in a browser.", negative="--no-browser")]
 
 
-@app.default
 def lab(
     *,
     out: Path | None = None,
@@ -45,6 +33,11 @@ def lab(
     Args:
         out: Write the page to this file (.html) instead of serving it.
         port: Port on this machine; 0: any that is free.
+
+    Examples:
+        dualwinch lab
+        dualwinch lab --port 8000 --no-browser
+        dualwinch lab --out lab.html
     """
     import webbrowser
 

@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cyclopts import App
-
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
     FigureColumn,
@@ -38,24 +36,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.analysis.margins import Margins
     from dualwinch.simulation.experiment import Experiment
 
-app = App(
-    name="linearise",
-    help_epilogue="""Examples:
 
-    dualwinch linearise --x 25 --v 1.8
-    dualwinch linearise --x 25 --out plant.json --plot bode.png
-    dualwinch linearise --sweep x=1:47:2 --plot modes.png --out track.mat
-    dualwinch linearise --sweep v=0:2.4:0.2 --plot poles.svg --figure poles
-    dualwinch linearise --loop closed --v 0.5 --plot poles.png
-    dualwinch linearise --loop open --opening tau_1 --v 0.5 --plot margins.png
-    dualwinch linearise --loop open --v 0.5 --plot amplitude.png --figure amplitude
-    dualwinch linearise --ensemble site --v 1
-    dualwinch linearise --ensemble site --loop closed --v 1 --set controller.winch_1.damping=164
-""",
-)
-
-
-@app.default
 def linearise(
     *,
     x: float | None = None,
@@ -94,6 +75,17 @@ def linearise(
         out: File for the matrices: .json, .mat or .npz.
         figure: Which figure. plant: bode (default of one point), modes (of a sweep), poles, shapes; closed: poles;
             open: bode with margins (default), or margins against the amplitude of the speed error.
+
+    Examples:
+        dualwinch linearise --x 25 --v 1.8
+        dualwinch linearise --x 25 --out plant.json --plot bode.png
+        dualwinch linearise --sweep x=1:47:2 --plot modes.png --out track.mat
+        dualwinch linearise --sweep v=0:2.4:0.2 --plot poles.svg --figure poles
+        dualwinch linearise --loop closed --v 0.5 --plot poles.png
+        dualwinch linearise --loop open --opening tau_1 --v 0.5 --plot margins.png
+        dualwinch linearise --loop open --v 0.5 --plot amplitude.png --figure amplitude
+        dualwinch linearise --ensemble site --v 1
+        dualwinch linearise --ensemble site --loop closed --v 1 --set controller.winch_1.damping=164
     """
     from dualwinch.model.linear.system import WRITERS, save_sweep
     from dualwinch.simulation.analysis.linear_loop import learns

@@ -6,8 +6,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cyclopts import App
-
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
 from dualwinch.cli.output import (
     FigureColumn,
@@ -27,19 +25,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.result import Result
 
-app = App(
-    name="preload",
-    help_epilogue="""Examples:
 
-    dualwinch preload --case 4 --plot preload.png
-    dualwinch preload --case 4 --set controller.scheduled_preload.margin=150 --out preload.json
-    dualwinch preload --config tuned/best.toml --minimise energy
-    dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
-""",
-)
-
-
-@app.default
 def preload(
     *,
     given: ControllerOptions = CONTROLLER,
@@ -61,6 +47,12 @@ def preload(
         error: Optimum: largest allowed distance from the reference in m.
         torque_rate: Optimum: largest rate of each motor torque in N m/s (default: any).
         out: File for all numbers: .json.
+
+    Examples:
+        dualwinch preload --case 4 --plot preload.png
+        dualwinch preload --case 4 --set controller.scheduled_preload.margin=150 --out preload.json
+        dualwinch preload --config tuned/best.toml --minimise energy
+        dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
     """
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
     from dualwinch.simulation.analysis.preload import preloads

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from dualwinch.cli.options import (
     WORKERS,
@@ -32,26 +32,10 @@ if TYPE_CHECKING:
     from dualwinch.tuning.benchmark.result import BenchmarkResult
     from dualwinch.tuning.benchmark.scores import EntryResult
 
-app = App(
-    name="race",
-    help_epilogue="""Examples:
-
-    dualwinch race --ensemble rig --out race
-    dualwinch race --ensemble sea --law fando-nftsm --law adrc --rollouts 5000
-    dualwinch race --law fando-nftsm --estimator all --coordination all
-    dualwinch race --ablations --searches 3 --rollouts 10000 --stress
-    dualwinch race --plugin my_law.py --law my-law --law adrc
-    dualwinch race --config mine.toml --ensemble rig --out race
-    dualwinch race --searches 5 --cluster tcp://scheduler:8786
-""",
-)
-
-
 OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"
 """End of a help text."""
 
 
-@app.default
 def race(
     *,
     ensemble: Annotated[str | None, default_of("race", "ensemble")] = None,
@@ -93,6 +77,15 @@ def race(
         seed: Seed of all scenarios and searches.
         stress: Also find which imperfection breaks the best gains of each entry first (`dualwinch stress`).
         out: Folder of the race, from which it can be continued.
+
+    Examples:
+        dualwinch race --ensemble rig --out race
+        dualwinch race --ensemble sea --law fando-nftsm --law adrc --rollouts 5000
+        dualwinch race --law fando-nftsm --estimator all --coordination all
+        dualwinch race --ablations --searches 3 --rollouts 10000 --stress
+        dualwinch race --plugin my_law.py --law my-law --law adrc
+        dualwinch race --config mine.toml --ensemble rig --out race
+        dualwinch race --searches 5 --cluster tcp://scheduler:8786
     """
     from dualwinch.config.ensemble_file import load_ensemble
     from dualwinch.config.experiment_file import load

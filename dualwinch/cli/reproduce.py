@@ -8,7 +8,6 @@ from itertools import count, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cyclopts import App
 from rich.console import Console
 
 from dualwinch.cli.output import (
@@ -33,18 +32,7 @@ if TYPE_CHECKING:
     Variants = dict[tuple[int, str, str], Result]
     """(case, position law, coordination) → result, without rows."""
 
-app = App(
-    name="reproduce",
-    help_epilogue="""Examples:
 
-    dualwinch reproduce
-    dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
-    dualwinch reproduce --extended
-""",
-)
-
-
-@app.default
 def reproduce(
     *,
     out: Path = Path("results"),
@@ -62,6 +50,11 @@ def reproduce(
         cases: Cases to run, separated by commas.
         controllers: Controllers to compare, separated by commas.
         extended: Also compare all position laws and coordinations, beyond the paper's.
+
+    Examples:
+        dualwinch reproduce
+        dualwinch reproduce --cases 4 --controllers fando-nftsm,nftsm --out case4
+        dualwinch reproduce --extended
     """
     from dualwinch.config.folders import made_folder
     from dualwinch.simulation.paper import CASES, CONTROLLERS

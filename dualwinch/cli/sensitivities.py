@@ -8,8 +8,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cyclopts import App
-
 from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
     FigureColumn,
@@ -31,20 +29,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.file_formats import FileContent
 
-app = App(
-    name="sensitivities",
-    help_epilogue="""Examples:
 
-    dualwinch sensitivities "plant.vehicle.*" --case 4
-    dualwinch sensitivities plant.vehicle.mass controller.observer.l0 --case 4 --metric mse --metric peak_tension
-    dualwinch sensitivities "plant.rope_*.modulus" nominal.vehicle.mass --column F1 --column tau_1 --plot slopes.png
-    dualwinch sensitivities "sensors.load_cell_*" --set simulation.readings=true --column F1_read --out slopes.csv
-    dualwinch sensitivities "plant.winch_*.radius_error" sensors.position_bias --case 4 --json
-""",
-)
-
-
-@app.default
 def sensitivities(
     *keys: str,
     given: ControllerOptions = CONTROLLER,
@@ -65,6 +50,13 @@ def sensitivities(
         metric: Figure of merit to show (default mse); may be repeated.
         column: Column of the result over time (default e); may be repeated.
         out: File for the columns and their derivatives: .csv, .parquet, .npz.
+
+    Examples:
+        dualwinch sensitivities "plant.vehicle.*" --case 4
+        dualwinch sensitivities plant.vehicle.mass controller.observer.l0 --case 4 --metric mse --metric peak_tension
+        dualwinch sensitivities "plant.rope_*.modulus" nominal.vehicle.mass --column F1 --column tau_1 --plot slopes.png
+        dualwinch sensitivities "sensors.load_cell_*" --set simulation.readings=true --column F1_read --out slopes.csv
+        dualwinch sensitivities "plant.winch_*.radius_error" sensors.position_bias --case 4 --json
     """
     from dualwinch.simulation.batch.sensitivities import sensitivities
     from dualwinch.simulation.prepare import check_memory

@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from dualwinch.cli.lab import HOST, page_of, server_of
 from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
@@ -26,23 +26,10 @@ if TYPE_CHECKING:
 INTERVAL = 0.2
 """Time in s between two updates of the progress line."""
 
-app = App(
-    name="serve",
-    help_epilogue="""Examples:
-
-    dualwinch serve --case 4 --realtime --allow-write --out run.parquet
-    dualwinch serve --case 4 --allow-write --modbus 5020 --opcua 4840 --map registers.csv
-    dualwinch serve --ensemble site --case 4 --rate 0.5 --allow-write --lab
-    dualwinch serve --case 4 --lockstep --allow-write --runs 1 --out run.parquet
-""",
-)
-
-
 SETTINGS = "simulation.server.plant:ServerSettings"
 """Class with the defaults of the options."""
 
 
-@app.default
 def serve(
     *,
     given: ExperimentOptions = EXPERIMENT,
@@ -85,6 +72,12 @@ def serve(
         out: File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, ….
         map_: File for the table of registers and nodes: .csv, or .md for a page.
         lab: Show each run in the lab's page while it proceeds.
+
+    Examples:
+        dualwinch serve --case 4 --realtime --allow-write --out run.parquet
+        dualwinch serve --case 4 --allow-write --modbus 5020 --opcua 4840 --map registers.csv
+        dualwinch serve --ensemble site --case 4 --rate 0.5 --allow-write --lab
+        dualwinch serve --case 4 --lockstep --allow-write --runs 1 --out run.parquet
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.results.file_formats import FORMATS, save

@@ -2,29 +2,21 @@
 
 from pathlib import Path
 
-from cyclopts import App
-
 from dualwinch.cli.lab import PAGES, Browser, page_of, write_page
 from dualwinch.cli.output import check_file
 
-app = App(
-    name="show",
-    help_epilogue="""Examples:
 
-    dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.parquet
-    dualwinch show run.parquet
-    dualwinch show run.parquet --out run.html --browser
-""",
-)
-
-
-@app.default
 def show(run: Path, /, *, out: Path | None = None, browser: Browser = False) -> None:
     """Write the lab's page with a run of your own, as run A to compare with.
 
     Args:
         run: A run that `simulate --out` has written: .parquet, .csv, .npz or .mat.
         out: The page (.html; default: beside the run).
+
+    Examples:
+        dualwinch simulate --case 4 --set controller.observer.l0=20 --out run.parquet
+        dualwinch show run.parquet
+        dualwinch show run.parquet --out run.html --browser
     """
     from dualwinch.lab.assemble import own_run
     from dualwinch.model.errors import ConfigurationError

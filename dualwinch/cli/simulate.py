@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App
-
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     CONTROLLER,
@@ -48,24 +46,7 @@ if TYPE_CHECKING:
 SCENARIOS, SEED = 100, 0
 """Defaults for an ensemble."""
 
-app = App(
-    name="simulate",
-    help_epilogue="""Examples:
 
-    dualwinch simulate --case 4
-    dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
-    dualwinch simulate --case 4 --animate machine.svg
-    dualwinch simulate --plugin my_law.py --controller my-law --set controller.my_law.k=5
-    dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
-    dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
-    dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5,40] --set reference.jerk_limit=0.2
-    dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
-    dualwinch simulate --ensemble rig --scenarios 1000000 --statistics-only --cluster tcp://host:8786 --checkpoint done
-""",
-)
-
-
-@app.default
 def simulate(
     *,
     given: ControllerOptions = CONTROLLER,
@@ -100,6 +81,17 @@ def simulate(
             (slow; used by default only if there is no compiler).
         statistics_only: Keep only the ensemble's statistics, so that memory does not grow with the number of scenarios;
             median and 95 % are within 0.1 %.
+
+    Examples:
+        dualwinch simulate --case 4
+        dualwinch simulate --case 4 --controller pid-cascade --plot pid.png
+        dualwinch simulate --case 4 --animate machine.svg
+        dualwinch simulate --plugin my_law.py --controller my-law --set controller.my_law.k=5
+        dualwinch simulate --set plant.vehicle.mass=1.1e4 --set disturbance.vortex=true --out heavy.parquet
+        dualwinch simulate --case 2 --set disturbance.force.file=gust.csv --set disturbance.force.unit=kN
+        dualwinch simulate --set reference.kind=way-points --set reference.points=[20,5] --set reference.jerk_limit=0.2
+        dualwinch simulate --ensemble sea --scenarios 100 --seed 7 --out sea.csv --plot sea.png
+        dualwinch simulate --ensemble rig --scenarios 100000 --statistics-only --cluster tcp://pc:8786 --checkpoint done
     """
     from dualwinch.model.errors import ConfigurationError
 

@@ -11,8 +11,6 @@ from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App
-
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     EXPERIMENT,
@@ -33,20 +31,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.tuning.robustness.result import RobustnessResult
 
-app = App(
-    name="stress",
-    help_epilogue="""Examples:
 
-    dualwinch stress tuned/best.toml
-    dualwinch stress tuned/best.toml --out tuned
-    dualwinch stress best.toml --ensemble my-rig.toml --base sea --scenarios 50 --seed 1
-    dualwinch stress --case 4 --ensemble sea --base none
-    dualwinch stress best.toml --constraint "worst.peak_tension<=5500" --constraint "worst.mse<=1*paper"
-""",
-)
-
-
-@app.default
 def stress(
     file: Path | None = None,
     *,
@@ -76,6 +61,13 @@ def stress(
         scenarios: Scenarios, the same at every size and for all gains.
         seed: Seed of the draws.
         out: Folder for stress.json and stress.svg; a report of `dualwinch tune` there will show them.
+
+    Examples:
+        dualwinch stress tuned/best.toml
+        dualwinch stress tuned/best.toml --out tuned
+        dualwinch stress best.toml --ensemble my-rig.toml --base sea --scenarios 50 --seed 1
+        dualwinch stress --case 4 --ensemble sea --base none
+        dualwinch stress best.toml --constraint "worst.peak_tension<=5500" --constraint "worst.mse<=1*paper"
     """
     from dualwinch.config.ensemble_file import NO_ENSEMBLE, load_ensemble
     from dualwinch.config.folders import made_folder

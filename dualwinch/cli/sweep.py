@@ -11,8 +11,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cyclopts import App
-
 from dualwinch.cli.options import (
     CHECKPOINTING_WORKERS,
     CONTROLLER,
@@ -42,20 +40,7 @@ if TYPE_CHECKING:
     from dualwinch.simulation.results.file_formats import FileContent
     from dualwinch.simulation.sweep import Sweep
 
-app = App(
-    name="sweep",
-    help_epilogue="""Examples:
 
-    dualwinch sweep controller.observer.l0=1:20:1 --case 4
-    dualwinch sweep controller.observer.l0=0.5:50:20:log --case 4 --metric mse --metric chatter --plot l0.png
-    dualwinch sweep controller.kind=nftsm,adrc,pid-cascade simulation.delay_samples=0:4:1 --case 4 --out sweep.csv
-    dualwinch sweep plant.vehicle.mass=8e3:1.2e4:500 controller.coordination.preload=1000:4000:250 --plot mass.svg
-    dualwinch sweep reference.kind=profile,uniform --json
-""",
-)
-
-
-@app.default
 def sweep(
     *over: str,
     given: ControllerOptions = CONTROLLER,
@@ -74,6 +59,13 @@ def sweep(
         over: One or two keys: key=value,value or key=first:last:step or key=first:last:count:log.
         metric: Figure of merit to show (default mse); may be repeated.
         out: File for the data, a row per run with all figures of merit: .csv, .parquet, .npz.
+
+    Examples:
+        dualwinch sweep controller.observer.l0=1:20:1 --case 4
+        dualwinch sweep controller.observer.l0=0.5:50:20:log --case 4 --metric mse --metric chatter --plot l0.png
+        dualwinch sweep controller.kind=nftsm,adrc,pid-cascade simulation.delay_samples=0:4:1 --case 4 --out sweep.csv
+        dualwinch sweep plant.vehicle.mass=8e3:1.2e4:500 controller.coordination.preload=1000:4000:250 --plot mass.svg
+        dualwinch sweep reference.kind=profile,uniform --json
     """
     from dualwinch.simulation.results.file_formats import FORMATS, MIXED
     from dualwinch.simulation.sweep import sweep

@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 from rich.text import Text
 
 from dualwinch import __version__
@@ -43,23 +43,6 @@ if TYPE_CHECKING:
 
 METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
-
-app = App(
-    name="tune",
-    help_epilogue="""Examples:
-
-    dualwinch tune --ensemble sea --time 60s
-    dualwinch tune --case 4 --space controller.nftsm --space controller.observer.l0=1:50:log --trials 500
-    dualwinch tune --plugin my_law.py --set controller.kind=my-law --space controller.my_law.k=0.1:10:log
-    dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
-    dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
-    dualwinch tune --ensemble sea --time 60s --stress --out tuned
-    dualwinch tune --ensemble sea --constraint "worst.delay_margin>=5ms" --constraint "worst.gain_margin>=6dB"
-    dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
-    dualwinch tune --ensemble sea --time 10min --storage /home/me/sea.journal --shared --study sea
-    dualwinch tune --ensemble rig --trials 5000 --cluster tcp://scheduler:8786
-""",
-)
 
 
 def usual_methods(_: object) -> str:
@@ -125,7 +108,6 @@ SELECTION = "tuning.selection_config:SelectionConfig"
 """Class with the defaults of the chance constraint."""
 
 
-@app.default
 def tune(
     *,
     given: ExperimentOptions = EXPERIMENT,
@@ -158,6 +140,18 @@ def tune(
         violation: Largest probability that a draw of the ensemble violates a bound, e.g. 1%.
         confidence: Confidence with which fresh draws must support that, e.g. 99%.
         seed: Seed of scenarios and optimiser.
+
+    Examples:
+        dualwinch tune --ensemble sea --time 60s
+        dualwinch tune --case 4 --space controller.nftsm --space controller.observer.l0=1:50:log --trials 500
+        dualwinch tune --plugin my_law.py --set controller.kind=my-law --space controller.my_law.k=0.1:10:log
+        dualwinch tune --ensemble sea --objective mean.mse --objective mean.chatter --trials 2000 --out front
+        dualwinch tune --ensemble sea --constraint "worst.peak_tension<=5500" --constraint "mean.chatter<=0.25*paper"
+        dualwinch tune --ensemble sea --time 60s --stress --out tuned
+        dualwinch tune --ensemble sea --constraint "worst.delay_margin>=5ms" --constraint "worst.gain_margin>=6dB"
+        dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
+        dualwinch tune --ensemble sea --time 10min --storage /home/me/sea.journal --shared --study sea
+        dualwinch tune --ensemble rig --trials 5000 --cluster tcp://scheduler:8786
     """
     with ProgressLine("reading the problem", command="tune") as line:
         check_options(options)

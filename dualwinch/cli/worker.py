@@ -7,23 +7,12 @@ from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from dualwinch.cli.options import Plugins, Whole, use_parts
 from dualwinch.cli.progress import ProgressLine
 
-app = App(
-    name="worker",
-    help_epilogue="""Examples:
 
-    dualwinch worker --storage postgresql+psycopg://me@host/studies --study sea
-    dualwinch worker --storage /home/me/sea.journal --study sea
-    DUALWINCH_STORAGE=postgresql+psycopg://me:secret@host/studies dualwinch worker --study sea
-""",
-)
-
-
-@app.default
 def worker(
     *,
     storage: Annotated[str | None, Parameter(env_var="DUALWINCH_STORAGE")] = None,
@@ -40,6 +29,11 @@ def worker(
         storage: postgresql+psycopg://USER@HOST/DATABASE, or the journal file of `dualwinch tune --shared`.
         study: Name of the study.
         threads: Threads (default: one per core).
+
+    Examples:
+        dualwinch worker --storage postgresql+psycopg://me@host/studies --study sea
+        dualwinch worker --storage /home/me/sea.journal --study sea
+        DUALWINCH_STORAGE=postgresql+psycopg://me:secret@host/studies dualwinch worker --study sea
     """
     with ProgressLine("joining the study", command="worker") as line:
         from dualwinch.model.errors import ConfigurationError

@@ -25,7 +25,7 @@ def completed(script: Path, *words: str) -> list[str]:
 def test_commands_and_options_are_completed(tmp_path: Path) -> None:
     script = tmp_path / "dualwinch.bash"
     script.write_text(app.generate_completion(shell="bash"))  # noqa: S604  # the shell is its subject
-    assert set(completed(script, "dualwinch", "")) >= {module.app.name[0] for module in COMMANDS}
+    assert set(completed(script, "dualwinch", "")) >= set(COMMANDS)
     assert completed(script, "dualwinch", "repro") == ["reproduce"]
     assert "--animate" in completed(script, "dualwinch", "simulate", "--")
     assert set(completed(script, "dualwinch", "export", "")) >= {"c", "fmu", "mex", "casadi"}

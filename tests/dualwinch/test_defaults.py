@@ -9,7 +9,7 @@ import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.cli.app import COMMANDS
+from dualwinch.cli.app import COMMANDS, app
 from dualwinch.cli.options import default_of, own_default, stated
 from dualwinch.export import export_c, export_fmu, export_st, generate_c
 from dualwinch.identification.options import DEFAULTS
@@ -46,11 +46,11 @@ OTHER = {"preload error", "race out", "tune workers"}
 def commands() -> dict[str, Callable[..., Any]]:
     """Every command with the function that has its options."""
     found = {}
-    for module in COMMANDS:
-        below = [name for name in module.app if not name.startswith("-")]
-        for words, app in [("", module.app), *((f" {name}", module.app[name]) for name in below)]:
-            if command := app.default_command:
-                found[module.app.name[0] + words] = command
+    for name in COMMANDS:
+        below = [word for word in app[name] if not word.startswith("-")]
+        for words, each in [("", app[name]), *((f" {word}", app[name][word]) for word in below)]:
+            if command := each.default_command:
+                found[name + words] = command
     return found
 
 
