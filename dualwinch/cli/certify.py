@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.text import Text
 
 from dualwinch.cli.linearise import print_resonance, resonance_tables
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
+from dualwinch.cli.options import ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def certify(
     *,
     ensemble: NominalMachine = None,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     out: Path | None = None,
     plot: Annotated[Figure, Parameter(help="File for a figure of V(t) and dV/dt: .png, .svg or .pdf.")] = None,
 ) -> None:

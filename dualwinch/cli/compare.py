@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dualwinch.cli.options import (
-    CHECKPOINTING_WORKERS,
-    EXPERIMENT,
     WHOLE,
     CheckpointingWorkerOptions,
     ExperimentOptions,
@@ -40,10 +38,10 @@ def compare(
     ensemble: str = "sea",
     scenarios: Annotated[int, WHOLE] = 200,
     seed: Annotated[int, WHOLE] = 0,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     out: Path | None = None,
     plot: Figure = None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
 ) -> None:
     """Compare files of gains in the same scenarios, with confidence intervals on the ratios to the first.
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, use_parts
+from dualwinch.cli.options import ExperimentOptions, use_parts
 
 
-def config(*, given: ExperimentOptions = EXPERIMENT, ensemble: str | None = None, start: bool = False) -> None:
+def config(*, given: ExperimentOptions = ExperimentOptions(), ensemble: str | None = None, start: bool = False) -> None:
     """Print the complete configuration as TOML, each key with unit, meaning, range and source.
 
     With --config, keys that the file does not give are marked: still the paper's, or a default. They stay marked when

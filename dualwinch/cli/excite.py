@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 from dualwinch.cli.identify import prior_from
 from dualwinch.cli.options import (
-    EXPERIMENT,
     ExperimentOptions,
     Figure,
     Json,
@@ -31,7 +30,7 @@ from dualwinch.cli.progress import ProgressLine
 def excite(
     *,
     fit: list[str],
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
     prior: Priors = None,
     duration: Annotated[str | None, default_of("excite", "duration", "{:g}s")] = None,

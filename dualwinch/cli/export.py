@@ -9,7 +9,6 @@ from cyclopts import App, Parameter
 
 from dualwinch import __version__
 from dualwinch.cli.options import (
-    EXPERIMENT,
     ExperimentOptions,
     Whole,
     default_of,
@@ -65,7 +64,7 @@ def export_c(
     header: Annotated[bool, Parameter(negative="--no-header")] = True,
     main: bool = False,
     mex: bool = False,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
 ) -> None:
     """Write a self-contained C99 package: source, header, CMake file, README and an example.
 
@@ -116,7 +115,7 @@ def export_st(
         Literal["iec", "codesys", "twincat", "siemens-scl"] | None, default_of("export_st", "flavour")
     ] = None,
     max_operations: Annotated[Whole, default_of("export_st", "max_operations")] = None,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
 ) -> None:
     """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
 
@@ -152,7 +151,7 @@ def export_fmu(
     fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi")] = None,
     kind: Literal["co-simulation", "model-exchange", "both"] | None = None,
     platforms: str | None = None,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
@@ -181,7 +180,7 @@ def export_fmu(
 
 
 @export.command(name="mex")
-def export_mex(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
+def export_mex(*, out: Out, given: ExperimentOptions = ExperimentOptions()) -> None:
     """Write plant and controller as MEX sources for MATLAB and GNU Octave, with a closed loop in their language.
 
     Examples:
@@ -193,7 +192,7 @@ def export_mex(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
 
 
 @export.command(name="casadi")
-def export_casadi(*, out: Out, given: ExperimentOptions = EXPERIMENT) -> None:
+def export_casadi(*, out: Out, given: ExperimentOptions = ExperimentOptions()) -> None:
     """Write the functions of controller, plant and closed loop as CasADi files, with the names of all variables.
 
     Examples:

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from dualwinch.cli.options import (
-    CHECKPOINTING_WORKERS,
-    EXPERIMENT,
     WHOLE,
     CheckpointingWorkerOptions,
     ExperimentOptions,
@@ -42,7 +40,7 @@ def identify(
     logs: list[Path],
     *,
     fit: list[str],
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
     prior: Priors = None,
     column: list[str] | None = None,
@@ -57,7 +55,7 @@ def identify(
     ] = None,
     out: Path | None = None,
     plot: Figure = None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
     json: Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.

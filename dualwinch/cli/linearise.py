@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, NominalMachine
+from dualwinch.cli.options import ControllerOptions, Figure, NominalMachine
 from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,
@@ -47,7 +47,7 @@ def linearise(
     opening: Literal["u", "tau_1", "tau_2", "torques"] | None = None,
     dt: float | None = None,
     ensemble: NominalMachine = None,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     out: Path | None = None,
     plot: Figure = None,
     figure: Literal["amplitude", "bode", "modes", "poles", "shapes"] | None = None,

@@ -214,10 +214,6 @@ class ControllerOptions(ExperimentOptions):
         return [f"controller.{key}={kind}" for key, kind in parts.items() if kind is not None] + super().assignments
 
 
-EXPERIMENT, CONTROLLER = ExperimentOptions(), ControllerOptions()
-"""Defaults: no option given."""
-
-
 def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     """Print notes on defaults that do not follow the user's `own` keys, on unusual values, and those without effect."""
     if not own:
@@ -417,10 +413,6 @@ class WorkerOptions:
             EXACT.reset(before)
 
 
-WORKERS = WorkerOptions()
-"""Defaults: no option given."""
-
-
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class CheckpointingWorkerOptions(WorkerOptions):
@@ -454,10 +446,6 @@ class CheckpointingWorkerOptions(WorkerOptions):
                 if self.checkpoint and isinstance(workers, Executor)
                 else workers
             )
-
-
-CHECKPOINTING_WORKERS = CheckpointingWorkerOptions()
-"""Defaults: no option given."""
 
 
 def use_parts(plugins: list[str] | None) -> None:

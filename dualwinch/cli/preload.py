@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure
+from dualwinch.cli.options import ControllerOptions, Figure
 from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def preload(
     *,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     minimise: Literal["load", "peak", "energy"] = "load",
     error: float = 0.0,
     torque_rate: float | None = None,

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dualwinch.cli.options import (
-    WORKERS,
     Assignments,
     Plugins,
     Whole,
@@ -55,7 +54,7 @@ def race(
     seed: Annotated[Whole, default_of("race", "seed")] = None,
     stress: bool = False,
     out: Path = Path("race"),
-    where: WorkerOptions = WORKERS,
+    where: WorkerOptions = WorkerOptions(),
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same test set.
 

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.cli.options import CONTROLLER, ControllerOptions, Figure, Json
+from dualwinch.cli.options import ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 def sensitivities(
     *keys: str,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     metric: list[str] | None = None,
     column: list[str] | None = None,
     out: Path | None = None,

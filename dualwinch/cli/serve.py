@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dualwinch.cli.lab import HOST, page_of, server_of
-from dualwinch.cli.options import EXPERIMENT, ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
+from dualwinch.cli.options import ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
 from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import print_result
@@ -32,7 +32,7 @@ SETTINGS = "simulation.server.plant:ServerSettings"
 
 def serve(
     *,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     ensemble: NominalMachine = None,
     realtime: Annotated[bool, Parameter(negative="--lockstep")] = True,
     rate: Annotated[float | None, default_of(SETTINGS, "rate")] = None,

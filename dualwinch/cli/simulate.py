@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from dualwinch.cli.options import (
-    CHECKPOINTING_WORKERS,
-    CONTROLLER,
     WHOLE,
     CheckpointingWorkerOptions,
     ControllerOptions,
@@ -49,7 +47,7 @@ SCENARIOS, SEED = 100, 0
 
 def simulate(
     *,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     ensemble: str | None = None,
     scenarios: Annotated[Whole, default_of("cli.simulate:SCENARIOS")] = None,
     seed: Annotated[Whole, default_of("cli.simulate:SEED")] = None,
@@ -59,7 +57,7 @@ def simulate(
     stride: Annotated[int, WHOLE] = 1,
     engine: Literal["compiled", "casadi", "interpreter"] | None = None,
     statistics_only: bool = False,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
     json: Json = False,
 ) -> None:
     """Simulate one experiment and print its figures of merit.

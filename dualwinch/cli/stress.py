@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dualwinch.cli.options import (
-    CHECKPOINTING_WORKERS,
-    EXPERIMENT,
     CheckpointingWorkerOptions,
     ExperimentOptions,
     Json,
@@ -35,14 +33,14 @@ if TYPE_CHECKING:
 def stress(
     file: Path | None = None,
     *,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     ensemble: Annotated[str | None, default_of("stress", "ensemble")] = None,
     base: Annotated[str | None, default_of("stress", "base")] = None,
     constraint: list[str] | None = None,
     scenarios: Annotated[Whole, default_of("stress", "scenarios")] = None,
     seed: Annotated[Whole, default_of("stress", "seed")] = None,
     out: Path | None = None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
     json: Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.

@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.cli.options import (
-    CHECKPOINTING_WORKERS,
-    CONTROLLER,
     CheckpointingWorkerOptions,
     ControllerOptions,
     Figure,
@@ -43,11 +41,11 @@ if TYPE_CHECKING:
 
 def sweep(
     *over: str,
-    given: ControllerOptions = CONTROLLER,
+    given: ControllerOptions = ControllerOptions(),
     metric: list[str] | None = None,
     out: Path | None = None,
     plot: Figure = None,
-    where: CheckpointingWorkerOptions = CHECKPOINTING_WORKERS,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
     json: Json = False,
 ) -> None:
     """Run one experiment over values of one or two keys, side by side on all cores.

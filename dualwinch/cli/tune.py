@@ -20,9 +20,7 @@ from rich.text import Text
 
 from dualwinch import __version__
 from dualwinch.cli.options import (
-    EXPERIMENT,
     WHOLE,
-    WORKERS,
     ExperimentOptions,
     Whole,
     WorkerOptions,
@@ -86,7 +84,7 @@ class StudyOptions:
     shared: bool = False
     resume: bool = False
     out: Path = Path("tuning-results")
-    where: WorkerOptions = WORKERS
+    where: WorkerOptions = WorkerOptions()
     stress: Annotated[bool, Parameter(negative="--no-stress")] = False
 
     @property
@@ -100,17 +98,13 @@ class StudyOptions:
         return str(self.storage or self.out / "study.journal")
 
 
-STUDY = StudyOptions()
-"""Defaults: no option given."""
-
-
 SELECTION = "tuning.selection_config:SelectionConfig"
 """Class with the defaults of the chance constraint."""
 
 
 def tune(
     *,
-    given: ExperimentOptions = EXPERIMENT,
+    given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
     scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
     space: list[str] | None = None,
@@ -119,7 +113,7 @@ def tune(
     violation: Annotated[str | None, default_of(SELECTION, "violation", "{:.1%}")] = None,
     confidence: Annotated[str | None, default_of(SELECTION, "confidence", "{:.0%}")] = None,
     seed: Annotated[int, WHOLE] = 0,
-    options: StudyOptions = STUDY,
+    options: StudyOptions = StudyOptions(),
 ) -> None:
     """Search for better gains, and score the best in a test set.
 
