@@ -6,24 +6,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from dualwinch.cli.identify import prior_from
-from dualwinch.cli.options import (
-    ExperimentOptions,
-    Figure,
-    Json,
-    Priors,
-    Whole,
-    default_of,
-    seconds_from,
-    stated,
-)
-from dualwinch.cli.output import (
-    check_file,
-    print_json,
-    terminal,
-    version_notes,
-    write_figure,
-    write_text,
-)
+from dualwinch.cli.options import ExperimentOptions, Figure, Json, Priors, Whole, default_of, seconds_from, stated
+from dualwinch.cli.output import check_file, print_json, terminal, version_notes, write_figure, write_text
 from dualwinch.cli.progress import ProgressLine
 
 
@@ -79,11 +63,9 @@ def excite(
     from dualwinch.identification.options import DEFAULTS
 
     search = DEFAULTS.excitation
-    length = (
-        None if duration is None else seconds_from(duration, "--duration", search.min_duration, search.max_duration)
-    )
+    length = seconds_from(duration, "--duration", search.min_duration, search.max_duration)
     known = dict(map(prior_from, prior or []))
-    limit = None if time is None else seconds_from(time)
+    limit = seconds_from(time)
     check_file(out, ".toml")
     with ProgressLine("searching") as progress:
         found = excite(

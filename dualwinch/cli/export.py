@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import (
-    ExperimentOptions,
-    Whole,
-    default_of,
-    own_default,
-    stated,
-)
+from dualwinch.cli.options import ExperimentOptions, Whole, default_of, own_default, stated
 from dualwinch.cli.output import print_note, wrote
 
 if TYPE_CHECKING:

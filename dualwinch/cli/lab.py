@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 Browser = Annotated[bool, Parameter(help="Open the page in a browser.", negative="--no-browser")]
 
 
-def lab(
-    *,
-    out: Path | None = None,
-    port: Annotated[int, WHOLE] = 0,
-    browser: Browser = True,
-) -> None:
+def lab(*, out: Path | None = None, port: Annotated[int, WHOLE] = 0, browser: Browser = True) -> None:
     """Play with the closed loop in a browser: every case, law and number, redrawn at once.
 
     The page is one file and needs no server; it runs what `simulate` runs, compiled to WebAssembly. The first

@@ -44,8 +44,7 @@ Whole = Annotated[int | None, WHOLE]
 """A whole number that need not be given."""
 
 Priors = Annotated[
-    list[str] | None,
-    Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated."),
+    list[str] | None, Parameter(name="--prior", help="Prior, key=mean±sd (or key=mean+-sd); may be repeated.")
 ]
 
 Assignments = Annotated[
@@ -333,14 +332,18 @@ LONGEST_TIME = 1e7
 """Longest time in s."""
 
 
-def seconds_from(text: str, option: str = "--time", least: float = 0.0, most: float = LONGEST_TIME) -> float:
-    """Parse a time such as ``60s``, ``5min``, ``2h`` or ``90`` into s.
+def seconds_from(
+    text: str | None, option: str = "--time", least: float = 0.0, most: float = LONGEST_TIME
+) -> float | None:
+    """Parse a time such as ``60s``, ``5min``, ``2h`` or ``90`` into s; ``None`` if not given.
 
     Raises:
         ConfigurationError: no time, or not in the range of `least` to `most` in s; 0 itself is refused.
     """
     from dualwinch.model.errors import ConfigurationError
 
+    if text is None:
+        return None
     parts = re.fullmatch(r"\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*(s|min|m|h|)\s*", text)
     if not parts:
         raise ConfigurationError(f"{option} {text}: must be a time such as 60s, 5min or 2h")

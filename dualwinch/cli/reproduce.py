@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from dualwinch.cli.output import (
-    FigureColumn,
-    FigureTable,
-    json_text,
-    styled,
-    terminal,
-    version_notes,
-    versions,
-)
+from dualwinch.cli.output import FigureColumn, FigureTable, json_text, styled, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import engine_here
 

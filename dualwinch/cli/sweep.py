@@ -11,12 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.cli.options import (
-    CheckpointingWorkerOptions,
-    ControllerOptions,
-    Figure,
-    Json,
-)
+from dualwinch.cli.options import CheckpointingWorkerOptions, ControllerOptions, Figure, Json
 from dualwinch.cli.output import (
     FigureColumn,
     FigureTable,

@@ -90,7 +90,7 @@ class StudyOptions:
     @property
     def seconds(self) -> float | None:
         """Wall time of the search in s; None: no limit."""
-        return None if self.time is None else seconds_from(self.time)
+        return seconds_from(self.time)
 
     @property
     def kept_in(self) -> str:
@@ -374,8 +374,7 @@ def check_options(options: StudyOptions) -> None:
     for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
         if count is not None and count < 1:
             raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
-    if options.time is not None:
-        seconds_from(options.time)
+    seconds_from(options.time)
     if options.workers < 1:
         raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
     if options.workers > 1 and not (options.shared or is_database(options.kept_in)):
