@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from itertools import count
@@ -134,7 +134,7 @@ def _torques(text: str | None) -> tuple[float, ...] | None:
 
 @contextmanager
 def shown(
-    plant: ServedPlant, experiment: Experiment, protocols: list[Protocol], host: str, *, lab: bool
+    plant: ServedPlant, experiment: Experiment, protocols: Sequence[Protocol], host: str, *, lab: bool
 ) -> Iterator[None]:
     """Serve a plant by its protocols and in the lab, and print the addresses."""
     from threading import Thread
