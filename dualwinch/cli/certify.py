@@ -59,8 +59,9 @@ def certify(
         certificate = judge(experiment, progress=progress)
         progress(0.0, "searching nearby gains")
         near = nearby_gains(certificate, progress=progress)
-    print_certificate(certificate, near)
-    write_json(out, lambda: to_record(certificate, near))
+    record = to_record(certificate, near)
+    print_certificate(record, certificate, near)
+    write_json(out, lambda: record)
     write_figure(plot, "lyapunov", certificate)
 
 
@@ -68,7 +69,7 @@ POINTS = 2000
 """Most points of V(t) in a file."""
 
 
-def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
+def print_certificate(record: dict[str, Any], certificate: Certificate, near: NearbyGains) -> None:
     """Print the verdict on every condition, the decrease of V, and the nearby gains."""
     from dualwinch.simulation.analysis.stability import GAPS
 
@@ -81,11 +82,11 @@ def print_certificate(certificate: Certificate, near: NearbyGains) -> None:
     for statement in dict.fromkeys(condition.statement for condition in certificate.conditions):
         console.print(f"  {statement}", style="dim", highlight=False)
     console.print()
-    console.print(_verdict(certificate))
-    final, largest = certificate.terms.total[-1], certificate.terms.total.max()
+    console.print(_verdict(record))
     console.print(
         f"V decreases over {100 * certificate.decreasing:.4g} % of the samples, and at the rate of the paper's last "
-        f"line over {100 * certificate.within_claim:.4g} %. Largest V {largest:.4g}, last {final:.4g}."
+        f"line over {100 * certificate.within_claim:.4g} %. "
+        f"Largest V {record['largest_V']:.4g}, last {record['last_V']:.4g}."
     )
     console.print(_search(near))
     console.print("\nAssumptions of the proof, whatever the gains:")
@@ -109,32 +110,20 @@ def conditions_table(conditions: Sequence[Condition]) -> FigureTable:
     return FigureTable("conditions", columns, rows)
 
 
-def _verdict(certificate: Certificate) -> Text:
+def _verdict(record: dict[str, Any]) -> Text:
     from dualwinch.simulation.analysis.stability import REAL
 
-    if certificate.result.outcome != "completed":
+    if record["outcome"] != "completed":
         return styled("bold", "Not certified", ": the run did not reach its end.")
-    if certificate.certified_with_ropes:
+    if record["certified_with_ropes"]:
         return styled("bold", "Certified", ", also with the force that the ropes do not deliver as a disturbance.")
-    if certificate.certified:
+    if record["certified"]:
         return styled("bold", "Certified as printed", f", but not with {REAL}: the force lags behind its command.")
-    printed = _printed(certificate)
-    failing, with_ropes = _failing(printed), _failing(certificate.conditions)
-    words = f"{failing} of the paper's {len(printed)} conditions fail"
+    judged, failing, with_ropes = record["judged_conditions"], *record["failing_conditions"].values()
+    words = f"{failing} of the paper's {judged['printed']} conditions fail"
     if with_ropes > failing:
         words += f"; with {REAL}, {with_ropes - failing} more"
-    return styled("bold", "Not certified", f": {words} ({with_ropes} of the {len(certificate.conditions)} rows above).")
-
-
-def _printed(certificate: Certificate) -> list[Condition]:
-    """The conditions as the paper prints them."""
-    from dualwinch.simulation.analysis.stability import REAL
-
-    return [condition for condition in certificate.conditions if condition.basis != REAL]
-
-
-def _failing(conditions: Sequence[Condition]) -> int:
-    return sum(not condition.holds for condition in conditions)
+    return styled("bold", "Not certified", f": {words} ({with_ropes} of the {judged['with_ropes']} rows above).")
 
 
 def _search(near: NearbyGains) -> str:
@@ -151,9 +140,10 @@ def _search(near: NearbyGains) -> str:
 def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
     """The report as plain values."""
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.simulation.analysis.stability import GAPS
+    from dualwinch.simulation.analysis.stability import GAPS, REAL
 
-    result, terms, printed = certificate.result, certificate.terms, _printed(certificate)
+    result, terms, conditions = certificate.result, certificate.terms, certificate.conditions
+    judged = {"printed": [each for each in conditions if each.basis != REAL], "with_ropes": conditions}
     stride = max(1, -(-len(result["t"]) // POINTS))
     names = ("surface", "auxiliary", "estimate", "adaptation")
     curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
@@ -162,14 +152,14 @@ def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "end_time": result.end_time,
         "certified": certificate.certified,
         "certified_with_ropes": certificate.certified_with_ropes,
-        "conditions": [asdict(condition) for condition in certificate.conditions],
+        "conditions": [asdict(condition) for condition in conditions],
         "bounds": {basis: asdict(bounds) for basis, bounds in certificate.bounds.items()},
         "decreasing_share": certificate.decreasing,
         "within_claim_share": certificate.within_claim,
         "largest_V": float(terms.total.max()),
         "last_V": float(terms.total[-1]),
-        "failing_conditions": {"printed": _failing(printed), "with_ropes": _failing(certificate.conditions)},
-        "judged_conditions": {"printed": len(printed), "with_ropes": len(certificate.conditions)},
+        "failing_conditions": {name: sum(not each.holds for each in those) for name, those in judged.items()},
+        "judged_conditions": {name: len(those) for name, those in judged.items()},
         "units": {"end_time": "s", "t": "s", "decreasing_share": "1", "within_claim_share": "1"},
         "curves": {name: values[::stride] for name, values in curves.items()}
         | {"dV_dt": certificate.rate[::stride].tolist()},

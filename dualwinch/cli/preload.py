@@ -21,9 +21,11 @@ from dualwinch.cli.output import (
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.analysis.preload import OptimalPreload, Preloads
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from dualwinch.simulation.analysis.preload import Preloads
     from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.results.result import Result
 
 
 def preload(
@@ -68,8 +70,9 @@ def preload(
             configured=_as_configured(given, experiment),
             progress=progress,
         )
-    print_preloads(found, given.typed)
-    write_json(out, lambda: to_record(found, given.typed))
+    record = to_record(found, given.typed)
+    print_preloads(record, found)
+    write_json(out, lambda: record)
     write_figure(plot, "preloads", found)
 
 
@@ -100,34 +103,34 @@ FILE_POINTS = 1000
 """Most points over time of each run in a file."""
 
 
-def preloads_table(found: Preloads) -> FigureTable:
-    """Smallest and largest value of each preload, and figures of merit of its run, a row each."""
-    merits = found.scheduled.metrics.quantities
+def print_preloads(record: dict[str, Any], found: Preloads) -> None:
+    """Print a row for every preload, the saving of the schedule, and remarks on its run."""
+    console, merits = terminal(), found.scheduled.metrics.quantities
     columns = [FigureColumn("preload", ""), FigureColumn("preload_extremes", "N", "N")]
     columns += [FigureColumn.of_metric(name, merits[name]) for name in PRINTED]
     rows = []
-    for name, run in found.runs.items():
-        ended = "" if run.outcome == "completed" else f" ({run.outcome})"
-        rows.append([name + ended, _sums(_extremes(run)), *(run.metrics[column.name] for column in columns[2:])])
-    reached = _optimum_metrics(found.optimum)
-    best = [reached.get(column.name, math.nan) for column in columns[2:]]
-    return FigureTable("preloads", columns, [*rows, ["optimum", _sums(_ends(found.optimum.preload)), *best]])
-
-
-def print_preloads(found: Preloads, typed: str) -> None:
-    """Print every preload, the saving of the schedule, and remarks, whose commands have the options `typed`."""
-    from dualwinch.simulation.analysis.remarks import in_full, remarks
-
-    console = terminal()
-    console.print(preloads_table(found).render())
+    for name in (*found.runs, "optimum"):
+        run = record[name.replace(" ", "_")]
+        outcome = run.get("outcome", "completed")
+        ended = "" if outcome == "completed" else f" ({outcome})"
+        extremes = "–".join(dict.fromkeys(f"{end:.0f}" for end in run["preload_extremes"]))
+        rows.append([name + ended, extremes, *(run["metrics"].get(metric, math.nan) for metric in PRINTED)])
+    console.print(FigureTable("preloads", columns, rows).render())
     if found.configured is not None:
         console.print(_coordinations(found), soft_wrap=True, highlight=False)
     if found.best is None:
         console.print("No constant preload has an error as small as the schedule's and keeps both ropes as taut.")
     else:
-        _print_saved(found)
-    for words in remarks(found.scheduled):
-        print_note(in_full(words, typed))
+        over_best = record["measure_over_best_constant"]
+        taken = f"The schedule takes {over_best['scheduled']:.3g} of the {found.measure.replace('_', ' ')}"
+        saved = f"{100 * found.saved:.3g} % of the possible saving" if found.saved > 0 else "no saving"
+        words = (
+            " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
+            f"{over_best['optimum']:.3g}: {saved}."
+        )
+        console.print(styled("bold", taken, words), soft_wrap=True)
+    for words in record["remarks"]:
+        print_note(words)
 
 
 def _coordinations(found: Preloads) -> str:
@@ -142,55 +145,6 @@ def _coordinations(found: Preloads) -> str:
     )
 
 
-def _print_saved(found: Preloads) -> None:
-    """Print the saving of the schedule over the best constant preload, also as a share of the largest possible."""
-    over_best = _over_best(found)
-    words = found.measure.replace("_", " ")
-    saved = f"{100 * found.saved:.3g} % of the possible saving" if found.saved > 0 else "no saving"
-    terminal().print(
-        styled(
-            "bold",
-            f"The schedule takes {over_best['scheduled']:.3g} of the {words}",
-            " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
-            f"{over_best['optimum']:.3g}: {saved}.",
-        ),
-        soft_wrap=True,
-    )
-
-
-def _optimum_metrics(optimum: OptimalPreload) -> dict[str, float]:
-    """Figures of merit of the optimal preload, in their SI units."""
-    return {
-        "continuous_load": optimum.continuous_load,
-        "peak_tension": optimum.peak_tension,
-        "min_tension": float(min(optimum.F1.min(), optimum.F2.min())),
-        "energy": optimum.energy,
-        "mse": float((optimum.e**2).mean()),
-    }
-
-
-def _over_best(found: Preloads) -> dict[str, float]:
-    """The measure of schedule and optimal preload over that of the best constant preload."""
-    if found.best is None:
-        return {}
-    theirs = found.best.metrics[found.measure]
-    ours, bound = found.scheduled.metrics[found.measure], getattr(found.optimum, found.measure)
-    return {"scheduled": ours / theirs, "optimum": bound / theirs}
-
-
-def _ends(preload: Any) -> list[float]:
-    return [float(preload.min()), float(preload.max())]
-
-
-def _extremes(run: Result) -> list[float]:
-    """Smallest and largest preload of a run, the commanded sum of tensions, in N."""
-    return _ends(run["preload"]) if "preload" in run.columns else [run.experiment.controller.limits.preload] * 2
-
-
-def _sums(extremes: list[float]) -> str:
-    return "–".join(dict.fromkeys(f"{end:.0f}" for end in extremes))
-
-
 def to_record(found: Preloads, typed: str) -> dict[str, Any]:
     """The preloads as plain data; commands in remarks have the options `typed`."""
     from dualwinch.config.experiment_file import to_toml
@@ -198,29 +152,45 @@ def to_record(found: Preloads, typed: str) -> dict[str, Any]:
 
     report: dict[str, Any] = {}
     for name, run in found.runs.items():
-        stride = max(1, -(-len(run["t"]) // FILE_POINTS))
+        stride, preload = max(1, -(-len(run["t"]) // FILE_POINTS)), run.experiment.controller.limits.preload
         report[name.replace(" ", "_")] = {
             "outcome": str(run.outcome),
             "coordination": run.experiment.controller.coordination.kind,
-            "preload": run.experiment.controller.limits.preload,
-            "preload_extremes": _extremes(run),
+            "preload": preload,
+            "preload_extremes": _extremes(run["preload"]) if "preload" in run.columns else [preload] * 2,
             "metrics": dict(run.metrics),
             "curves": {key: run[key][::stride] for key in ("t", "F1", "F2", "e")},
         }
     optimum = found.optimum
     report["optimum"] = {
-        "metrics": _optimum_metrics(optimum),
-        "preload_extremes": _ends(optimum.preload),
+        "metrics": {
+            "continuous_load": optimum.continuous_load,
+            "peak_tension": optimum.peak_tension,
+            "min_tension": float(min(optimum.F1.min(), optimum.F2.min())),
+            "energy": optimum.energy,
+            "mse": float((optimum.e**2).mean()),
+        },
+        "preload_extremes": _extremes(optimum.preload),
         "curves": {key: getattr(optimum, key) for key in ("t", "F1", "F2", "e")},
     }
+    over_best = {}
+    if found.best is not None:
+        best = found.best.metrics[found.measure]
+        ours, bound = found.scheduled.metrics[found.measure], getattr(optimum, found.measure)
+        over_best = {"scheduled": ours / best, "optimum": bound / best}
     units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
     units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")
     return report | {
         "measure": found.measure,
         "saved_share": found.saved,
-        "measure_over_best_constant": _over_best(found),
+        "measure_over_best_constant": over_best,
         "remarks": [in_full(words, typed) for words in remarks(found.scheduled)],
         "units": units | {name: quantity.unit for name, quantity in found.scheduled.metrics.quantities.items()},
         "configuration": to_toml(found.scheduled.experiment),
         "versions": versions(),
     }
+
+
+def _extremes(preload: NDArray[np.float64]) -> list[float]:
+    """Smallest and largest preload, the commanded sum of tensions, in N."""
+    return [float(preload.min()), float(preload.max())]
