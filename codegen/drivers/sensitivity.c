@@ -49,10 +49,14 @@ IN_LANES sample_slopes_lanes(const double *restrict state, const double *restric
 
 IN_LANES sample_product(const double *restrict slopes, const void *states, const void *directions,
                         const void *signals, void *discretes, void *holds) {
-  const Vector *restrict state_tangent = states, *restrict direction = directions, *restrict signal_tangent = signals;
-  Vector *restrict discrete_tangent = discretes, *restrict hold_tangent = holds;
-  (void)direction, (void)signal_tangent;
-  SAMPLE_PRODUCT
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    const Vector *restrict signal_tangent = (const Vector *)signals + at;
+    Vector *restrict discrete_tangent = (Vector *)discretes + at, *restrict hold_tangent = (Vector *)holds + at;
+    (void)direction, (void)signal_tangent;
+    SAMPLE_PRODUCT
+  }
 }
 
 #if HAS_ONE_STEP
@@ -63,10 +67,14 @@ IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *rest
 
 IN_LANES one_step_product(const double *restrict slopes, const void *motions, const void *holds,
                           const void *directions, void *nexts) {
-  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
-  Vector *restrict next_motion_tangent = nexts;
-  (void)direction;
-  ONE_STEP_PRODUCT
+  EACH_GROUP {
+    const Vector *restrict motion_tangent = (const Vector *)motions + at;
+    const Vector *restrict hold_tangent = (const Vector *)holds + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    Vector *restrict next_motion_tangent = (Vector *)nexts + at;
+    (void)direction;
+    ONE_STEP_PRODUCT
+  }
 }
 #endif
 
@@ -78,10 +86,14 @@ IN_LANES observe_slopes_lanes(const double *restrict state, const double *restri
 
 IN_LANES observe_product(const double *restrict slopes, const void *states, const void *directions,
                          const void *signals, void *rows) {
-  const Vector *restrict state_tangent = states, *restrict direction = directions, *restrict signal_tangent = signals;
-  Vector *restrict row_tangent = rows;
-  (void)slopes, (void)direction, (void)signal_tangent;
-  OBSERVE_PRODUCT
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    const Vector *restrict signal_tangent = (const Vector *)signals + at;
+    Vector *restrict row_tangent = (Vector *)rows + at;
+    (void)slopes, (void)direction, (void)signal_tangent;
+    OBSERVE_PRODUCT
+  }
 }
 #endif
 

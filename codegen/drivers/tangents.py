@@ -239,12 +239,12 @@ class JacobianProduct:
         """C statements that compute the outputs' tangents, ``OUTPUT_tangent``, from slopes and the inputs' tangents.
 
         The stride of the slopes' elements is LANES by default; an element's tangents along all directions are VECTORS
-        vectors (`vectors.h`).
+        vectors, of which TOGETHER are computed (`vectors.h`).
 
         Args:
             without: array of tangents that are zero.
         """
-        found = [f"Vector {', '.join(f'{joint}[VECTORS]' for joint in self.joints)};"] if self.joints else []
+        found = [f"Vector {', '.join(f'{joint}[TOGETHER]' for joint in self.joints)};"] if self.joints else []
         for target, terms in self.terms.items():
             total = " + ".join(term for array, term in terms if array != without)
             found.append(f"EACH_VECTOR {target} = {total or 'ZEROS'};")

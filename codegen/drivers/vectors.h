@@ -12,6 +12,10 @@
 
 typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_alias, aligned(sizeof(double))));
 
+/* Vectors of a row that are computed together: each factor is read once for all of them, but the code grows with them. */
+#define TOGETHER ((VECTORS) < 6 ? (VECTORS) : (VECTORS) % 4 == 0 ? 4 : (VECTORS) % 3 == 0 ? 3 : (VECTORS) % 2 == 0 ? 2 : 1)
+#define EACH_GROUP for (int at = 0; at < VECTORS; at += TOGETHER)
+
 #define WHOLE_VECTORS(count) (((count) + VECTOR - 1) / VECTOR * VECTOR)
 #define ZEROS ((Vector){0})
 #ifdef __clang__
@@ -19,4 +23,4 @@ typedef double Vector __attribute__((vector_size(VECTOR * sizeof(double)), may_a
 #else
 #define UNROLLED _Pragma("GCC unroll 16")
 #endif
-#define EACH_VECTOR UNROLLED for (int v = 0; v < VECTORS; ++v)
+#define EACH_VECTOR UNROLLED for (int v = 0; v < TOGETHER; ++v)

@@ -45,31 +45,41 @@ static inline void put_identity(double *matrix) {
 
 IN_LANES sense_columns(const double *restrict slopes, const void *states, void *readings) {
   enum { VECTORS = COLUMNS / VECTOR };
-  const Vector *restrict state_tangent = states;
-  Vector *restrict reading_tangent = readings;
-  SENSE_BY_STATE
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    Vector *restrict reading_tangent = (Vector *)readings + at;
+    SENSE_BY_STATE
+  }
 }
 
 IN_LANES prepare_columns(const double *restrict slopes, const void *states, void *rests, void *holds) {
   enum { VECTORS = COLUMNS / VECTOR };
-  const Vector *restrict state_tangent = states;
-  Vector *restrict rest_tangent = rests, *restrict hold_tangent = holds;
-  PREPARE_BY_STATE
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    Vector *restrict rest_tangent = (Vector *)rests + at, *restrict hold_tangent = (Vector *)holds + at;
+    PREPARE_BY_STATE
+  }
 }
 
 IN_LANES move_columns(const double *restrict slopes, const void *motions, const void *holds, void *nexts) {
   enum { VECTORS = COLUMNS / VECTOR };
-  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds;
-  Vector *restrict next_motion_tangent = nexts;
-  MOVE_BY_STATE
+  EACH_GROUP {
+    const Vector *restrict motion_tangent = (const Vector *)motions + at;
+    const Vector *restrict hold_tangent = (const Vector *)holds + at;
+    Vector *restrict next_motion_tangent = (Vector *)nexts + at;
+    MOVE_BY_STATE
+  }
 }
 
 #if HAS_ONE_STEP
 IN_LANES one_step_columns(const double *restrict slopes, const void *motions, const void *holds, void *nexts) {
   enum { VECTORS = COLUMNS / VECTOR };
-  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds;
-  Vector *restrict next_motion_tangent = nexts;
-  ONE_STEP_BY_STATE
+  EACH_GROUP {
+    const Vector *restrict motion_tangent = (const Vector *)motions + at;
+    const Vector *restrict hold_tangent = (const Vector *)holds + at;
+    Vector *restrict next_motion_tangent = (Vector *)nexts + at;
+    ONE_STEP_BY_STATE
+  }
 }
 #endif
 

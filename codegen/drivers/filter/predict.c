@@ -33,28 +33,38 @@ IN_LANES prepare_slopes_lanes(const double *restrict state, const double *restri
 
 IN_LANES sense_ways(const double *restrict slopes, const void *states, const void *directions, void *readings) {
   enum { VECTORS = WAYS / VECTOR };
-  const Vector *restrict state_tangent = states, *restrict direction = directions;
-  Vector *restrict reading_tangent = readings;
-  (void)direction;
-  SENSE_BY_ALL
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    Vector *restrict reading_tangent = (Vector *)readings + at;
+    (void)direction;
+    SENSE_BY_ALL
+  }
 }
 
 IN_LANES prepare_ways(const double *restrict slopes, const void *states, const void *directions, void *rests,
                       void *holds) {
   enum { VECTORS = WAYS / VECTOR };
-  const Vector *restrict state_tangent = states, *restrict direction = directions;
-  Vector *restrict rest_tangent = rests, *restrict hold_tangent = holds;
-  (void)direction;
-  PREPARE_BY_ALL
+  EACH_GROUP {
+    const Vector *restrict state_tangent = (const Vector *)states + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    Vector *restrict rest_tangent = (Vector *)rests + at, *restrict hold_tangent = (Vector *)holds + at;
+    (void)direction;
+    PREPARE_BY_ALL
+  }
 }
 
 IN_LANES move_ways(const double *restrict slopes, const void *motions, const void *holds, const void *directions,
                    void *nexts) {
   enum { VECTORS = WAYS / VECTOR };
-  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
-  Vector *restrict next_motion_tangent = nexts;
-  (void)direction;
-  MOVE_BY_ALL
+  EACH_GROUP {
+    const Vector *restrict motion_tangent = (const Vector *)motions + at;
+    const Vector *restrict hold_tangent = (const Vector *)holds + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    Vector *restrict next_motion_tangent = (Vector *)nexts + at;
+    (void)direction;
+    MOVE_BY_ALL
+  }
 }
 
 #if HAS_ONE_STEP
@@ -66,10 +76,14 @@ IN_LANES one_step_slopes_lanes(const double *restrict motion, const double *rest
 IN_LANES one_step_ways(const double *restrict slopes, const void *motions, const void *holds, const void *directions,
                        void *nexts) {
   enum { VECTORS = WAYS / VECTOR };
-  const Vector *restrict motion_tangent = motions, *restrict hold_tangent = holds, *restrict direction = directions;
-  Vector *restrict next_motion_tangent = nexts;
-  (void)direction;
-  ONE_STEP_BY_ALL
+  EACH_GROUP {
+    const Vector *restrict motion_tangent = (const Vector *)motions + at;
+    const Vector *restrict hold_tangent = (const Vector *)holds + at;
+    const Vector *restrict direction = (const Vector *)directions + at;
+    Vector *restrict next_motion_tangent = (Vector *)nexts + at;
+    (void)direction;
+    ONE_STEP_BY_ALL
+  }
 }
 #endif
 

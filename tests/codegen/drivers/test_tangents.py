@@ -40,7 +40,7 @@ def carried_out(
         "following_tangent": [0.0] * 4,
     }
     declared, *statements = product.statements()
-    assert declared == "Vector joint_0[VECTORS];"
+    assert declared == "Vector joint_0[TOGETHER];"
     names["joint_0"] = [0.0]
     for statement in statements:
         exec(statement.removeprefix("EACH_VECTOR ").rstrip(";"), names)  # noqa: S102 - what was just generated
