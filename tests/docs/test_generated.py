@@ -27,6 +27,13 @@ def test_every_command_has_its_section_with_examples() -> None:
     assert without == [name for name in COMMANDS if "Examples:" not in (app[name].help_epilogue or "")]
 
 
+def test_every_option_has_its_help() -> None:
+    """It stands in a docstring, under the option's name."""
+    options = re.findall(r"^\* `--.*$", commands_markdown(), re.MULTILINE)
+    assert len(options) > 200
+    assert [option for option in options if not re.match(r"\* `[^`]+`: [\w.]", option)] == []
+
+
 def test_every_key_stands_in_its_table() -> None:
     text = keys_markdown()
     tables = dict(re.findall(r"^### `\[(\S+)\]`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
