@@ -61,7 +61,7 @@ def certify(
         near = nearby_gains(certificate, progress=progress)
     record = to_record(certificate, near)
     print_certificate(record, certificate, near)
-    write_json(out, lambda: record)
+    write_json(out, record)
     write_figure(plot, "lyapunov", certificate)
 
 

@@ -83,7 +83,7 @@ def compare(
         result.find_least_errors(progress)
         facts = to_record(result)
     print_comparison(result)
-    write_json(out, lambda: facts)
+    write_json(out, facts)
     write_figure(plot, "comparison", result)
     if result.partial:
         raise KeyboardInterrupt

@@ -129,7 +129,7 @@ def identify(
         write_text(out, lambda: to_toml(found.experiment))
         drawn = out.with_name(f"{out.stem}-ensemble.toml")
         write_text(drawn, lambda: ensemble_to_toml(found.ensemble(out.stem, seed)))
-        write_json(out.with_suffix(".json"), lambda: facts)
+        write_json(out.with_suffix(".json"), facts)
     if disturbance:
         for file in write_forces(disturbance, found):
             wrote(file)

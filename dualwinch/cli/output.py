@@ -294,9 +294,9 @@ def write_text(file: Path | None, text: Callable[[], str]) -> None:
         wrote(file)
 
 
-def write_json(file: Path | None, facts: Callable[[], Mapping[str, Any]]) -> None:
+def write_json(file: Path | None, facts: Mapping[str, Any]) -> None:
     """Write a requested JSON file, and print its name."""
-    write_text(file, lambda: json_text(facts()))
+    write_text(file, lambda: json_text(facts))
 
 
 def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -> None:

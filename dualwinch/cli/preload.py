@@ -72,7 +72,7 @@ def preload(
         )
     record = to_record(found, given.typed)
     print_preloads(record, found)
-    write_json(out, lambda: record)
+    write_json(out, record)
     write_figure(plot, "preloads", found)
 
 

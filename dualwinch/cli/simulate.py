@@ -205,21 +205,21 @@ def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = Tr
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, found = result.metrics, idealisations(result.experiment)
+    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
     columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
     table = FigureTable("metrics", columns, [list(dict(metrics).values())])
     kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
     if json:
         facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}}
-        facts["remarks"] = [in_full(words, typed) for words in remarks(result, loop=loop)]
+        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
         print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
         return
     words = f" ({solver})" if is_automatic(result.experiment) else ""
     console = terminal()
     console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
     console.print(table.render_down())
-    for words in remarks(result, loop=loop):
-        print_note(in_full(words, typed))
+    for words in noted:
+        print_note(words)
     print_idealisations(found)
 
 
