@@ -51,7 +51,8 @@ connection.HEARTBEAT, connection.GRACE = 1, 2
 evaluate = Evaluator.evaluate
 
 def slowly(self, candidates):
-    time.sleep(0.2)
+    print("evaluating", flush=True)
+    time.sleep(1e9 if "hangs" in sys.argv else 0.2)
     return evaluate(self, candidates)
 
 Evaluator.evaluate = slowly
@@ -99,8 +100,9 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
         url, "sea", problem, definition_of(problem, "cmaes"), SearchBudget(TRIALS), resume=False
     )
     environment = os.environ | {"DUALWINCH_STORAGE": url, "PYTHONPATH": str(Path.cwd())}
-    words = [sys.executable, "-c", WORKER, "sea"]
-    workers = [subprocess.Popen(words, env=environment, stderr=subprocess.PIPE) for _ in range(3)]
+    words, pipe = [sys.executable, "-c", WORKER, "sea"], subprocess.PIPE
+    hanging = subprocess.Popen([*words, "hangs"], env=environment, stdout=pipe, text=True)
+    workers = [subprocess.Popen(words, env=environment, stdout=pipe, stderr=pipe) for _ in range(2)]
     watching = optuna.storages.RDBStorage(url, engine_kwargs={"pool_pre_ping": True})
     study = optuna.load_study(study_name="sea", storage=watching)
 
@@ -108,18 +110,20 @@ def test_a_killed_worker_and_a_restart_lose_nothing(server: Any, url: str, make_
         trials = study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
         return [trial.number for trial in trials if f"-{process}-" in trial.user_attrs.get("worker", "")]
 
-    waited_for(lambda: running(workers[0].pid))
-    workers[0].send_signal(signal.SIGKILL)
-    workers[0].communicate()
-    lost = running(workers[0].pid)
+    assert hanging.stdout is not None
+    while "evaluating" not in hanging.stdout.readline():
+        assert hanging.poll() is None
+    hanging.send_signal(signal.SIGKILL)
+    hanging.communicate()
+    lost = running(hanging.pid)
     assert lost
     before = {trial.number: trial.values for trial in study.get_trials(states=FINISHED)}
     waited_for(lambda: store.count() > TRIALS // 3)
     watching.engine.dispose()
     server.stop()
     server.start()
-    endings = [worker.communicate(timeout=240)[1].decode() for worker in workers[1:]]
-    assert [worker.returncode for worker in workers[1:]] == [0, 0], endings
+    endings = [worker.communicate(timeout=240)[1].decode() for worker in workers]
+    assert [worker.returncode for worker in workers] == [0, 0], endings
     trials = study.get_trials()
     assert Counter(trial.state in FINISHED for trial in trials)[True] == TRIALS
     assert {trial.number: trial.values for trial in trials if trial.number in before} == before
@@ -183,6 +187,23 @@ def test_workers_side_by_side_take_no_more_trials_than_there_shall_be(url: str, 
     assert store.claim(1, SearchBudget(17), propose) == [], "the place is taken"
     for worker in workers:
         worker.close()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_dies_as_it_asks_costs_no_trial(url: str, make_problem: MakeProblem) -> None:
+    """With the first candidate in its hands, and with a new trial that has no place yet."""
+    problem, budget = light(make_problem), SearchBudget(6)
+    prepared = prepare(problem)
+    store = DatabaseStudy.begin(url, "asked", problem, definition_of(problem, "random"), budget, resume=False)
+    storage = optuna.storages.RDBStorage(url)
+    dying = optuna.load_study(study_name="asked", storage=storage)
+    assert ["place" in dying.ask().user_attrs for _ in range(2)] == [True, False]
+    storage.engine.dispose()
+    search("random", optimiser("random", prepared, 0), store, Evaluator(prepared))
+    assert states(url, "asked")[TrialState.COMPLETE] == 6
+    assert states(url, "asked")[TrialState.RUNNING] == 0
+    assert [each.candidate.origin for each in store.finished()].count("paper") == 1
+    store.close()
 
 
 @pytest.mark.filterwarnings("ignore")
