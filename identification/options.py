@@ -39,6 +39,11 @@ class InitialStateOptions:
     position: Annotated[Positive, Quantity("m", "position of vehicle and drums together")] = 5e-3
     stretch: Annotated[Positive, Quantity("1", "stretch of each rope, as a share of it")] = 0.2
     speed: Annotated[Positive, Quantity("m/s", "speed of vehicle and drums, together and of each drum")] = 0.02
+    sag: Annotated[Positive, Quantity("1", "depth of each rope's sag, as a share of it; its rate likewise")] = 0.3
+    friction: Annotated[
+        Positive, Quantity("1", "friction with a bristle state, rope wires and rail, as a share of the largest")
+    ] = 0.6
+    torque: Annotated[Positive, Quantity("1", "torque of each motor with a lag, as a share of it")] = 0.2
 
 
 @dataclass(frozen=True)

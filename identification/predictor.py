@@ -6,7 +6,7 @@ samples.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
@@ -21,13 +21,15 @@ from dualwinch.controllers.nominal import Nominal
 from dualwinch.identification.options import InitialStateOptions, NoiseOptions
 from dualwinch.model.actuators import drive
 from dualwinch.model.disturbance import Disturbance, vortex_frequency
+from dualwinch.model.heavy_ropes import span_of, transverse_mass
 from dualwinch.model.linear.operating_point import steady_motion
-from dualwinch.model.plant import Torques, holding_torques, shaft_torques, tensions
+from dualwinch.model.plant import Plant, Torques, holding_torques, shaft_torques, tensions
+from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.ropes import crept
-from dualwinch.model.scalar import Scalar, cos, exp, sin
-from dualwinch.model.vehicle import Vehicle, drag, friction
+from dualwinch.model.ropes import crept, rope_lengths
+from dualwinch.model.scalar import Scalar, cos, exp, present, sin
+from dualwinch.model.vehicle import Vehicle, bent_bristles, drag, friction
 from dualwinch.model.winch import winding
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import Motion, Problem
@@ -39,7 +41,7 @@ from dualwinch.simulation.loop.closed_loop import (
     zero_order_hold,
 )
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
-from dualwinch.simulation.sensors import Sensors, measurement
+from dualwinch.simulation.sensors import LoadCells, Sensors, load_cells, measurement
 
 Floats = NDArray[np.float64]
 
@@ -186,11 +188,12 @@ class NoiseCovariances:
 
 @dataclass(frozen=True)
 class PredictorState:
-    """State of the machine, augmented by the unrecorded disturbances."""
+    """State of machine and load cells, augmented by the unrecorded disturbances."""
 
     motion: Motion
     actuator_1: Any
     actuator_2: Any
+    load_cells: Any
     vortices: VortexStates | NoVortices
     unrecorded: UnrecordedDisturbances
 
@@ -203,18 +206,23 @@ def state_names(disturbance: str) -> tuple[str, ...]:
 
 
 def predictor_structure(experiment: Experiment) -> Experiment:
-    """The structure of the predictor's code: an experiment's, without its controller."""
+    """The structure of the predictor's code: an experiment's, without its controller.
+
+    Of the sensors, only a lag of the load cells shapes the code.
+    """
     structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
     simulation = replace(structure.simulation, delay_samples=0, readings=False)
     disturbance = Disturbance(vortex=True, integrated_phase=True) if has_vortex_states(experiment) else Disturbance()
-    return replace(structure, sensors=Sensors(), simulation=simulation, disturbance=disturbance)
+    sensors = Sensors(load_cell_time_constant=structure.sensors.load_cell_time_constant)
+    return replace(structure, sensors=sensors, simulation=simulation, disturbance=disturbance)
 
 
 def state_template(structure: Experiment) -> PredictorState:
     """A state for the names of its elements; its values have no meaning."""
     actuator = structure.actuator.initial_state()
+    cells = LoadCells(0.0, 0.0) if present(structure.sensors.load_cell_time_constant) else NO_STATE
     vortices = VortexStates() if has_vortex_states(structure) else NoVortices()
-    return PredictorState(motion_template(structure), actuator, actuator, vortices, UnrecordedDisturbances())
+    return PredictorState(motion_template(structure), actuator, actuator, cells, vortices, UnrecordedDisturbances())
 
 
 @GRAPHS.cached
@@ -244,7 +252,9 @@ def predicted_system(
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in PREDICTOR_GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
-    pulls = tensions(now.motion.plant, plant, given["t"])
+    pulls, cells = tensions(now.motion.plant, plant, given["t"]), now.load_cells
+    if isinstance(cells, LoadCells):
+        cells, pulls = load_cells(cells, pulls, groups["sensors"], sample_time)
     exact = measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
     reading = ca.vertcat(*(getattr(exact, name) for name in READINGS))
 
@@ -276,7 +286,7 @@ def predicted_system(
     decayed = UnrecordedDisturbances(**{name: decays[name] * value for name, value in vars(disturbances).items()})
     fading = exp(-sample_time / values[f"time.{VORTICES}"])
     vortices = replace(vortices, **{name: fading * value for name, value in vars(vortices).items()})
-    following = leaves(PredictorState(now.motion, *actuators, vortices, decayed))
+    following = leaves(PredictorState(now.motion, *actuators, cells, vortices, decayed))
     rest = ca.vertcat(*(value for key, value in following.items() if not key.startswith("motion.")))
 
     def problem(hold: Any) -> Problem:
@@ -312,7 +322,8 @@ def initial_state(
 
     Rope tensions are those of the load cells. A millimetre of rope is tens of kilonewtons, so positions of vehicle and
     drums are not independently uncertain: uncertain are the common position of vehicle and drums, the stretch of each
-    rope, and the speeds, by standard deviations that are options, and the disturbances.
+    rope, the speeds, lagging torques and what no sensor reads (`_unread`), by standard deviations that are options, and
+    the disturbances.
 
     `first` (readings,) are the first of each sensor, NaN where there is none; the first torque commands are in N m, and
     the time of the first sample in s.
@@ -327,26 +338,56 @@ def initial_state(
             break
     x = x if math.isfinite(x) else 0.0
 
-    expected, pulls = dict.fromkeys(names, 0.0), list[float]()
+    expected, pulls, directions = dict.fromkeys(names, 0.0), list[float](), list[dict[str, float]]()
     for side, torque, newton in zip(plant.sides, torques, vars(holding_torques(2.0, plant)).values(), strict=True):
         zero, error = (getattr(sensors, f"load_cell_{name}_{side.number}") for name in ("zero", "error"))
         tension = (read[f"F{side.number}"] - zero) / (1 + error)
         pulls.append(max(tension if math.isfinite(tension) else torque / newton, 1.0))  # newton: holds 1 N in a rope
-        expected |= leaves(experiment.actuator.holding_state(torque), f"actuator_{side.number}.")
+        holding, more = (
+            leaves(experiment.actuator.holding_state(by * torque), f"actuator_{side.number}.")
+            for by in (1, 1 + options.torque)
+        )
+        expected |= holding
+        directions.append({key: more[key] - value for key, value in holding.items()})
     creep_1, creep_2 = (crept(t, side.creep)[0] for side in plant.sides)
 
     def moving(x: float, v: float, pull_1: float, pull_2: float) -> dict[str, float]:
         state = steady_motion(x, v, (pull_1, pull_2), plant, (creep_1, creep_2)).state
-        return {key: float(value) for key, value in leaves(state, "motion.plant.").items()}
+        cells = {"load_cells.F1": pull_1, "load_cells.F2": pull_2}
+        return {key: float(value) for key, value in leaves(state, "motion.plant.").items()} | cells
 
     point, more = (x, v, *pulls), 1 + options.stretch
     known = moving(*point)
     others = [(x + options.position, *point[1:]), (x, v + options.speed, *pulls)]
     others += [(x, v, more * pulls[0], pulls[1]), (x, v, pulls[0], more * pulls[1])]
-    directions = [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
+    directions += [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
+    directions += _unread(plant, known, pulls, options)
     for side in plant.sides:
         turn, of_shafts = 1 / winding(0.0, side.winch).radius, (f"omega_{side.number}", f"motor_{side.number}.omega")
         directions.append({f"motion.plant.{name}": options.speed * turn for name in of_shafts})
     directions += [{state: each.deviation} for name, each in process.items() for state in state_names(name)]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
     return np.array([(expected | known)[name] for name in names], float), root.T @ root
+
+
+def _unread(
+    plant: Plant, known: Mapping[str, float], pulls: Sequence[float], options: InitialStateOptions
+) -> Iterator[dict[str, float]]:
+    """Uncertain states that no sensor reads: inner rope, sag, friction with a bristle state.
+
+    At known states of a steady motion with pulls in N, one direction of one standard deviation each.
+    """
+    for side, pull, length in zip(plant.sides, pulls, rope_lengths(known["motion.plant.x"], plant.track), strict=True):
+        rope, prefix = side.rope, f"motion.plant.rope_{side.number}."
+        for key in known:
+            if key.startswith(f"{prefix}waves.position"):
+                yield {key: options.stretch * float(rope.resting_stretch(pull, length))}
+            elif key.startswith(f"{prefix}waves.speed"):
+                yield {key: options.speed}
+        if (depth := f"{prefix}sag.depth") in known:
+            frequency = math.pi / span_of(length, plant.track) * math.sqrt(pull / transverse_mass(rope))
+            yield {depth: options.sag * known[depth]}
+            yield {f"{prefix}sag.rate": options.sag * known[depth] * frequency}
+        yield {f"{prefix}hysteresis.share": options.friction}
+    for key, most in leaves(bent_bristles(friction(1.0, plant.vehicle), plant.vehicle), "motion.plant.rail.").items():
+        yield {key: options.friction * float(most)}

@@ -15,7 +15,7 @@ from dualwinch.identification.predictor import PREDICTOR_GROUPS, has_vortex_stat
 from dualwinch.model.arguments import instance, texts
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import suggestion
+from dualwinch.model.quantities.quantity import Mark, suggestion
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -32,7 +32,10 @@ NOT_FITTED = (
 
 STROUHAL, AMPLITUDE = "disturbance.strouhal", "disturbance.vortex_amplitude"
 
-NUISANCES = ("plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping", STROUHAL, AMPLITUDE)
+NUISANCES = (
+    "plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping",
+    "sensors.load_cell_time_constant", STROUHAL, AMPLITUDE,
+)  # fmt: skip
 """Nuisance parameters, estimated too if innovations are not white without them."""
 
 WAVES = {"eccentricity_angle": "eccentricity", "ripple_angle": "torque_ripple"}
@@ -103,7 +106,13 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
         ConfigurationError: a pattern that matches no parameter of the predictor; the message names the option.
     """
     structure = predictor_structure(experiment)
-    switches = {key for key, leaf in describe_parts(experiment).items() if leaf.kind is bool}
+    described, values = describe_parts(experiment), leaves(experiment)
+    switches = {key for key, leaf in described.items() if leaf.kind is bool}
+    left_out = {
+        key
+        for key, leaf in described.items()
+        if key.startswith(PREFIXES) and Mark.SHAPES_CODE_AT_ZERO in leaf.marks and not values[key]
+    }
     known = [
         key for key in parameter_names(structure) if key.startswith(PREFIXES) and key not in {*NOT_FITTED, *switches}
     ]
@@ -112,6 +121,8 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
             hint = "it is true or false; --set sets it" if pattern in switches else suggestion(pattern, known)
+            if pattern in left_out:
+                hint = f"0 leaves it out of the model; begin with an expected value, --set {pattern}=..."
             raise ConfigurationError(f"{option} {pattern}: no parameter that a log determines; {hint}")
         found |= dict.fromkeys(matching)
     return tuple(found)
@@ -150,8 +161,8 @@ def nuisance_parameters(
 ) -> tuple[UnknownParameter, ...]:
     """Nuisance parameters, with wide priors around the experiment's values, except `keys`.
 
-    Inertia of the winches, friction of their drums, damping of the ropes and, for vortices, their Strouhal number and,
-    unless it is a state, their amplitude.
+    Inertia of the winches, friction of their drums, damping of the ropes, lag of load cells and, for vortices, their
+    Strouhal number and, unless it is a state, their amplitude.
     """
     shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
     values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
