@@ -1,7 +1,8 @@
 """Model choice for logs: the experiment as described or, if its innovations are coloured, a wider model.
 
 The wider model has nuisance parameters with wide priors, which are estimated too: inertia of the winches, damping of
-the ropes, Strouhal number, delay of the torques, and a sea that the experiment does not describe.
+the ropes, lag of the load cells, Strouhal number, delay of the torques, and a sea that the experiment does not
+describe.
 """
 
 import math
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness_tests
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
+from dualwinch.identification.likelihood import LOAD_CELLS
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions, SearchOptions
 from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances, has_vortex_states
@@ -27,6 +29,7 @@ from dualwinch.identification.unknowns import (
     covariance_of,
     nuisance_parameters,
     with_drum_friction,
+    with_load_cell_lag,
     with_sea,
 )
 from dualwinch.identification.vortices import likelier_phase, shows_other_vortices, vortex_starts
@@ -61,6 +64,12 @@ class FittedModel:
             found.append(
                 f"torques act {delay} samples after they are logged; simulation.delay_samples = "
                 f"{described.simulation.delay_samples} stays as it is"
+            )
+        lag = self.estimate.experiment.sensors.load_cell_time_constant
+        if lag and not described.sensors.load_cell_time_constant:
+            found.append(
+                f"load cells lag by {1e3 * lag:.2g} ms, which the experiment does not describe "
+                f"(sensors.load_cell_time_constant = {lag:.2g})"
             )
         sea = {"vortices (disturbance.vortex)": own.disturbance.vortex and not given.vortex}
         sea["current (current_sigma)"] = own.disturbance.current_sigma > given.current_sigma
@@ -156,15 +165,17 @@ class ModelChoice:
        forces leave innovations white), or if nuisance parameters are switched off.
     3. Take the delay of torques logged in every sample from ARX models of the load cells (`torque_lags`) or, if these
        do not determine it clearly, from the likeliest fit (`_with_likelier_delay`).
-    4. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
+    4. If no lag of the load cells is described, double one as long as the logs are likelier with it at the start; with
+       a lag, the delay is the likeliest at the start.
+    5. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
        sea, also with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search restarts, because
        the optimum of a model without them is a poor start.
-    5. If the Strouhal number is unknown, search from each likely value (`vortices.vortex_starts`); the optima are
+    6. If the Strouhal number is unknown, search from each likely value (`vortices.vortex_starts`); the optima are
        reported.
-    6. Choose the likeliest candidate, or the described experiment if that is likelier still, by the sum of a model's
+    7. Choose the likeliest candidate, or the described experiment if that is likelier still, by the sum of a model's
        deviances with the noise of every model: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
-    7. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
+    8. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
        the paper's kind is far from the described one, the other kind is tried.
 
     All logs are of one machine. The number of threads is by default one per core.
@@ -213,7 +224,7 @@ class ModelChoice:
         white = bool(sound and sound.white)
         if sound and (not search.nuisance_share or (white and not (sea and self._other_vortices(sound)))):
             return sound
-        delayed = coarse or (experiment if white else self._with_delay(experiment))
+        delayed = coarse or (experiment if white else self._with_load_cell_lag(self._with_delay(experiment)))
         if plain and not coarse and delayed == experiment:
             if (
                 refusal
@@ -383,6 +394,22 @@ class ModelChoice:
         if described < len(significance) and significance[delay] <= search.delay_significance * significance[described]:
             return experiment
         return _delayed(experiment, delay)
+
+    def _with_load_cell_lag(self, experiment: Experiment) -> Experiment:
+        """An experiment with a lag of the load cells where it describes none and the logs are likelier with one.
+
+        Even a lag of a millisecond leaves more torque unexplained than the log of another machine.
+        """
+        options, recorded = self.options.search, {name for log in self.logs for name in log.columns}
+        if experiment.sensors.load_cell_time_constant or recorded.isdisjoint(LOAD_CELLS):
+            return experiment
+        best, least, lag = experiment, self.deviance_at_start(experiment), options.load_cell_lag
+        while lag <= options.max_load_cell_lag:
+            lagging = with_load_cell_lag(experiment, lag)
+            if (deviance := self.deviance_at_start(lagging)) >= least:
+                break
+            best, least, lag = lagging, deviance, 2 * lag
+        return best if best is experiment else self.likeliest_at_start(best)[1]
 
     def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
         """The estimate with nuisance parameters, with the vortices' amplitude near the described one if possible."""

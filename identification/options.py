@@ -174,6 +174,12 @@ class SearchOptions:
         Positive, Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope")
     ] = 0.02
     friction_share: Annotated[Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
+    load_cell_lag: Annotated[
+        Positive,
+        Quantity("s", "shortest lag of load cells tried if none is described; each next is twice as long"),
+    ] = 5e-4
+    max_load_cell_lag: Annotated[Positive, Quantity("s", "longest lag that is tried")] = 0.02
+    lag_share: Annotated[Positive, Quantity("1", "prior deviation of the lag of load cells, over itself")] = 1.0
     current_sigma: Annotated[Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
     normal_force_sigma: Annotated[Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = 0.1
     max_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4

@@ -32,9 +32,11 @@ NOT_FITTED = (
 
 STROUHAL, AMPLITUDE = "disturbance.strouhal", "disturbance.vortex_amplitude"
 
+LOAD_CELL_LAG = "sensors.load_cell_time_constant"
+
 NUISANCES = (
     "plant.winch_*.inertia", "plant.winch_*.coulomb_friction", "plant.rope_*.damping",
-    "sensors.load_cell_time_constant", STROUHAL, AMPLITUDE,
+    LOAD_CELL_LAG, STROUHAL, AMPLITUDE,
 )  # fmt: skip
 """Nuisance parameters, estimated too if innovations are not white without them."""
 
@@ -164,13 +166,17 @@ def nuisance_parameters(
     Inertia of the winches, friction of their drums, damping of the ropes, lag of load cells and, for vortices, their
     Strouhal number and, unless it is a state, their amplitude.
     """
-    shares = {STROUHAL: options.strouhal_share, AMPLITUDE: options.amplitude_share}
+    shares = {
+        STROUHAL: options.strouhal_share,
+        AMPLITUDE: options.amplitude_share,
+        LOAD_CELL_LAG: options.lag_share,
+    }
     values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
     for key in estimable_keys(["*"], experiment):
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
             continue
-        if (key in shares and not experiment.disturbance.vortex) or (
+        if (key in (STROUHAL, AMPLITUDE) and not experiment.disturbance.vortex) or (
             key == AMPLITUDE and has_vortex_states(experiment)
         ):
             continue
@@ -178,7 +184,7 @@ def nuisance_parameters(
         share = shares.get(key, usual)
         reach = 1 + options.range_factor * share
         unit, prior = described[key].quantity.unit, Prior(value, share * value)
-        least = 0.0 if share >= 1 else value / reach
+        least = 0.0 if share >= 1 and key != LOAD_CELL_LAG else value / reach
         found.append(UnknownParameter(key, unit, value, least, value * reach, share * value, prior))
     return tuple(found)
 
@@ -192,6 +198,11 @@ def with_drum_friction(experiment: Experiment, options: SearchOptions = DEFAULTS
         if not side.winch.coulomb_friction
     }
     return with_leaves(experiment, values)
+
+
+def with_load_cell_lag(experiment: Experiment, lag: float) -> Experiment:
+    """An experiment with another lag of the load cells in s; 0: none."""
+    return replace(experiment, sensors=replace(experiment.sensors, load_cell_time_constant=lag))
 
 
 def with_sea(experiment: Experiment, options: SearchOptions = DEFAULTS.search) -> Experiment:

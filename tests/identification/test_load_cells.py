@@ -41,7 +41,7 @@ def test_the_lag_of_the_load_cells_is_the_likeliest() -> None:
 def test_a_described_lag_is_estimated_around_its_value() -> None:
     (found,) = (each for each in nuisance_parameters((), SLOW) if each.key == LAG)
     assert found.prior is not None
-    assert (found.start, found.prior.deviation) == pytest.approx((2e-3, 6e-4))
+    assert (found.start, found.prior.deviation) == pytest.approx((2e-3, 2e-3))
     assert LAG not in {each.key for each in nuisance_parameters((), machine())}
 
 
@@ -59,3 +59,16 @@ def test_the_lag_is_found_with_the_mass() -> None:
     true = [10000.0, 8e10, 8e10, 2e-3]
     assert (np.abs(found.values - true) < 4 * np.sqrt(np.diag(found.covariance))).all()
     assert found.values[3] == pytest.approx(2e-3, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_lag_that_nobody_described_is_found() -> None:
+    """Held for instantaneous, readings 2 ms late leave so much torque unexplained that the log was refused."""
+    found = identify(logged(SLOW), ["plant.vehicle.mass", "plant.rope_*.modulus"], machine())
+    assert (np.abs(found.values - [10000.0, 8e10, 8e10]) < 4 * np.sqrt(np.diag(found.covariance))).all()
+    assert any(
+        note.startswith("load cells lag by 2 ms, which the experiment does not describe") for note in found.notes
+    )
+    assert found.experiment.sensors.load_cell_time_constant == pytest.approx(2e-3, rel=0.02)
+    quick = identify(logged(machine()), ["plant.vehicle.mass"], machine())
+    assert not any("load cells lag" in note for note in quick.notes)
