@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dualwinch.tuning.constraints import MARGINS
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.space import Point
 
@@ -79,6 +80,13 @@ class Evaluation:
         return sum(max(value, 0.0) for label, value in self.violations.items() if not label.startswith("worst."))
 
     @property
+    def violation_beside_runs(self) -> float:
+        """Sum of the violations of constraints that no single run violates: on means and on stability margins."""
+        margins = tuple(f"worst.{name} " for name in MARGINS)
+        others = (value for label, value in self.violations.items() if label.startswith(margins))
+        return self.violation_of_means + sum(max(value, 0.0) for value in others)
+
+    @property
     def feasible(self) -> bool:
         """Whether it completed all scenarios and satisfies every constraint."""
         return not self.pruned and self.violation <= 0
@@ -121,13 +129,13 @@ def rarest_violations_first(
     """Rank evaluations by an exact penalty on the share of scenarios with a violation; return their indices.
 
     The key is the objective's logarithm plus a penalty on the share of scenarios, possibly others, in which a bound on
-    the worst case is violated. With several objectives, or one that is not positive, it is that share, then the
-    objectives.
+    the worst case is violated, and on the violation of bounds on means and stability margins. With several objectives,
+    or one that is not positive, it is the sum of both, then the objectives.
     """
     positive = _penalisable(evaluations)
 
     def key(index: int) -> tuple[float, ...]:
-        costs, share = evaluations[index].costs, shares[index]
+        costs, share = evaluations[index].costs, shares[index] + evaluations[index].violation_beside_runs
         return (math.log(costs[0]) + penalty * share,) if positive else (share, *costs)
 
     return sorted(range(len(evaluations)), key=key)
@@ -142,12 +150,12 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
     """Whether an evaluation improves on the start in the same scenarios.
 
     It does if it is feasible and the start is not; if an objective is smaller and its violation is not larger; or if it
-    violates bounds on the worst case in fewer scenarios, and bounds on means no more.
+    violates bounds on the worst case in fewer scenarios, and bounds on means and stability margins no more.
     """
     smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
         return True
-    if evaluation.violated < start.violated and evaluation.violation_of_means <= start.violation_of_means:
+    if evaluation.violated < start.violated and evaluation.violation_beside_runs <= start.violation_beside_runs:
         return not evaluation.pruned
     return smaller and not evaluation.pruned and evaluation.violation <= start.violation
 

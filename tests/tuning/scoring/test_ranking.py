@@ -48,8 +48,8 @@ def test_better_than_the_start_is_also_what_violates_bounds_in_fewer_scenarios()
     rare, often = (replace(reached(1, beyond=0.5), violated=count) for count in (1, 9))
     assert improves_on(replace(rare, objectives=(2,)), often)
     assert not improves_on(often, rare)
-    loud = replace(rare, violations=rare.violations | {"mean.chatter <= 1 N": 0.1})
-    assert not improves_on(loud, often)
+    for bound in ("mean.chatter <= 1 N", "worst.disk_margin >= 0.4"):
+        assert not improves_on(replace(rare, violations=rare.violations | {bound: 0.1}), often)
 
 
 def test_rare_violations_are_weighed_against_the_objective() -> None:
@@ -57,3 +57,12 @@ def test_rare_violations_are_weighed_against_the_objective() -> None:
     assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=50) == [1, 0, 2]  # factors e^2 and e^0.5
     assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=500) == [2, 1, 0]
     assert rarest_violations_first([reached(-1), reached(2)], [0.02, 0.01]) == [1, 0]
+
+
+def test_a_margin_that_is_lost_weighs_more_than_one_that_nearly_suffices() -> None:
+    """Neither violates a bound in any run."""
+    lost, near = (
+        replace(reached(cost), violations={"worst.disk_margin >= 0.3": short, "worst.peak_tension <= 8500 N": -0.1})
+        for cost, short in ((1, 1.0), (3, 0.02))
+    )
+    assert rarest_violations_first([lost, near], [0.0, 0.0]) == [1, 0]
