@@ -1,5 +1,6 @@
 """Baseline controller of an ensemble: estimator, coordination and gains that a search starts from."""
 
+import math
 from collections.abc import Collection
 
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
@@ -39,6 +40,9 @@ RESERVE = "controller.coordination.reserve"
 
 SMOOTHING = "controller.nftsm.smoothing"
 
+POSITION_NOISE = "controller.kalman.position_noise"
+"""Key of the position's noise that the filters assume; searches keep it."""
+
 
 def default_estimator(ensemble: Ensemble) -> str:
     """The kind of filter for noisy sensors and uncertain ropes, or also for uncertain drums (`POSITIONS`)."""
@@ -74,8 +78,8 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, driven by measured tensions, sees
     no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed error where its
     odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small motions so much that an
-    error of half a millimetre takes a second to decay. The remaining values are prior deviations of the parameters that
-    the self-calibrating filter learns.
+    error of half a millimetre takes a second to decay. The remaining values are the noise of the position sensor, with
+    its rounding, to one digit, and prior deviations of the parameters that the self-calibrating filter learns.
     """
     experiment, known = ensemble.experiment, leaves(ensemble.experiment)
     plant, gains = experiment.plant, dict[str, float]()
@@ -91,6 +95,10 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
             gains["controller.drums.give"] = side.winch.drum_radius**2 / side.winch.gear_stiffness
         if side.rope.submerged_weight:
             gains["controller.drums.sag"] = SAG_DEVIATION
+    if noise := math.hypot(
+        _largest(ensemble, "sensors.position_noise"), _largest(ensemble, "sensors.position_resolution") / math.sqrt(12)
+    ):
+        gains[POSITION_NOISE] = float(f"{noise:.1g}")
     if _uncertain(ensemble, ["sensors.speed_error"]):
         gains["controller.drums.wheel"] = _largest(ensemble, "sensors.speed_error")
     return {key: value for key, value in gains.items() if key in known}

@@ -12,6 +12,7 @@ from dualwinch.config.toml_text import flattened, read_source
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.analysis.stability import SLIDING_MODE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
@@ -19,6 +20,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.tuning.baseline import (
     CALIBRATING,
     DAMPING,
+    POSITION_NOISE,
     RESERVE,
     SWINGING,
     default_coordination,
@@ -188,6 +190,8 @@ def _with_defaults(ensemble: Ensemble, values: Mapping[str, Any], named: Collect
     damped = [f"{key} = {value:.3g}" for key, value in started.items() if key in DAMPING]
     if damped:
         chosen.append(f"gains that no file names start from values for such machines ({', '.join(damped)}): {SWINGING}")
+    if (noise := started.get(POSITION_NOISE)) is not None and noise != leaves(ensemble.experiment)[POSITION_NOISE]:
+        chosen.append(f"{POSITION_NOISE} = {noise:g}: noise and rounding of the described position sensor")
     return reset(ensemble, started), chosen
 
 

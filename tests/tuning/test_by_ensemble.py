@@ -58,6 +58,16 @@ def test_where_torques_are_uncertain_commands_may_keep_off_their_limit() -> None
     assert RESERVE not in tuning_problem(ensemble="rig", space=["controller.nftsm.beta"]).space.names
 
 
+def test_the_filter_expects_the_noise_of_the_position_sensor_that_is_described() -> None:
+    key = "controller.kalman.position_noise"
+    assert all(leaves(tuning_problem(ensemble=name).experiment)[key] == 6e-4 for name in ("sea", "rig", "site"))
+    problem = tuning_problem(ensemble="rig", settings=["sensors.position_resolution=0.01"])
+    assert leaves(problem.experiment)[key] == 3e-3  # 10 mm / sqrt(12)
+    assert f"{key} = 0.003: noise and rounding of the described position sensor" in problem.choices
+    given = tuning_problem(ensemble="rig", settings=["sensors.position_resolution=0.01", f"{key}=2e-3"])
+    assert leaves(given.experiment)[key] == 2e-3
+
+
 def test_what_was_gained_says_what_it_rests_on() -> None:
     assert assumptions(load_ensemble("rig")) == "this holds for machines within the tolerances of 'rig'"
     assert "assumes exact drums, encoder zeros and position sensor, as 'sea' does" in assumptions(load_ensemble("sea"))
