@@ -20,11 +20,11 @@ from dualwinch.identification.diagnostics import (
     whiteness_tests,
 )
 from dualwinch.identification.estimate import ParameterEstimate, distinct_optima, multistart
-from dualwinch.identification.log import Log, column_map, log_of, read_log
+from dualwinch.identification.log import Log, column_map, gap_note, log_of, read_log
 from dualwinch.identification.model_choice import ModelChoice, marginal
 from dualwinch.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.identification.predictor import READINGS
-from dualwinch.identification.resample import ANGLES, LogSection, sections_of
+from dualwinch.identification.resample import LogSection, counting, sections_of
 from dualwinch.identification.result import IdentificationResult
 from dualwinch.identification.smoother import smoothed_force
 from dualwinch.identification.unknowns import Prior, covariance_of, estimable_keys, problem_of, unknown_parameters
@@ -123,7 +123,8 @@ def identify(
         check_log(log, experiment, options.plausibility)
     gap, least_rows = options.resampling.max_gap, options.resampling.min_rows
     given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
-    found = [part for log in given for part in log.between_gaps(gap, least_rows)]
+    parts = [log.between_gaps(gap, least_rows) for log in given]
+    found = [part for each in parts for part in each]
     split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
     sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
 
@@ -145,7 +146,7 @@ def identify(
     held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
     information = marginal(best.information, method.unknowns, n)
     whiteness = whiteness_tests(innovations, torques, diagnostics)
-    beside_encoders = [test for test in whiteness if test.name not in ANGLES]
+    beside_encoders = [test for test in whiteness if test.name not in counting(experiment.sensors)]
     white = all(test.white for test in beside_encoders or whiteness)
     wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
     covariance = covariance_of(information, unknowns) * np.outer(wider[:n], wider[:n])
@@ -173,7 +174,12 @@ def identify(
         options=options,
         profiles=likelihood_profiles(method, best, profiled, workers),
         forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
-        excess=(*(note for log in given for note in log.notes), *model.notes(experiment), *excess),
+        excess=(
+            *(note for log in given for note in log.notes),
+            *(gap_note(each) for each in parts if len(each) > 1),
+            *model.notes(experiment),
+            *excess,
+        ),
         along=replace(model, estimate=best).along(n, wider),
         widened=float(wider[:n].max(initial=1.0)),
     )

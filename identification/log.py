@@ -152,6 +152,13 @@ class Log:
         ]
 
 
+def gap_note(parts: Sequence[Log]) -> str:
+    """Note on a log that `Log.between_gaps` has split."""
+    gaps = ", ".join(f"{before.t[-1]:.4g} to {after.t[0]:.4g} s" for before, after in pairwise(parts))
+    name = parts[0].name.rpartition(", ")[0]
+    return f"{name}: no torques from {gaps}; fitted as {len(parts)} logs, as what happened between is unknown"
+
+
 def longest_step(t: Floats, longest: float) -> float:
     """The longest step of the times t that is not a gap: `longest` seconds, or twice the usual step."""
     return max(longest, 2 * float(np.median(np.diff(t))))

@@ -21,7 +21,7 @@ from dualwinch.identification.likelihood import LOAD_CELLS
 from dualwinch.identification.log import Log
 from dualwinch.identification.options import EstimationOptions, SearchOptions
 from dualwinch.identification.predictor import READINGS, NoiseCovariances, described_disturbances, has_vortex_states
-from dualwinch.identification.resample import ANGLES, LogSection, sections_of
+from dualwinch.identification.resample import LogSection, counting, sections_of
 from dualwinch.identification.unknowns import (
     AMPLITUDE,
     STROUHAL,
@@ -66,7 +66,7 @@ class FittedModel:
                 f"{described.simulation.delay_samples} stays as it is"
             )
         lag = self.estimate.experiment.sensors.load_cell_time_constant
-        if lag and not described.sensors.load_cell_time_constant:
+        if lag > own.simulation.sample_time / 10 and not described.sensors.load_cell_time_constant:
             found.append(
                 f"load cells lag by {1e3 * lag:.2g} ms, which the experiment does not describe "
                 f"(sensors.load_cell_time_constant = {lag:.2g})"
@@ -148,11 +148,11 @@ def is_coloured(method: PredictionErrorMethod, experiment: Experiment, noise: No
 
 
 def are_white(method: PredictionErrorMethod, experiment: Experiment, noise: NoiseCovariances) -> bool:
-    """Whether innovations are white, except those of encoders, which are quantised."""
+    """Whether innovations are white, except those of sensors that count in steps."""
     innovations = method.filters.whitened_innovations(experiment, noise)
     torques = [section.torques for section in method.filters.sections]
     tests = whiteness_tests(innovations, torques, method.options.diagnostics)
-    return all(test.white for test in tests if test.name not in ANGLES)
+    return all(test.white for test in tests if test.name not in counting(experiment.sensors))
 
 
 @dataclass(frozen=True)
@@ -165,8 +165,8 @@ class ModelChoice:
        forces leave innovations white), or if nuisance parameters are switched off.
     3. Take the delay of torques logged in every sample from ARX models of the load cells (`torque_lags`) or, if these
        do not determine it clearly, from the likeliest fit (`_with_likelier_delay`).
-    4. If no lag of the load cells is described, double one as long as the logs are likelier with it at the start; with
-       a lag, the delay is the likeliest at the start.
+    4. If no lag of the load cells is described, double one as long as the logs are likelier with it; with a lag, the
+       delay is the likeliest at the start.
     5. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
        sea, also with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search restarts, because
        the optimum of a model without them is a poor start.
@@ -224,7 +224,7 @@ class ModelChoice:
         white = bool(sound and sound.white)
         if sound and (not search.nuisance_share or (white and not (sea and self._other_vortices(sound)))):
             return sound
-        delayed = coarse or (experiment if white else self._with_load_cell_lag(self._with_delay(experiment)))
+        delayed = coarse or (experiment if white else self._with_load_cell_lag(self._with_delay(experiment), sound))
         if plain and not coarse and delayed == experiment:
             if (
                 refusal
@@ -377,12 +377,15 @@ class ModelChoice:
                     f"swing on the ropes at {least:.3g} Hz or more: must have a row every {500 / least:.2g} ms or less"
                 )
 
-    def deviance_at_start(self, experiment: Experiment) -> float:
-        """Deviance of an experiment with drum friction at the unknowns' starts, with Q from a rough search."""
+    def deviance_at_start(self, experiment: Experiment, values: Floats | None = None) -> float:
+        """Deviance of an experiment with drum friction at given values of the unknowns, by default their starts.
+
+        Q is from a rough search.
+        """
         rubbing = with_drum_friction(experiment, self.options.search)
         sections = sections_of(self.logs, rubbing, self.options.resampling)
         method = PredictionErrorMethod(sections, rubbing, self.unknowns, self.options, self.threads)
-        return method.deviance(np.array([unknown.start for unknown in self.unknowns]))
+        return method.deviance(np.array([each.start for each in self.unknowns]) if values is None else values)
 
     def _with_delay(self, experiment: Experiment) -> Experiment:
         """The experiment with the delay of the torques in the logs, if these determine it clearly."""
@@ -395,18 +398,20 @@ class ModelChoice:
             return experiment
         return _delayed(experiment, delay)
 
-    def _with_load_cell_lag(self, experiment: Experiment) -> Experiment:
+    def _with_load_cell_lag(self, experiment: Experiment, fitted: FittedModel | None) -> Experiment:
         """An experiment with a lag of the load cells where it describes none and the logs are likelier with one.
 
-        Even a lag of a millisecond leaves more torque unexplained than the log of another machine.
+        Even a lag of a millisecond leaves more torque unexplained than the log of another machine. Likelihoods are
+        those at the values of the model `fitted` without a lag, if it is not refused, else at the start.
         """
+        values = fitted.estimate.values if fitted else None
         options, recorded = self.options.search, {name for log in self.logs for name in log.columns}
         if experiment.sensors.load_cell_time_constant or recorded.isdisjoint(LOAD_CELLS):
             return experiment
-        best, least, lag = experiment, self.deviance_at_start(experiment), options.load_cell_lag
+        best, least, lag = experiment, self.deviance_at_start(experiment, values), options.load_cell_lag
         while lag <= options.max_load_cell_lag:
             lagging = with_load_cell_lag(experiment, lag)
-            if (deviance := self.deviance_at_start(lagging)) >= least:
+            if (deviance := self.deviance_at_start(lagging, values)) >= least:
                 break
             best, least, lag = lagging, deviance, 2 * lag
         return best if best is experiment else self.likeliest_at_start(best)[1]

@@ -5,6 +5,7 @@ repeat themselves. If drums stick, standstill is excluded: there the direction o
 which linearises friction at its estimate of the speed, would take the slope for information.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,10 +18,19 @@ from dualwinch.identification.options import DEFAULTS, ResamplingOptions
 from dualwinch.identification.predictor import READINGS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.sensors import Sensors
 
 Floats = NDArray[np.float64]
 
 ANGLES = ("theta_1", "theta_2")
+
+
+def counting(sensors: Sensors) -> tuple[str, ...]:
+    """Readings that count in steps larger than their noise: drum angles, and a position that is rounded coarsely."""
+    coarse = sensors.position_resolution / math.sqrt(12) > sensors.position_noise
+    return (*ANGLES, "x") if coarse else ANGLES
+
+
 """Readings without noise, but quantised."""
 
 
@@ -90,14 +100,14 @@ def resampled(
     torques, shares = held, np.ones_like(held)
     if options.torque_rows:
         torques, shares = _between_rows(held, numbers, options, step)
-    readings = np.full((count, len(READINGS)), np.nan)
+    readings, in_steps = np.full((count, len(READINGS)), np.nan), counting(experiment.sensors)
     for column, name in enumerate(READINGS):
         # if there is an angle too, a drum speed is most likely its difference, half a sample late
         is_difference = name.startswith("omega") and name.replace("omega", "theta") in log.readings
         if name in log.columns and not is_difference:
             values = log.columns[name]
             kept = np.isfinite(values)
-            fresh = _counted(values[kept]) if name in ANGLES else _without_repeats(values[kept], options.repeats)
+            fresh = _counted(values[kept]) if name in in_steps else _without_repeats(values[kept], options.repeats)
             readings[numbers[kept], column] = fresh
     t = _times(log.t, numbers, count, step) if experiment.simulation.jitter > 0 else log.t[0] + step * np.arange(count)
     durations = np.diff(t, append=t[-1] + step)
@@ -160,7 +170,7 @@ def _without_repeats(values: Floats, repeats: int) -> Floats:
 
 
 def _counted(values: Floats) -> Floats:
-    """Angles of an encoder at the samples at which its count changes, else NaN.
+    """Readings of a sensor that counts at the samples at which its count changes, else NaN.
 
     When a slow drum has just moved by one count, its angle is at the edge of the former count, plus on average the
     motion of half a sample: half a count over the number of samples since the last change.

@@ -84,7 +84,8 @@ def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str
         else:
             alike[others] = list(keys)
     return [
-        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; if intended, give it"
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; "
+        f"if intended, give {'them' if len(keys) > 1 else 'it'}"
         for others, keys in alike.items()
     ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import csc_array
 
-from dualwinch.identification.log import Log, column_map, log, read_log
+from dualwinch.identification.log import Log, column_map, gap_note, log, read_log
 from dualwinch.model.errors import ConfigurationError
 
 ROWS = 40
@@ -364,6 +364,7 @@ def test_gaps_split_a_log() -> None:
     assert len(log(jump).between_gaps(0.1, 215)) == 2
     columns["tau_2"] = np.where(t < 0.2, np.nan, columns["tau_2"])
     assert [part.t[0] for part in log(columns).between_gaps(0.1, 90)] == pytest.approx([0.2, 0.55])
+    assert gap_note(parts).startswith("rig: no torques from 0.3 to 0.55 s, 0.759 to 0.98 s; fitted as 3 logs")
 
 
 def rates(path: Path, **columns: np.ndarray) -> Path:

@@ -6,7 +6,7 @@ import pytest
 from dualwinch.identification.log import log
 from dualwinch.identification.options import ResamplingOptions
 from dualwinch.identification.predictor import READINGS
-from dualwinch.identification.resample import resampled
+from dualwinch.identification.resample import counting, resampled
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -150,3 +150,15 @@ def test_torques_that_chatter_between_rows_are_expected_at_their_mean() -> None:
     later[40:] += 30
     others, _ = resampled(log(rows | {"tau_1": later}), Experiment(), options)
     np.testing.assert_array_equal(others[:200, 1], inputs[:200, 1])
+
+
+def test_a_position_that_is_rounded_more_than_it_is_noisy_speaks_where_it_changes() -> None:
+    """As an encoder does; between changes it repeats what is known."""
+    steps = columns(x=np.repeat(np.arange(ROWS // 8) * 2e-3, 8))
+    coarse = {"sensors.position_resolution": 2e-3}
+    for noise, count in ((0.0, ROWS // 8 - 1), (1e-3, ROWS)):
+        machine = override(Experiment(), coarse | {"sensors.position_noise": noise})
+        _, readings = resampled(log(steps), machine)
+        assert np.isfinite(at(readings, "x")).sum() == count
+    assert counting(override(Experiment(), coarse).sensors) == ("theta_1", "theta_2", "x")
+    assert counting(Experiment().sensors) == ("theta_1", "theta_2")

@@ -89,7 +89,7 @@ def test_defaults_that_do_not_follow_are_said() -> None:
         "plant.vehicle.drag_area = 6: still the default, not following plant.vehicle.height; if intended, give it",
         (
             "plant.winch_1.inertia = 1.8, controller.winch_1.ki = 0.02: still the defaults, "
-            "not following plant.winch_1.drum_radius; if intended, give it"
+            "not following plant.winch_1.drum_radius; if intended, give them"
         ),
     ]
     meant = {"plant.vehicle.drag_area", "plant.vehicle.drag_coefficient", "controller.winch_1.ki"}
@@ -101,7 +101,7 @@ def test_defaults_that_do_not_follow_are_said() -> None:
     assert defaults_left(both) == [
         (
             "controller.winch_*.kp = 0.0005, controller.winch_*.ki = 0.02: still the defaults, "
-            "not following plant.winch_*.gear_ratio; if intended, give it"
+            "not following plant.winch_*.gear_ratio; if intended, give them"
         )
     ]
     assert defaults_left(override(SHORT, {"plant.rope_2.area": 4e-4})) == [
@@ -129,7 +129,7 @@ def test_a_drag_area_beside_the_papers_coefficient_is_said() -> None:
     diameter, coefficient = defaults_left(other, {"plant.vehicle.drag_area"})
     assert diameter == (
         "plant.vehicle.diameter = 2, plant.vehicle.height = 3: still the defaults, not following "
-        "plant.vehicle.drag_area; if intended, give it"
+        "plant.vehicle.drag_area; if intended, give them"
     )
     assert coefficient == (
         "plant.vehicle.drag_coefficient = 0.3: still the paper's, times drag_area = 2 m^2; where that is a drag area "
