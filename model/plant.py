@@ -81,10 +81,10 @@ class PlantState:
 
     x: Annotated[Scalar, Quantity("m", "position of the vehicle along the track"), Mark.POSITION] = 0.0
     v: Annotated[Scalar, Quantity("m/s", "speed of the vehicle"), Mark.SPEED, Mark.RATE] = 0.0
-    theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1")] = 0.0
-    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1"), Mark.RATE] = 0.0
-    theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2")] = 0.0
-    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2"), Mark.RATE] = 0.0
+    theta_1: Annotated[Scalar, Quantity("rad", "angle of drum 1, positive where it has retrieved rope")] = 0.0
+    omega_1: Annotated[Scalar, Quantity("rad/s", "speed of drum 1, positive where it retrieves rope"), Mark.RATE] = 0.0
+    theta_2: Annotated[Scalar, Quantity("rad", "angle of drum 2, positive where it has retrieved rope")] = 0.0
+    omega_2: Annotated[Scalar, Quantity("rad/s", "speed of drum 2, positive where it retrieves rope"), Mark.RATE] = 0.0
     rope_1: Any = MASSLESS
     rope_2: Any = MASSLESS
     motor_1: Any = NO_STATE
