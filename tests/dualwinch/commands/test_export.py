@@ -51,6 +51,35 @@ def test_casadi_files_load_again_with_their_names(tmp_path: Path) -> None:
     assert {"plant", "closed_loop"} < set(described)
 
 
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["c"], "main.c"),
+        (["c"], "README.md"),
+        (["c", "--generator", "casadi"], "variables.json"),
+        (["st"], "main.st"),
+        (["st", "--flavour", "twincat"], "dualwinch_controller.TcPOU"),
+        (["casadi"], "variables.json"),
+        (["mex"], "reference.csv"),
+    ],
+)
+def test_a_file_of_ones_own_is_never_overwritten_and_an_export_can_be_repeated(
+    words: list[str], name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(*words, "--out", tmp_path / "again")
+    run(*words, "--set", "simulation.sample_time=0.002", "--out", tmp_path / "again")
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / name).write_text("it is mine, and I use dualwinch\n")
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as end:
+        run(*words, "--out", own)
+    assert end.value.code == 2
+    said = f"{name}: was not written by an export, and is not overwritten; choose another --out"
+    assert said in capsys.readouterr().err
+    assert [file.name for file in own.iterdir()] == [name]
+
+
 def test_a_controller_whose_loop_is_unstable_is_exported_with_a_note(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
