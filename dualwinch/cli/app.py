@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import is_dataclass
 from importlib import import_module
 from inspect import cleandoc, signature
+from itertools import pairwise
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
@@ -127,6 +128,20 @@ def _check_text(words: list[str]) -> None:
             _fail(f"{word!a}: must be UTF-8 text", WRONG_INPUT)
 
 
+PATHS = ("out", "plot", "animate", "map", "config", "ensemble", "disturbance", "checkpoint", "storage", "plugin")
+"""Names of the options that take a path, or a name that may be one."""
+
+
+def _check_paths(words: list[str]) -> None:
+    """Refuse empty paths, which would mean the current folder."""
+    for before, word in pairwise(["", *words]):
+        option, equals, value = word.partition("=") if word else (before, "=", "")
+        if equals and not value and option.removeprefix("--") in PATHS:
+            _fail(f"{option}: must not be empty", WRONG_INPUT)
+        if not word and not before.startswith("-"):
+            _fail("an argument: must not be empty", WRONG_INPUT)
+
+
 def _unforeseen(error: Exception, *, printed: bool) -> str:
     """Print a failure's traceback, or write it to a new file that only its owner can read; return the message.
 
@@ -163,6 +178,7 @@ def main(arguments: list[str] | None = None) -> None:
     # commands have threads of their own; those of linear algebra with matrices this small only wait, by spinning
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_text(words)
+    _check_paths(words)
     try:
         wanted = [word for word in words if word != TRACEBACK]
         with _warnings_in_a_line():

@@ -55,6 +55,11 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         (["simulate", "--out", "run.xls"], ".csv, .parquet, .npz, .mat"),
         (["simulate", "--out", "no/such/folder/run.csv"], "no such folder"),
         (["simulate", "--plot", "run.gif"], ".png, .svg, .pdf"),
+        (["export", "c", "--out", ""], "--out: must not be empty"),
+        (["export", "c", "--out="], "--out: must not be empty"),
+        (["simulate", "--config", ""], "--config: must not be empty"),
+        (["simulate", "--ensemble", ""], "--ensemble: must not be empty"),
+        (["show", ""], "an argument: must not be empty"),
         (
             ["reproduce", "--cases", "1,7"],
             "unknown case '7'; did you mean '4'? Must be one of 1, 2, 3, 4",
