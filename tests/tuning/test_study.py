@@ -90,9 +90,19 @@ def test_another_problem_is_refused_and_the_difference_is_said(make_problem: Mak
     with pytest.raises(ConfigurationError, match="another process is writing it"):
         studied(make_problem(scenarios=1), file, 8, resume=True)
     store.close()
-    (tmp_path / "text").write_text("hello\n")
+
+
+@pytest.mark.parametrize("text", ["hello\n", "t,x\n1,2", "t,x", "5\n", '{"x": 1}\n', '{"x": 1}', "[]"])
+def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(
+    text: str, make_problem: MakeProblem, tmp_path: Path
+) -> None:
+    file = tmp_path / "text"
+    file.write_text(text)
     with pytest.raises(ConfigurationError, match="is not the journal of a study"):
-        studied(make_problem(), tmp_path / "text", 1)
+        studied(make_problem(scenarios=1), file, 1)
+    with pytest.raises(ConfigurationError, match="is not the journal of a study"):
+        join_store(str(file), "s")
+    assert file.read_text() == text
 
 
 def test_processes_share_a_study_in_a_file(make_problem: MakeProblem, tmp_path: Path) -> None:

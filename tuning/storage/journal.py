@@ -142,12 +142,14 @@ class SharedJournalStudy(SharedStudy):
         """Join an existing study.
 
         Raises:
-            ConfigurationError: there is no such study, or a single process uses the file exclusively.
+            ConfigurationError: there is no such study, the file is no journal, or a single process uses it
+                exclusively.
         """
         if not path.is_file():
             raise ConfigurationError(f"--storage {path}: does not exist; `dualwinch tune --shared` creates it")
         lock = _locked(path, shared=True)
         try:
+            _check(path)
             definition = joined_definition(study, _storage(path))
         except BaseException:
             lock.close()
@@ -212,19 +214,32 @@ def _mend(path: Path) -> None:
     """Cut off an incomplete last line, left by a killed process.
 
     Raises:
-        ConfigurationError: the file is no journal.
+        ConfigurationError: as in `_check`.
     """
+    _check(path)
     with path.open("r+b") as file:
         content = file.read()
         file.truncate(content.rfind(b"\n") + 1)
-    first = content.partition(b"\n")[0]
-    if first:
-        try:
-            known = "op_code" in json.loads(first)
-        except ValueError:
-            known = False
-        if not known:
-            raise ConfigurationError(f"--storage {path}: is not the journal of a study")
+
+
+FIRST = b'{"op_code":'
+"""Beginning of every line of a journal."""
+
+
+def _check(path: Path) -> None:
+    """Check that a file is empty or begins like a journal, whose only line may be incomplete.
+
+    Raises:
+        ConfigurationError: it does not.
+    """
+    with path.open("rb") as file:
+        line = file.readline()
+    try:
+        known = not line or (isinstance(json.loads(line), dict) and line.startswith(FIRST))
+    except ValueError:
+        known = not line.endswith(b"\n") and FIRST.startswith(line[: len(FIRST)])
+    if not known:
+        raise ConfigurationError(f"--storage {path}: is not the journal of a study")
 
 
 @contextmanager
