@@ -227,7 +227,8 @@ def ernst_factor(weight: Scalar, span: Scalar, tension: Scalar, rigidity: Scalar
 
     From the weight in N/m, the span in m, the tension in N and the rigidity E A in N.
     """
-    return 1 / (1 + (weight * span) ** 2 * rigidity / (12 * tension**3))
+    slope = weight * span / tension
+    return 1 / (1 + slope * slope * rigidity / (12 * tension))
 
 
 def first_mode(mass_per_length: Scalar, length: Scalar, rigidity: Scalar) -> Scalar:
@@ -237,7 +238,7 @@ def first_mode(mass_per_length: Scalar, length: Scalar, rigidity: Scalar) -> Sca
 
 def wire_rope_mass(diameter: Scalar) -> Scalar:
     """Mass in kg/m of a wire rope (6x36, steel core), diameter in m: 0.409 d² for 100 m, d in mm (EN 12385-4)."""
-    return 4090.0 * diameter**2
+    return 4090.0 * diameter * diameter
 
 
 STEEL, GRAVITY = 7850.0, 9.81

@@ -205,6 +205,9 @@ def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -
     return found
 
 
+NOT_COMPUTABLE = (DualwinchError, ArithmeticError, np.linalg.LinAlgError)
+"""Errors of a loop without a steady state, or with values beyond every float: nothing is remarked on it."""
+
 MACHINE = ("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_")
 """Beginnings of the keys whose values have a usual size."""
 
@@ -276,14 +279,14 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
     where = f"(dualwinch linearise --loop closed --x {middle:g})"
     try:
         radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
-    except (DualwinchError, ArithmeticError):
+    except NOT_COMPUTABLE:
         radius = 0.0  # no steady state to linearise at
     if radius > 1:
         rate = np.log(radius) / experiment.simulation.sample_time
         yield f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s {where}"
     try:
         worst = max(resonance_gains(experiment), key=lambda each: each.gain)
-    except ConfigurationError:
+    except NOT_COMPUTABLE:
         return  # the rule does not apply to this law
     if worst.verdict == "fails":
         yield (
@@ -310,7 +313,7 @@ def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], adv
     middle = experiment.plant.track.length / 2
     try:
         points = amplitude_sweep(experiment, middle, amplitudes=(min(amplitudes) / 1e4, *amplitudes))
-    except (DualwinchError, ArithmeticError):
+    except NOT_COMPUTABLE:
         return
     unstable = [f"{100 * point.amplitude:g}" for point in points if not point.margins.stable]
     if unstable and points[0].margins.stable:
@@ -330,7 +333,7 @@ def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
     try:
         point = loop_operating_point(experiment, middle, 0.0)
         found = {each: margins(without_idle_states(loop_opened_at(point, each))) for each in LOOP_OPENINGS}
-    except (DualwinchError, ArithmeticError):
+    except NOT_COMPUTABLE:
         return
     opening, worst = min(found.items(), key=lambda each: each[1].delay)
     if worst.delay < least and all(each.stable for each in found.values()):

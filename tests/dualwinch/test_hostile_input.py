@@ -1,5 +1,6 @@
 """Input that nobody means well: one line, exit code 2, no traceback, nothing left behind."""
 
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import is_dataclass
@@ -9,7 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.app import app
+from dualwinch.cli.app import PATHS, app
 from dualwinch.cli.options import WHOLE
 
 ENDLESS, BEYOND = "9" * 5000, "1" + "0" * 400
@@ -72,6 +73,21 @@ def test_files_without_end(text: str, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "f.toml" in refused(capsys, "simulate", "--config", str(file))
     assert "f.toml" in refused(capsys, "simulate", "--ensemble", str(file))
     assert "f.toml" in refused(capsys, "compare", "paper", str(file))
+
+
+@pytest.mark.parametrize(
+    ("value", "outcome"),
+    [
+        ("plant.vehicle.water_density=1e200", "diverged"),
+        ("plant.vehicle.friction_coefficient=1e300", "diverged"),
+        ("plant.rope_1.diameter=1e200", "completed"),  # its law depends on the area alone
+    ],
+)
+def test_a_run_of_values_beyond_reason_has_an_outcome(
+    value: str, outcome: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["simulate", "--case", "4", "--set", "simulation.duration=2", "--set", value, "--json"])
+    assert json.loads(capsys.readouterr().out)["outcome"] == outcome
 
 
 def test_a_value_nested_too_deep(capsys: pytest.CaptureFixture[str]) -> None:
@@ -201,6 +217,16 @@ def test_every_option_that_is_a_whole_number_is_read_as_one() -> None:
     assert found["dualwinch tune trials"]
     assert [option for option, whole in found.items() if not whole] == []
     assert get_origin(int | None) is not None
+
+
+def test_no_option_that_is_a_path_may_be_empty() -> None:
+    found = set[str]()
+    for _, function in commands(app):
+        for option, hint in options_of(function):
+            if Path in {hint, *get_args(hint), *(inner for part in get_args(hint) for inner in get_args(part))}:
+                found.add(option.rstrip("_"))
+    positional = {"logs", "run", "file"}
+    assert {"out", "config", "plot"} < found <= {*PATHS, *positional}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="names of files are text there")
