@@ -17,7 +17,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.progress import Progress, no_progress, part
 from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import current, leaf_of, override
@@ -97,6 +97,10 @@ class Sweep(RunOutcomes):
         return figures().ensembles.sweep_figure(self, metric, ax=ax)
 
 
+PREPARING = 0.3
+"""Share of the time that goes into making the experiments of a large sweep."""
+
+
 def sweep(
     experiment: Experiment,
     values: Mapping[str, Iterable[Any]],
@@ -134,9 +138,10 @@ def sweep(
         raise ConfigurationError("sweep: no key to vary; give key: values, e.g. {'controller.observer.l0': [2, 5, 10]}")
     shape = tuple(map(len, grid.values()))
     experiments = np.empty(shape, dtype=object)
-    for index, point in zip(np.ndindex(shape), product(*grid.values()), strict=True):
+    for done, (index, point) in enumerate(zip(np.ndindex(shape), product(*grid.values()), strict=True)):
+        progress(PREPARING * done / experiments.size)
         experiments[index] = _point(experiment, dict(zip(grid, point, strict=True)))
-    runs = run_grid(experiments, workers=workers, progress=progress)
+    runs = run_grid(experiments, workers=workers, progress=part(progress, PREPARING, 1.0))
     edges = [experiments[(0,) * axis + (slice(None),) + (0,) * (len(shape) - axis - 1)] for axis in range(len(shape))]
     return Sweep(
         runs.outcomes,

@@ -55,7 +55,7 @@ def certify(
 
     experiment = given.nominal(ensemble)
     check_file(out, ".json")
-    with ProgressLine("simulating") as progress:
+    with ProgressLine("simulating", command="certify", patient=True) as progress:
         certificate = judge(experiment, progress=progress)
         progress(0.0, "searching nearby gains")
         near = nearby_gains(certificate, progress=progress)

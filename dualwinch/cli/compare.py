@@ -77,7 +77,7 @@ def compare(
             if Path(name) != given.config:
                 note_other_machine(Path(name), ensemble, drawn)
     check_file(out, ".json")
-    with ProgressLine("simulating") as progress, where.workers(progress) as workers:
+    with ProgressLine("simulating", command="compare", patient=True) as progress, where.workers(progress) as workers:
         result = run(wanted, drawn, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")
         result.find_least_errors(progress)

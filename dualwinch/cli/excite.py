@@ -67,7 +67,7 @@ def excite(
     known = dict(map(prior_from, prior or []))
     limit = seconds_from(time)
     check_file(out, ".toml")
-    with ProgressLine("searching") as progress:
+    with ProgressLine("searching", command="excite", patient=True) as progress:
         found = excite(
             fit,
             None if ensemble else given.experiment(),

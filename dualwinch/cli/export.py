@@ -168,7 +168,7 @@ def export_fmu(
     from dualwinch.export import export_fmu as run
 
     experiment = chosen_from(given, block)
-    with ProgressLine("generating") as progress:
+    with ProgressLine("generating", command="export", patient=True) as progress:
         words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(block=block, fmi=fmi))
     wrote(words)
 

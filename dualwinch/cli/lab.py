@@ -68,7 +68,7 @@ def page_of(own: dict[str, Any] | None = None) -> str:
     from dualwinch.lab.assemble import assemble
     from dualwinch.lab.content import content
 
-    with ProgressLine("building the lab") as progress:
+    with ProgressLine("building the lab", command="lab", patient=True) as progress:
         made = content(load_ensemble("rig"), __version__, progress=progress)
     return assemble(made.catalogue, made.modules, own)
 

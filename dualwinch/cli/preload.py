@@ -61,7 +61,7 @@ def preload(
 
     experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
     check_file(out, ".json")
-    with ProgressLine("solving and simulating") as progress:
+    with ProgressLine("solving and simulating", command="preload", patient=True) as progress:
         found = preloads(
             experiment,
             minimise,

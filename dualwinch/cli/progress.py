@@ -26,19 +26,22 @@ class ProgressLine:
 
     On a terminal it is a line that disappears at the end: phase, and status or a bar with the time left. In a log, a
     command with a name writes a line for each phase, and every ten seconds one with the status, or with the share
-    done and the time left; others write nothing.
+    done and the time left; a patient one writes only the latter; others write nothing.
     """
 
-    def __init__(self, phase: str = "", *, command: str = "", console: Console | None = None) -> None:
+    def __init__(
+        self, phase: str = "", *, command: str = "", patient: bool = False, console: Console | None = None
+    ) -> None:
         """Begin with a phase.
 
         Args:
             phase: name of the first phase.
             command: beginning of the lines of a log; empty: no lines.
+            patient: write no line in the first ten seconds, which most calls do not take.
             console: default: standard error.
         """
         self.console = console or Console(stderr=True, markup=False)
-        self._command, self._phase, self._status = command, "", ""
+        self._command, self._patient, self._phase, self._status = command, patient, "", ""
         self._fraction = self._first = 0.0
         self._began = self._written = time.monotonic()
         self._spinner = Spinner("dots")
@@ -69,7 +72,7 @@ class ProgressLine:
         if self.console.is_terminal:
             if new and self._live.is_started:
                 self._live.refresh()
-        elif self._command and new:
+        elif self._command and new and not self._patient:
             self.say(f"{self._command}: {phase}")
         elif self._command and time.monotonic() - self._written > INTERVAL:
             self.say(f"{self._command}: {status or f'{self._phase}, {100 * fraction:.0f} %{self._left()}'}")

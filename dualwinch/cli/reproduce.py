@@ -90,7 +90,7 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     runs: Runs = {}
     variants: Variants = {}
     images: dict[int, bytes] = {}
-    with ProgressLine() as progress:
+    with ProgressLine(command="reproduce", patient=True) as progress:
 
         def step(phase: str) -> None:
             progress(next(done) / steps, phase)

@@ -19,6 +19,7 @@ from dualwinch.cli.output import (
     write_figure,
     wrote,
 )
+from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.sweep import checked_metrics
 
 if TYPE_CHECKING:
@@ -67,8 +68,8 @@ def sensitivities(
     values = values_of(keys, base)
     check_memory(base.samples, 1, (len(columns) + 1) * (len(values) + 1))
     check_file(out, *MIXED)
-    with terminal(stderr=True).status("differentiating"):
-        found = sensitivities(list(values), [list(values.values())], [base], columns=columns)
+    with ProgressLine("differentiating", command="sensitivities", patient=True) as progress:
+        found = sensitivities(list(values), [list(values.values())], [base], columns=columns, progress=progress)
     if found.interrupted:
         raise KeyboardInterrupt
     record = to_record(base, values, found)

@@ -140,7 +140,7 @@ def simulate_one(
     check_file(out, *FORMATS)
     check_file(animate, ".svg")
     engine = engine or engine_here(experiment.simulation.engine)
-    with ProgressLine("simulating") as progress, where.workers(progress):
+    with ProgressLine("simulating", command="simulate", patient=True) as progress, where.workers(progress):
         result = run(experiment, stride=stride, engine=engine, progress=progress)
     print_result(result, given.typed, json=json)
     console = terminal(stderr=True)
@@ -179,7 +179,10 @@ def simulate_ensemble(
     check_file(out, *([".json"] if statistics_only else SUFFIXES))
     if statistics_only and plot:
         raise ConfigurationError("--plot and --statistics-only: give one of them")
-    with ProgressLine(f"simulating {scenarios} scenarios") as progress, where.workers(progress) as workers:
+    with (
+        ProgressLine(f"simulating {scenarios} scenarios", command="simulate", patient=True) as progress,
+        where.workers(progress) as workers,
+    ):
         run = ensemble_statistics if statistics_only else partial(run_ensemble, traces=plot is not None)
         result = run(ensemble, scenarios, seed, workers=workers, progress=progress)
     print_ensemble(result, typed, json=json)

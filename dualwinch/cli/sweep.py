@@ -66,7 +66,7 @@ def sweep(
     base, axes = given.experiment(), axes_from(over)
     metrics = checked_metrics(metric or ["mse"], base)
     check_file(out, *MIXED)
-    with ProgressLine("simulating") as progress, where.workers(progress) as workers:
+    with ProgressLine("simulating", command="sweep", patient=True) as progress, where.workers(progress) as workers:
         found = sweep(base, axes, workers=workers, progress=progress)
     if json:
         print_json(to_record(found))

@@ -292,7 +292,7 @@ def run_study(
         if tuned.interrupted:
             raise KeyboardInterrupt
         if options.stress:
-            with ProgressLine("robustness margins") as progress:
+            with ProgressLine("robustness margins", command="tune") as progress:
                 found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
             terminal(soft_wrap=True).print(repr(found), highlight=False)
             line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")

@@ -296,6 +296,15 @@ def test_a_log_says_how_far_a_phase_is_every_ten_seconds(monkeypatch: pytest.Mon
     assert log.getvalue() == "identify: fitting\nidentify: fitting, 25 % · 36 s left\n"
 
 
+def test_a_patient_line_is_silent_in_a_log_for_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, log = [0.0], StringIO()
+    monkeypatch.setattr("dualwinch.cli.progress.time.monotonic", lambda: now[0])
+    line = ProgressLine("simulating", command="sweep", patient=True, console=Console(file=log, width=80))
+    for now[0], fraction, phase in ((5.0, 0.1, ""), (12.0, 0.25, ""), (13.0, 0.3, "drawing"), (24.0, 0.3, "")):
+        line(fraction, phase)
+    assert log.getvalue() == "sweep: simulating, 25 % · 36 s left\nsweep: drawing, 30 %\n"
+
+
 def test_what_was_compiled_is_said_with_its_time() -> None:
     said = list[str]()
 
