@@ -1,10 +1,15 @@
 """Atomic writing of files: they appear whole or not at all."""
 
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+
+WRITTEN: ContextVar[list[Path] | None] = ContextVar("WRITTEN", default=None)
+"""The files written so far, where someone keeps a list of them."""
 
 
 @contextmanager
@@ -12,17 +17,32 @@ def atomic(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to it at the end, and removed after an error or interrupt.
 
     Args:
-        path: the final file; the temporary name has the same suffix.
+        path: the final file, or a symbolic link to it; the temporary name has the same suffix.
 
     Raises:
-        OSError: the folder cannot be written to, or the disk is full.
+        OSError: the folder cannot be written to, or the disk is full; it names `path`.
     """
-    unfinished = path.with_name(f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
+    final = Path(os.path.realpath(path))  # else the rename would replace a link
+    unfinished = final.with_name(f".{final.stem}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
         yield unfinished
-        unfinished.replace(path)
+        unfinished.replace(final)
+        written = WRITTEN.get()
+        if written is not None:
+            written.append(path)
+    except OSError as error:
+        if error.filename not in {None, str(unfinished)}:
+            raise
+        number = error.errno or _number_in(str(error))
+        raise OSError(number, os.strerror(number) if number else str(error), str(path)) from error
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def _number_in(message: str) -> int:
+    """The error number that a library gives in its message alone; 0: none."""
+    found = re.search(r"\[errno (\d+)\]", message, re.IGNORECASE)
+    return int(found[1]) if found else 0
 
 
 def write_whole(path: Path, text: str, errors: str = "strict") -> None:

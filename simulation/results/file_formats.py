@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.files import atomic
+from dualwinch.codegen.files import atomic, write_whole
 from dualwinch.model.arguments import path_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts
@@ -106,10 +106,10 @@ def _write_csv(content: FileContent, path: Path) -> None:
     from pyarrow import csv
 
     table = pa.table({name: pa.array(values, from_pandas=True) for name, values in content.columns.items()})
-    with atomic(path) as unfinished, atomic(metadata_path(path)) as unfinished_metadata:
+    text = json.dumps(_csv_metadata(content, path.name), indent=2, allow_nan=False)
+    with atomic(path) as unfinished:
         csv.write_csv(table, unfinished, csv.WriteOptions(quoting_style="none", quoting_header="none"))
-        text = json.dumps(_csv_metadata(content, path.name), indent=2, allow_nan=False)
-        unfinished_metadata.write_text(text + "\n", encoding="utf-8")
+        write_whole(metadata_path(path), text + "\n")
 
 
 def _read_csv(path: Path) -> FileContent:

@@ -134,6 +134,32 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of sizes there")
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz", ".mat"])
+def test_a_file_that_grows_too_large_is_named(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import resource
+
+    file, limits = tmp_path / f"run{suffix}", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
+    try:
+        error = refused(capsys, "simulate", "--out", str(file), *SHORT, code=1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert error.startswith(f"dualwinch: error: {file}: File too large")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    target, link = tmp_path / "there" / "data.csv", tmp_path / "run.csv"
+    link.symlink_to(target)  # a dangling one
+    for _ in range(2):
+        main(["simulate", "--out", str(link), *SHORT])
+        assert link.is_symlink()
+        assert target.read_text().startswith("t,x,")
+    assert [file.name for file in target.parent.iterdir()] == ["data.csv"]
+
+
 INTERRUPTED = """
 import signal
 from pathlib import Path
