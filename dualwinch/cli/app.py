@@ -12,11 +12,13 @@ from dataclasses import is_dataclass
 from importlib import import_module
 from inspect import cleandoc, signature
 from itertools import pairwise
+from pathlib import Path
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
 from dualwinch import __version__
+from dualwinch.codegen.files import WRITTEN
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
 """Exit codes."""
@@ -168,6 +170,14 @@ def _unforeseen(error: Exception, *, printed: bool) -> str:
     return f"{what}; a fault of dualwinch, please report it with {path} to your supplier of dualwinch"
 
 
+def _kept(written: list[Path]) -> str:
+    """What an interrupted command leaves behind."""
+    if not written:
+        return "nothing was written"
+    others = f" and {len(written) - 1} more" if len(written) > 1 else ""
+    return f"{written[0]}{others} had been written before, and {'are' if others else 'is'} complete"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; every failure is one line on standard error.
 
@@ -179,6 +189,8 @@ def main(arguments: list[str] | None = None) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check_text(words)
     _check_paths(words)
+    written: list[Path] = []
+    WRITTEN.set(written)
     try:
         wanted = [word for word in words if word != TRACEBACK]
         with _warnings_in_a_line():
@@ -186,8 +198,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)
-    except KeyboardInterrupt:
-        _fail("interrupted; files already written are complete", FAILED)
+    except KeyboardInterrupt as error:
+        _fail(f"interrupted; {error if error.args else _kept(written)}", FAILED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(128 + signal.SIGPIPE) from None

@@ -86,7 +86,7 @@ def compare(
     write_json(out, facts)
     write_figure(plot, "comparison", result)
     if result.partial:
-        raise KeyboardInterrupt
+        raise where.interrupt
 
 
 PAPER = "paper"

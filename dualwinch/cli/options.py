@@ -428,6 +428,12 @@ class CheckpointingWorkerOptions(WorkerOptions):
 
     checkpoint: Path | None = None
 
+    @property
+    def interrupt(self) -> KeyboardInterrupt:
+        """The end of a call that was interrupted; with a checkpoint its message says how to go on."""
+        words = f"finished portions are in {self.checkpoint}; the same call goes on with the rest"
+        return KeyboardInterrupt(words) if self.checkpoint else KeyboardInterrupt()
+
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
         """As in `WorkerOptions`, with finished portions stored.

@@ -4,7 +4,8 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import fill
@@ -263,6 +264,15 @@ def print_note(words: str, *, stderr: bool = False) -> None:
 def wrote(file: object) -> None:
     """Print on standard error that a file was written."""
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
+
+
+@contextmanager
+def if_interrupted(words: str) -> Iterator[None]:
+    """Let the message of an interrupt say how to go on, in place of which files have been written."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(words) from None
 
 
 def json_text(facts: Mapping[str, Any]) -> str:

@@ -24,7 +24,7 @@ from dualwinch.cli.options import (
     stated,
     use_parts,
 )
-from dualwinch.cli.output import json_text, terminal, version_notes, versions
+from dualwinch.cli.output import if_interrupted, json_text, terminal, version_notes, versions
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -99,6 +99,7 @@ def race(
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
         where.workers(progress) as workers,
+        if_interrupted(GO_ON),
     ):
         found = race(
             ensemble=drawn,
@@ -122,8 +123,11 @@ def race(
     terminal(soft_wrap=True).print(repr(found), highlight=False)
     progress.say(f"wrote {', '.join(written)} in {out}")
     if found.remaining:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(GO_ON)
 
+
+GO_ON = "the same call goes on with the entries that are not finished"
+"""What the message of an interrupt says."""
 
 GAINS = "gains"
 """Folder of the configurations."""

@@ -195,7 +195,7 @@ def simulate_ensemble(
         wrote(out)
     write_figure(plot, "fan_chart", result)
     if result.partial:
-        raise KeyboardInterrupt
+        raise where.interrupt
 
 
 def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:

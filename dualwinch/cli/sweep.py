@@ -77,7 +77,7 @@ def sweep(
         wrote(out)
     write_figure(plot, lambda: found.plot(metrics[0]))
     if found.interrupted:
-        raise KeyboardInterrupt
+        raise where.interrupt
 
 
 def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:

@@ -31,7 +31,16 @@ from dualwinch.cli.options import (
     share_from,
     use_parts,
 )
-from dualwinch.cli.output import FigureColumn, FigureTable, print_idealisations, print_note, styled, terminal, versions
+from dualwinch.cli.output import (
+    FigureColumn,
+    FigureTable,
+    if_interrupted,
+    print_idealisations,
+    print_note,
+    styled,
+    terminal,
+    versions,
+)
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.stress import write_stress
 
@@ -264,38 +273,39 @@ def run_study(
     with made_folder(out):
         ways = {"resume": options.resume, "shared": options.shared}
         store = open_store(options.kept_in, options.study, problem, definition, budget, **ways)
-        with closing(store), options.where.workers(line) as workers, _workers(options):
-            _announce(line, problem, method, options.kept_in, store.count())
-            if seconds is not None:
-                line.say(
-                    f"ends within {problem.selection.time_of_all(seconds):.0f} s: up to {seconds:g} s of search, the "
-                    "rest for preparing, choosing, scoring and the report; compiling adds to that"
+        with if_interrupted("the study is kept; the same call with --resume goes on"):
+            with closing(store), options.where.workers(line) as workers, _workers(options):
+                _announce(line, problem, method, options.kept_in, store.count())
+                if seconds is not None:
+                    line.say(
+                        f"ends within {problem.selection.time_of_all(seconds):.0f} s: up to {seconds:g} s of search, "
+                        "the rest for preparing, choosing, scoring and the report; compiling adds to that"
+                    )
+                tuned = run(
+                    problem,
+                    method=method,
+                    trials=trials,
+                    seconds=seconds,
+                    rollouts=options.rollouts,
+                    workers=workers or max(1, cores() // options.workers),
+                    store=store,
+                    reserved_seconds=REPORT_SECONDS,
+                    watch=TuningProgress(line, problem.objectives),
                 )
-            tuned = run(
-                problem,
-                method=method,
-                trials=trials,
-                seconds=seconds,
-                rollouts=options.rollouts,
-                workers=workers or max(1, cores() // options.workers),
-                store=store,
-                reserved_seconds=REPORT_SECONDS,
-                watch=TuningProgress(line, problem.objectives),
-            )
-        line(1.0, "writing best.toml, study.json and report.html")
-        write(tuned, options, plugins or [], following)
-        line.stop()
-        if tuned.interrupted:
-            line.say("interrupted; this is the best so far")
-        print_study(tuned, ExperimentOptions(config=out / "best.toml", plugin=plugins).typed)
-        line.say(f"wrote best.toml, study.json and report.html in {out}")
-        if tuned.interrupted:
-            raise KeyboardInterrupt
-        if options.stress:
-            with ProgressLine("robustness margins", command="tune") as progress:
-                found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
-            terminal(soft_wrap=True).print(repr(found), highlight=False)
-            line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
+            line(1.0, "writing best.toml, study.json and report.html")
+            write(tuned, options, plugins or [], following)
+            line.stop()
+            if tuned.interrupted:
+                line.say("interrupted; this is the best so far")
+            print_study(tuned, ExperimentOptions(config=out / "best.toml", plugin=plugins).typed)
+            line.say(f"wrote best.toml, study.json and report.html in {out}")
+            if tuned.interrupted:
+                raise KeyboardInterrupt
+            if options.stress:
+                with ProgressLine("robustness margins", command="tune") as progress:
+                    found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
+                terminal(soft_wrap=True).print(repr(found), highlight=False)
+                line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
     return tuned
 
 

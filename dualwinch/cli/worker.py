@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from dualwinch.cli.options import Plugins, Whole, use_parts
+from dualwinch.cli.output import if_interrupted
 from dualwinch.cli.progress import ProgressLine
 
 
@@ -65,5 +66,6 @@ def worker(
             proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
             evaluator = Evaluator(prepared, workers=threads)
             status.phase(SEARCHING)
-            done = search(definition["method"], proposer, store, evaluator, status)
+            with if_interrupted("every trial finished here is in the study; the same call joins it again"):
+                done = search(definition["method"], proposer, store, evaluator, status)
             line.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

@@ -350,7 +350,7 @@ def test_an_interrupt_writes_what_was_finished(
     assert dualwinch("simulate", *SHORT, "--out", out) == 1
     said = capsys.readouterr()
     assert "3 of 6 scenarios were finished and are kept" in said.out
-    assert said.err.splitlines()[-1].startswith("dualwinch: error: interrupted")
+    assert said.err.splitlines()[-1].startswith(f"dualwinch: error: interrupted; {out} had been written")
     content = json.loads(out.read_text())
     assert (len(content["scenarios"]), content["scenarios_asked"]) == (3, 6)
 

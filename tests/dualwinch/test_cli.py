@@ -160,6 +160,17 @@ def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
     assert [file.name for file in target.parent.iterdir()] == ["data.csv"]
 
 
+def test_an_interrupt_before_anything_is_written_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dualwinch.simulation.simulate.simulate", interrupted)
+    error = refused(capsys, "simulate", "--out", str(tmp_path / "run.csv"), code=1)
+    assert error == "dualwinch: error: interrupted; nothing was written\n"
+
+
 INTERRUPTED = """
 import signal
 from pathlib import Path
@@ -188,7 +199,8 @@ def test_an_interrupt_leaves_no_half_written_file(tmp_path: Path) -> None:
     error = process.stderr
     assert (tmp_path / "figures" / "figure09.png").exists()
     assert process.returncode == 1
-    assert "interrupted" in error.splitlines()[-1]
+    assert "interrupted; " in error.splitlines()[-1]
+    assert " more had been written before, and are complete" in error.splitlines()[-1]
     assert "Traceback" not in error
     assert not list(tmp_path.rglob(".*"))
     assert not (tmp_path / "report.html").exists()

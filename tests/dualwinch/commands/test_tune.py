@@ -238,7 +238,9 @@ def test_an_interrupt_keeps_the_best_so_far(
 
     monkeypatch.setattr(SearchStatus, "add", interrupted)
     assert dualwinch("tune", *FEW, "--trials", 1000, "--out", tmp_path) == 1
-    assert "interrupted; this is the best so far" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "interrupted; this is the best so far" in said
+    assert said.endswith("interrupted; the study is kept; the same call with --resume goes on\n")
     assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
     assert load(tmp_path / "best.toml").controller.estimator.kind == "calibrating-kalman"
 
