@@ -37,6 +37,14 @@ def test_the_exported_controller_gives_the_run_of_simulate(precision: str, tmp_p
     assert result.metrics["mse"] == pytest.approx(expected.metrics["mse"], rel=1e-9 if precision == "double" else 0.05)
 
 
+def test_an_option_is_answered_by_the_usage(tmp_path: Path) -> None:
+    program = built(tmp_path)
+    for words in (["--help"], ["127.0.0.1", "1", "2"]):
+        done = subprocess.run([program, *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr == f"usage: {program} [HOST] [PORT]        (default: 127.0.0.1 47800)\n"
+
+
 def test_a_controller_with_other_inputs_is_refused(tmp_path: Path) -> None:
     ahead = dw.case(4, "mpc")
     if not ahead.controller.preview:
