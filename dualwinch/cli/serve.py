@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,7 +69,8 @@ def serve(
         safe: Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope).
         priority: Real-time priority of the sampling thread, 1 to 99 (default: none).
         runs: End after this many runs (default: at Ctrl-C).
-        out: File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, ….
+        out: File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, …, also where earlier sessions left
+            files.
         map_: File for the table of registers and nodes: .csv, or .md for a page.
         lab: Show each run in the lab's page while it proceeds.
 
@@ -89,6 +90,8 @@ def serve(
     if runs is not None and runs < 1:
         raise ConfigurationError(f"--runs = {runs}: must be a whole number >= 1")
     check_file(out, *FORMATS)
+    if not realtime and rate is not None:
+        raise ConfigurationError("--rate: needs --realtime; with --lockstep there is no clock")
     check_file(map_, *MAP_FORMATS)
     settings = ServerSettings(
         lockstep=not realtime,
@@ -104,19 +107,25 @@ def serve(
         wrote(map_)
     try:
         with shown(plant, experiment, protocols, host, lab=lab):
-            for number in count(1) if runs is None else range(1, runs + 1):
+            for _ in count() if runs is None else range(runs):
                 result = watched(plant)
                 if result is None:
                     return
                 print_run(plant, result, json=json)
                 if out:
-                    file = out if number == 1 else out.with_stem(f"{out.stem}-{number}")
+                    file = unused(out)
                     save(result, file, {**plant.notes, **version_notes()})
                     wrote(file)
                 if plant.closed:
                     return
     finally:
         plant.release()
+
+
+def unused(file: Path) -> Path:
+    """The file, or the first of NAME-2, NAME-3, … that does not exist; a run driven from outside cannot be repeated."""
+    numbered = (file.with_stem(f"{file.stem}-{number}") for number in count(2))
+    return next(each for each in chain([file], numbered) if not each.exists())
 
 
 def _torques(text: str | None) -> tuple[float, ...] | None:

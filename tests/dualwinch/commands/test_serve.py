@@ -81,6 +81,9 @@ def test_each_run_is_printed_and_becomes_a_file(tmp_path: Path, capsys: pytest.C
     assert result.metrics["mse"] == first["metrics"]["mse"]
     assert np.all(result["tau_2"] == HOLDING[1])
     assert dw.load_result(tmp_path / "run-2.npz")["x"].tolist() == result["x"].tolist()
+    served(lambda port: runs(port, 1), "--lockstep", "--runs", "1", "--out", str(file))
+    assert dw.load_result(tmp_path / "run-3.npz")["x"].tolist() == result["x"].tolist(), "nothing is overwritten"
+    assert "run-3.npz" in capsys.readouterr().err
     assert registers.read_text().startswith("name,access,unit,meaning,range,modbus")
     assert re.search(r"serving at 127\.0\.0\.1:\d+ \(UDP\); clients may write", said.err)
 
@@ -138,6 +141,7 @@ def test_remarks_are_about_the_plant_and_not_about_the_experiments_own_controlle
         (["--rate", "0"], "rate = 0.0: must be a finite number > 0 and <= 1000"),
         (["--safe", "1"], "--safe 1: must be two torques in N m, such as 22,22"),
         (["--safe", "nan,1"], "safe = (nan, 1.0): must be a list of finite numbers"),
+        (["--lockstep", "--rate", "2"], "--rate: needs --realtime; with --lockstep there is no clock"),
         (["--runs", "0"], "--runs = 0: must be a whole number >= 1"),
         (["--udp", "70000"], "UDP port = 70000: must be 0 to 65535"),
         (["--modbus", "0"], "Modbus port = 0: must be 1 to 65535"),
