@@ -47,7 +47,7 @@ def excite(
         speed: Largest speed in m/s (default: the reference's).
         acceleration: Largest acceleration in m/s^2 (default: that of half the ropes' largest net force).
         torque: Largest torque of a motor in N m (default: any).
-        trials: Motions to simulate.
+        trials: Motions to simulate at least; the search completes the generation that reaches them.
         time: Time of the search, e.g. 60s, 5min.
         seed: Seed of the search.
         out: File for the experiment with that motion, .toml.

@@ -137,6 +137,8 @@ def simulate_one(
     experiment = given.experiment()
     if stride < 1:
         raise ConfigurationError(f"--stride = {stride}: must be a whole number >= 1")
+    if stride > 1 and not (out or plot or animate):
+        raise ConfigurationError("--stride: needs --out, --plot or --animate")
     check_file(out, *FORMATS)
     check_file(animate, ".svg")
     engine = engine or engine_here(experiment.simulation.engine)

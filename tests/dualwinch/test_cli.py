@@ -52,6 +52,7 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         (["simulate", "--set", "reference.cruise_until=50"], "ascending order"),
         (["simulate", "--set", "simulation.duration=1e-9"], "simulation.duration"),
         (["simulate", "--stride", "0"], "--stride = 0: must be a whole number >= 1"),
+        (["simulate", "--stride", "3"], "--stride: needs --out, --plot or --animate"),
         (["simulate", "--out", "run.xls"], ".csv, .parquet, .npz, .mat"),
         (["simulate", "--out", "no/such/folder/run.csv"], "no such folder"),
         (["simulate", "--plot", "run.gif"], ".png, .svg, .pdf"),
