@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from dualwinch.codegen.drivers.batch import compile_batch
-from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, reset
+from dualwinch.config.experiment_file import given_keys
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import has_paper_gains, paper_controller
 from dualwinch.model.arguments import instance, whole_number
@@ -20,7 +21,7 @@ from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.settings import override
+from dualwinch.simulation.settings import current, override
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.robustness.imperfections import (
@@ -184,10 +185,13 @@ def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -
 
     Its plant and its method of integration stay: gains for heavy winches do not apply to light ones.
     """
-    plain = Experiment()
-    asked = ensemble.experiment if isinstance(ensemble, Ensemble) else load_ensemble(ensemble, plain).experiment
-    usual, theirs, ours = leaves(plain), leaves(asked), leaves(experiment)
-    taken = {key for key, value in theirs.items() if value != usual.get(key) and value == ours.get(key)}
+    if isinstance(ensemble, Ensemble):
+        asked, given = ensemble.experiment, leaves(ensemble.experiment).keys()
+    else:
+        asked = load_ensemble(ensemble, experiment).experiment
+        given = {current(key) for key in given_keys(find_ensemble(ensemble))}
+    usual, theirs, ours = leaves(Experiment()), leaves(asked), leaves(experiment)
+    taken = {key for key in theirs.keys() & given if usual.get(key) != theirs[key] == ours.get(key)}
     return override(
         experiment, {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)}
     )

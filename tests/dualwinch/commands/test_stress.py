@@ -11,6 +11,7 @@ from dualwinch.cli.stress import study_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.robustness import stress as stress_module
 from dualwinch.tuning.robustness.stress import base_and_ensemble
@@ -199,3 +200,15 @@ def test_what_gains_have_of_the_ensemble_they_were_tuned_in_comes_off_first() ->
     assert harsh.experiment == rig.experiment
     heavier = override(rig.experiment, {"plant.vehicle.mass": 1.2e4})
     assert base_and_ensemble(heavier, "rig", "sea")[0].experiment.plant.vehicle.mass == 1.2e4
+
+
+def test_an_ensemble_is_read_on_the_machine_of_the_gains(tmp_path: Path) -> None:
+    rollers = tmp_path / "rollers.toml"
+    rollers.write_text(
+        "[sensors]\nspeed_noise = 0.1\n[distributions]\nplant.track.roller_spacing = { uniform = [2.0, 4.0] }\n"
+    )
+    gains = override(Experiment(), {"plant.track.roller_spacing": 3.0, "sensors.speed_noise": 0.1})
+    kind, harsh = base_and_ensemble(gains, rollers, None)
+    assert kind.experiment.sensors.speed_noise == 0.0
+    assert harsh.experiment.sensors.speed_noise == 0.1
+    assert harsh.experiment.plant.track.roller_spacing == 3.0
