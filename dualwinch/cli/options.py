@@ -263,7 +263,7 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
     if not found:
         return ""
     alike = [f"{starred(key) if swapped(key) in found else key}{words}" for key, words in found.items()]
-    sizes_there = _first(list(dict.fromkeys(alike)), 5)
+    sizes_there = first(list(dict.fromkeys(alike)), 5)
     return (
         f"the ensemble '{drawn.name}' has sizes that do not follow from {file}: {sizes_there}; for your own, edit a "
         f"copy of it (dualwinch config --ensemble {name} > my.toml)"
@@ -289,7 +289,7 @@ def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
     if not (missed or replaced):
         return ""
     differences = [f"{key} = {there.get(key)} there, {here.get(key)} here" for key in missed + replaced]
-    about = f"{file}: for another machine ({_first(differences, 2)})"
+    about = f"{file}: for another machine ({first(differences, 2)})"
     if missed:
         return f"{about}; to judge it on its own: --config {file}"
     return (
@@ -298,7 +298,7 @@ def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
     )
 
 
-def _first(words: list[str], count: int) -> str:
+def first(words: list[str], count: int) -> str:
     """The first words of a list, and the number of the others."""
     return ", ".join(words[:count]) + (f", and {len(words) - count} more" if len(words) > count else "")
 

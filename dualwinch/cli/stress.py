@@ -5,6 +5,7 @@ The computation itself is the function ``dualwinch.stress``.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from contextlib import nullcontext
 from dataclasses import replace
 from json import loads
@@ -17,15 +18,17 @@ from dualwinch.cli.options import (
     Json,
     Whole,
     default_of,
+    first,
     note_other_ensemble,
-    note_other_machine,
     own_default,
+    sizes_of_ensemble,
     stated,
 )
-from dualwinch.cli.output import json_text, print_json, terminal, version_notes, wrote
+from dualwinch.cli.output import json_text, print_json, print_note, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
+    from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.tuning.robustness.result import RobustnessResult
 
@@ -81,7 +84,7 @@ def stress(
         names = [NO_ENSEMBLE]
         if around != NO_BASE:
             beneath = load_ensemble(around, experiment)
-            note_other_machine(file, around, beneath)
+            note_replaced(file, around, beneath, given.values)
             names = [beneath.name]
         added = load_ensemble(own_default("stress", "ensemble") if ensemble is None else ensemble, experiment)
         note_other_ensemble(file, *names, added.name)
@@ -108,6 +111,36 @@ def stress(
     if out:
         for name in write_stress(out, found):
             wrote(out / name)
+
+
+def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str]) -> None:
+    """Print notes on values of the gains' file that a base sets itself, and on sizes in it that do not follow.
+
+    Keys that were `asked` for by ``--set`` are left out.
+    """
+    for words in filter(None, (replaced(file, name, base, asked), sizes_of_ensemble(file, name, base))):
+        print_note(words, stderr=True)
+
+
+def replaced(file: Path, name: str, base: Ensemble, asked: Collection[str] = ()) -> str:
+    """Name the values of the gains' file that a base sets itself, those first that are no defaults; empty if none."""
+    from dualwinch.config.experiment_file import given_keys, load
+    from dualwinch.model.quantities.tree import leaves, shown
+    from dualwinch.simulation.experiment import Experiment
+    from dualwinch.simulation.settings import current
+    from dualwinch.tuning.robustness.imperfections import MACHINE, METHOD
+
+    there, here, usual = (leaves(each) for each in (load(file), base.experiment, Experiment()))
+    given = {current(key) for key in given_keys(file)} - METHOD - set(map(current, asked))
+    keys = [key for key in here.keys() & there.keys() & given if key.startswith(MACHINE) and here[key] != there[key]]
+    if not keys:
+        return ""
+    keys.sort(key=lambda key: (there[key] == usual.get(key), key))
+    differences = [f"{key} = {shown(here[key])} (the file: {shown(there[key])})" for key in keys]
+    return (
+        f"the base '{base.name}' sets values of its own: {first(differences, 3)}; to judge the gains with those of "
+        f"{file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
+    )
 
 
 STUDY = "study.json"

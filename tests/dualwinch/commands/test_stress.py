@@ -1,15 +1,16 @@
 """``dualwinch stress`` as a user runs it, with half a second of simulated time."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 import dualwinch as dw
 from dualwinch.cli import main
-from dualwinch.cli.stress import study_constraints
+from dualwinch.cli.stress import replaced, study_constraints
 from dualwinch.config.ensemble_file import load_ensemble, loads_ensemble
-from dualwinch.config.experiment_file import load
+from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -212,3 +213,24 @@ def test_an_ensemble_is_read_on_the_machine_of_the_gains(tmp_path: Path) -> None
     assert kind.experiment.sensors.speed_noise == 0.0
     assert harsh.experiment.sensors.speed_noise == 0.1
     assert harsh.experiment.plant.track.roller_spacing == 3.0
+
+
+def test_values_of_the_file_that_the_base_sets_itself_are_said(
+    tmp_path: Path, drums: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[sensors]\ntension_noise = 15.0\nposition_resolution = 0.002\nencoder_counts = 0\n")
+    drums.write_text(DRUMS)
+    main(["stress", str(mine), "--ensemble", str(drums), "--base", "sea", *SHORT, "--set", "sensors.encoder_counts=1"])
+    said = capsys.readouterr().err
+    assert (
+        "note: the base 'sea' sets values of its own: sensors.position_resolution = 0.001 (the file: 0.002), "
+        "sensors.tension_noise = 10.0 (the file: 15.0); to judge the gains with those of "
+        f"{mine}: --base none, or edit a copy of the base (dualwinch config --ensemble sea > my.toml)\n"
+    ) in said
+    mine.write_text(to_toml(load(mine)))
+    said = replaced(mine, "sea", load_ensemble("sea", load(mine)))
+    assert "sensors.tension_noise = 10.0 (the file: 15.0), " in said
+    assert re.search(r", and \d+ more; to judge", said)
+    mine.write_text(to_toml(load_ensemble("sea").experiment))
+    assert not replaced(mine, "sea", load_ensemble("sea", load(mine)))
