@@ -161,6 +161,7 @@ class ExperimentOptions:
         use_parts(self.plugin)
         found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
         own = own_keys(self.config) if self.config else frozenset()
+        note_empty(self.config)
         note_left_defaults(found, own | self.values.keys())
         return found
 
@@ -184,7 +185,11 @@ class ExperimentOptions:
         """
         from dualwinch.config.ensemble_file import reset
 
-        return reset(self._unchanged(name), self.values)
+        drawn = self._unchanged(name)
+        if not drawn.distributions:
+            words = "it has no [distributions], so no value is drawn, and scenarios differ in their noise at most"
+            print_note(f"the ensemble '{drawn.name}': {words}", stderr=True)
+        return reset(drawn, self.values)
 
     def _unchanged(self, ensemble: str) -> Ensemble:
         """An ensemble without the values of ``--set``; print notes on differences from the machine of the file."""
@@ -193,7 +198,9 @@ class ExperimentOptions:
 
         use_parts(self.plugin)
         drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
+        note_empty(self.config)
         note_other_machine(self.config, ensemble, drawn)
+        note_papers_machine(self, ensemble, drawn)
         return drawn
 
 
@@ -224,6 +231,39 @@ def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     left = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
     for words in [*left, *without_effect(experiment, own)]:
         print_note(words, stderr=True)
+
+
+def note_empty(file: Path | None) -> None:
+    """Print a note if an experiment's file gives no key, so that everything in it is a default."""
+    from dualwinch.config.experiment_file import given_keys
+
+    if file is not None and not given_keys(file):
+        print_note(f"{file}: gives no key, so that everything is the default, the paper's machine", stderr=True)
+
+
+def note_papers_machine(given: ExperimentOptions, name: str, drawn: Ensemble) -> None:
+    """Print a note if neither an ensemble's own file nor an option describes a machine: it is the paper's then."""
+    if given.case is None and given.config is None and (words := papers_machine(name, drawn, given.values)):
+        print_note(words, stderr=True)
+
+
+def papers_machine(name: str, drawn: Ensemble, asked: Collection[str] = ()) -> str:
+    """Say that an ensemble is on the paper's machine, as its file gives no value of a plant; empty for a built-in one.
+
+    Distributions alone describe no machine. Keys `asked` for by ``--set`` count as the file's.
+    """
+    from dualwinch.config.ensemble_file import built_in_ensembles, find_ensemble
+    from dualwinch.config.experiment_file import given_keys
+
+    if name in built_in_ensembles():
+        return ""
+    if any(key.startswith("plant.") for key in (*given_keys(find_ensemble(name)), *asked)):
+        return ""
+    plant = drawn.experiment.plant
+    return (
+        f"{name}: gives no value of the plant, so that the machine is the paper's: {plant.vehicle.mass / 1e3:g} t on "
+        f"{plant.track.length:g} m; --config FILE gives another"
+    )
 
 
 def note_other_machine(file: Path | None, name: str, drawn: Ensemble) -> None:

@@ -14,12 +14,14 @@ from cyclopts import Parameter
 
 from dualwinch.cli.options import (
     Assignments,
+    ExperimentOptions,
     Plugins,
     Whole,
     WorkerOptions,
     choice,
     default_of,
     note_other_machine,
+    note_papers_machine,
     own_default,
     stated,
     use_parts,
@@ -95,6 +97,7 @@ def race(
     name = own_default("race", "ensemble") if ensemble is None else ensemble
     drawn = load_ensemble(name, load(config) if config else None)
     note_other_machine(config, name, drawn)
+    note_papers_machine(ExperimentOptions(config=config, set_=set_), name, drawn)
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,

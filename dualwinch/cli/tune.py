@@ -26,6 +26,7 @@ from dualwinch.cli.options import (
     WorkerOptions,
     default_of,
     note_other_machine,
+    note_papers_machine,
     own_default,
     seconds_from,
     share_from,
@@ -179,6 +180,7 @@ def tune(
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)
+            note_papers_machine(given, ensemble, problem.ensemble)
         following = next_line(options.out / "best.toml", ensemble, given)
         run_study(problem, options, line, given.plugin, following)
         line.say(f"next: {following}")

@@ -131,3 +131,29 @@ def test_the_command_in_a_note_is_about_the_experiment_at_hand(
     assert shlex.split(command)[2:6] == ["--config", str(file), "--set", "plant.vehicle.mass=9000"]
     main(shlex.split(command)[1:])
     assert "unstable" in capsys.readouterr().out
+
+
+def test_a_machine_that_nothing_describes_is_said_to_be_the_papers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn, empty = tmp_path / "drawn.toml", tmp_path / "empty.toml"
+    drawn.write_text('[distributions]\nplant.vehicle.mass = { uniform = [0.9, 1.1], of = "nominal" }\n')
+    empty.write_text("# nothing yet\n")
+    machine = "gives no value of the plant, so that the machine is the paper's: 10 t on 50 m; --config FILE gives anoth"
+    words = ["simulate", "--scenarios", "2", *SHORT, "--ensemble"]
+
+    def said(*more: str) -> str:
+        main([*words, *more])
+        return capsys.readouterr().err
+
+    assert f"note: {drawn}: {machine}" in said(str(drawn))
+    assert machine not in said(str(drawn), "--case", "4")
+    assert machine not in said(str(drawn), "--set", "plant.vehicle.mass=9e3")
+    assert "note:" not in said("sea")
+    nothing = said(str(empty))
+    assert machine in nothing
+    assert "note: the ensemble 'empty': it has no [distributions], so no value is drawn, and scenarios" in nothing
+    everything = f"note: {empty}: gives no key, so that everything is the default, the paper's machine\n"
+    assert said(str(drawn), "--config", str(empty)).count(everything) == 1
+    main(["simulate", "--config", str(empty), *SHORT])
+    assert capsys.readouterr().err == everything
