@@ -17,13 +17,14 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, every_leaf
 from dualwinch.model.quantities.part import built_in
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
-from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.model.reference import KEYS_OF_KIND, cruise_speed
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import METRICS, Metric
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.settings import (
     check_reference_keys,
+    current,
     describe_choices,
     from_folder,
     known_keys,
@@ -86,14 +87,23 @@ def experiment_from(
 def assigned(assignments: Sequence[str]) -> dict[str, Any]:
     """Key → value of assignments; ``*`` stands for any part of a key, as in ``plant.rope_*.damping=300``.
 
+    A key may follow a pattern that matches more than it, as an exception.
+
     Raises:
-        ConfigurationError: no key or no ``=``, a value that no key can have, or a pattern that matches no key.
+        ConfigurationError: no key or no ``=``, a value that no key can have, a pattern that matches no key, or a key
+            that is given twice.
     """
     found: dict[str, Any] = {}
+    alike: dict[str, int] = {}  # present key → number of keys that its last assignment was for
     for pattern, value in map(parse_assignment, assignments):
         keys = [key for key in known_keys() if fnmatchcase(key, pattern)] if "*" in pattern else [pattern]
         if not keys:
             raise ConfigurationError(f"{pattern}: no key is like this; dualwinch config prints all keys")
+        for key in keys:
+            if alike.get(current(key), math.inf) <= len(keys):
+                both = f"{shown(found.get(key))} and {shown(value)}"
+                raise ConfigurationError(f"{key}: is given twice, as {both}; give one value (after any pattern)")
+            alike[current(key)] = len(keys)
         found |= dict.fromkeys(keys, value)
     return found
 

@@ -141,6 +141,22 @@ class ExperimentOptions:
 
         return assigned(self.assignments)
 
+    def check_apart(self, keys: Collection[str]) -> None:
+        """Check that none of the keys that a command varies itself is set as well.
+
+        Raises:
+            ConfigurationError: one is.
+        """
+        from dualwinch.model.errors import ConfigurationError
+        from dualwinch.simulation.settings import current
+
+        fixed = {current(key): value for key, value in self.values.items()}
+        for key in keys:
+            if current(key) in fixed:
+                raise ConfigurationError(
+                    f"{key}: is swept, and also set, to {fixed[current(key)]}; give one of the two"
+                )
+
     @property
     def typed(self) -> str:
         """The options as typed for another command about the same experiment."""
@@ -151,7 +167,7 @@ class ExperimentOptions:
     def experiment(self, *defaults: str) -> Experiment:
         """The experiment; print notes on values that may be oversights.
 
-        The user's assignments come after the `defaults` of a command.
+        The user's assignments replace the `defaults` of a command.
 
         Raises:
             ConfigurationError: a plugin, both a case and a file, or anything wrong with a key or value.
@@ -159,10 +175,12 @@ class ExperimentOptions:
         from dualwinch.config.experiment_file import experiment_from, own_keys
 
         use_parts(self.plugin)
-        found = experiment_from(self.case, self.config, None, [*defaults, *self.assignments])
+        values = self.values
+        others = [text for text in defaults if text.partition("=")[0] not in values]
+        found = experiment_from(self.case, self.config, None, [*others, *self.assignments])
         own = own_keys(self.config) if self.config else frozenset()
         note_empty(self.config)
-        note_left_defaults(found, own | self.values.keys())
+        note_left_defaults(found, own | values.keys())
         return found
 
     def nominal(self, ensemble: str | None) -> Experiment:

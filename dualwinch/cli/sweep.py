@@ -64,6 +64,7 @@ def sweep(
     from dualwinch.simulation.sweep import sweep
 
     base, axes = given.experiment(), axes_from(over)
+    given.check_apart(axes)
     metrics = checked_metrics(metric or ["mse"], base)
     check_file(out, *MIXED)
     with ProgressLine("simulating", command="sweep", patient=True) as progress, where.workers(progress) as workers:
@@ -125,6 +126,8 @@ def axes_from(texts: Sequence[str]) -> dict[str, list[Any]]:
             )
         if key in found:
             raise ConfigurationError(f"{key}: is given twice")
+        if "*" in key:
+            raise ConfigurationError(f"{key}: must be one key, a sweep takes no patterns")
         found[key] = _values(key, values)
     return found
 

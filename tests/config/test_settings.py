@@ -240,3 +240,21 @@ def test_a_pattern_stands_for_all_keys_that_are_like_it() -> None:
     }
     with pytest.raises(ConfigurationError, match=r"plant\.rope_\*\.damp: no key is like this"):
         assigned(["plant.rope_*.damp=300"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["controller.kind=pid-cascade", "controller.kind=nftsm"],
+            'controller.kind: is given twice, as "pid-cascade" a',
+        ),
+        (["plant.rope_2.damping=400", "plant.rope_*.damping=300"], "plant.rope_2.damping: is given twice, as 400 and "),
+        (["plant.rope_*.damping=1", "plant.rope_*.damping=2"], "plant.rope_1.damping: is given twice, as 1 and 2; "),
+        (["disturbance.seed=1", "simulation.seed=2"], "simulation.seed: is given twice"),
+    ],
+)
+def test_a_key_that_is_given_twice_is_refused(words: list[str], message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        assigned(words)
+    assert str(caught.value).startswith(message)

@@ -44,6 +44,11 @@ def test_doctor_names_compiler_and_cache(capsys: pytest.CaptureFixture[str]) -> 
         (["simulate", "--case", "1", "--config", "x.toml"], "one of them"),
         (["simulate", "--config", "missing.toml"], "missing.toml"),
         (["simulate", "--controller", "lqr"], "fando-nftsm"),
+        (["simulate", "--controller", "lqi", "--set", "controller.kind=nftsm"], 'given twice, as "lqi" and "nftsm"'),
+        (
+            ["simulate", "--set", "controller.observer.l0=1", "--set", "controller.observer.l0=2"],
+            "given twice, as 1 an",
+        ),
         (["simulate", "--set", "plant.vehicle.mas=1"], "did you mean 'plant.vehicle.mass'"),
         (["simulate", "--set", "controller.nftsm.p=4"], "controller.nftsm.p = 4: must be odd"),
         (["simulate", "--set", "controller.nftsm.q=5"], "must be > controller.nftsm.q = 5"),

@@ -145,6 +145,12 @@ def test_wrong_values_are_one_line(texts: list[str], message: str) -> None:
         ([f"{L0}=1,2", "--case", "4", "--config", "x.toml"], "give one of them"),
         (["metrics=[]"], "metrics: must have at least one value"),
         (["metrics=room"], "metrics: is the same for all runs"),
+        (
+            ["controller.kind=nftsm,adrc", "--controller", "lqi"],
+            "controller.kind: is swept, and also set, to lqi; give",
+        ),
+        ([f"{L0}=1,2", "--set", f"{L0}=3"], f"{L0}: is swept, and also set, to 3; give one of the two"),
+        (["plant.rope_*.modulus=7e10,8e10"], "plant.rope_*.modulus: must be one key, a sweep takes no patterns"),
     ],
 )
 def test_wrong_words_are_one_line_and_exit_code_2(
