@@ -168,4 +168,4 @@ def leaf_of(key: str, experiment: Experiment | None = None) -> Leaf:
     if below:
         first = ", ".join(name.removeprefix(key + ".") for name in below[:6])
         raise ConfigurationError(f"{key} is a table; its keys are {first}" + (", ..." if len(below) > 6 else ""))
-    raise ConfigurationError(unknown("key", key, known))
+    raise ConfigurationError(unknown("key", key, known, "; dualwinch config prints all"))

@@ -342,6 +342,25 @@ def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
     return heapq.nlargest(count, keys, key=likeness)
 
 
+NEAR, NEAR_ALONE = 0.5, 0.6
+"""Least similarities of near names: of whole keys and last parts, and of last parts alone."""
+
+
+def is_near(key: str, name: str) -> bool:
+    """Whether a mistaken key resembles a name so much that it may be meant, or one is the beginning of the other."""
+    (whole, last), (other, others) = ((text.lower(), text.lower().rpartition(".")[2]) for text in (key, name))
+    if last and (others.startswith(last) or last.startswith(others)):
+        return True
+    alike = difflib.SequenceMatcher(a=others, b=last).ratio()
+    return alike >= NEAR_ALONE or (alike >= NEAR and difflib.SequenceMatcher(a=other, b=whole).ratio() >= NEAR)
+
+
+def meant(name: Any, known: Iterable[str]) -> str:
+    """Question whether the nearest of the known names is meant; empty where none is near."""
+    found = next(iter(nearest(str(name), known)), "")
+    return f"did you mean '{found}'?" if found and is_near(str(name), found) else ""
+
+
 MOST_LISTED = 24
 """Largest number of names listed in an error; of more only the nearest are listed."""
 
@@ -352,14 +371,15 @@ def another(what: str) -> str:
 
 
 def suggestion(name: Any, known: Iterable[str], more: str = "") -> str:
-    """Hint of an error about an unknown name: the nearest, and the known names, with `more` possibilities in words."""
+    """Hint of an error about an unknown name: the one that may be meant, and the known, with `more` in words."""
     names = list(known)
     if not names:
         return "there is none" + more
-    listed = f"Must be one of {', '.join(names)}"
+    listed = f"must be one of {', '.join(names)}"
     if len(names) > MOST_LISTED:
-        listed = f"The nearest of {len(names)} are {', '.join(nearest(str(name), names, 6))}"
-    return f"did you mean '{nearest(str(name), names)[0]}'? {listed}{more}"
+        listed = f"the nearest of {len(names)} are {', '.join(nearest(str(name), names, 6))}"
+    question = meant(name, names)
+    return f"{question} {listed[0].upper()}{listed[1:]}{more}" if question else listed + more
 
 
 LONGEST_NAME = 100

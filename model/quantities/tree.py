@@ -10,7 +10,7 @@ import casadi as ca
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.description import describe_parts, own_prefix, slots
 from dualwinch.model.quantities.part import HOW_TO_REGISTER, Part, PartChoice
-from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, nearest, numbers_of, rebuilt
+from dualwinch.model.quantities.quantity import Leaf, Mark, Rule, elements, is_array, meant, numbers_of, rebuilt
 from dualwinch.model.scalar import Scalar, present, where
 
 Group = TypeVar("Group")
@@ -169,8 +169,8 @@ def validated(leaf: Leaf, value: Any) -> Any:
     """
     if not leaf.admits(value):
         hint = "" if leaf.marks.isdisjoint({Mark.PART, Mark.PARTS}) else f" ({HOW_TO_REGISTER})"
-        if leaf.choices and isinstance(value, str):
-            hint += f"; did you mean '{nearest(value, leaf.choices)[0]}'?"
+        if leaf.choices and isinstance(value, str) and (question := meant(value, leaf.choices)):
+            hint += f"; {question}"
         raise ConfigurationError(f"{leaf.key} = {shown(value)}: must be {leaf.wanted}{hint}")
     if Mark.PARTS in leaf.marks:
         return (value,) if isinstance(value, str) else tuple(value)

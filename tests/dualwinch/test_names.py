@@ -26,7 +26,7 @@ WRONG = {
     "method": (["tune", "--case", "4", "--method", "cmase"], "cmaes"),
     "ensemble": (["simulate", "--ensemble", "see"], "sea"),
     "ensemble to compare in": (["compare", "paper", "--ensemble", "rigg"], "rig"),
-    "name to sweep": (["linearise", "--sweep", "y=1:2:1"], "x"),
+    "name to sweep": (["linearise", "--sweep", "pre=1:2:1"], "preload"),
     "parameter to fit": (["identify", "log.csv", "--fit", "plant.vehicle.mas"], "plant.vehicle.mass"),
     "reading": (["identify", "log.csv", "--fit", "plant.vehicle.mass", "--column", "tau1=left"], "tau_1"),
     "study in a shared file": (["worker", "--storage", "studies.journal", "--study", "see"], "sea"),
@@ -64,3 +64,20 @@ def test_long_lists_are_cut_to_the_nearest() -> None:
     )
     assert suggestion("nam_3", many[:2]) == "did you mean 'name_1'? Must be one of name_0, name_1"
     assert suggestion("anything", []) == "there is none"
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("foo", ["controller.observer.kf", "plant.vehicle.mass"]),
+        ("controller.observer.l0", ["plant.track.tilt", "plant.vehicle.mass"]),
+        ("nope", ["fando-nftsm", "rbf-sliding-mode"]),
+        ("5", ["1", "2", "3", "4"]),
+        ("name", ["plant.rope_2.diameter"]),
+        ("", ["x"]),
+    ],
+)
+def test_a_name_that_is_far_from_all_is_not_guessed(name: str, known: list[str]) -> None:
+    assert suggestion(name, known) == f"must be one of {', '.join(known)}"
+    many = known + [f"key_{number}" for number in range(100, 200)]
+    assert suggestion(name, many, "; see the list").startswith(f"the nearest of {len(many)} are ")

@@ -30,17 +30,15 @@ def test_a_case_that_is_not_there(number: Any) -> None:
 @pytest.mark.parametrize(
     ("controller", "near"),
     [
-        ("bang-bang", "fando-nftsm|nftsm|pid-cascade|super-twisting|adrc|lqi|eid|rbf-sliding-mode|mpc"),
-        ("nftms", "nftsm"),
-        ("ADRC", "adrc"),
-        (3, ""),
-        (["nftsm"], "nftsm"),
+        ("bang-bang", "m"),
+        ("nftms", r"did you mean 'nftsm'\? M"),
+        ("ADRC", r"did you mean 'adrc'\? M"),
+        (3, "m"),
+        (["nftsm"], r"did you mean 'nftsm'\? M"),
     ],
 )
 def test_an_unknown_controller_fails_at_once_and_names_the_nearest(controller: Any, near: str) -> None:
-    with pytest.raises(
-        ConfigurationError, match=rf"^unknown position law .*; did you mean '({near}).*'\? Must be one of"
-    ):
+    with pytest.raises(ConfigurationError, match=rf"^unknown position law .*; {near}ust be one of fando-nftsm, "):
         case(4, controller)
 
 

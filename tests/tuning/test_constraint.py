@@ -102,7 +102,7 @@ def test_violations_are_shares_of_the_bound_and_positive_beyond_it() -> None:
     [
         ("worst.peak_tension<6000", "must be STATISTIC<=BOUND"),
         ("worst.peak_tensoin<=6000", "unknown metric 'peak_tensoin'; did you mean 'peak_tension'?"),
-        ("least.mse<=1", "unknown statistic 'least'; did you mean 'mean'? Must be one of mean, median, p95, worst"),
+        ("least.mse<=1", "unknown statistic 'least'; must be one of mean, median, p95, worst"),
         ("mean.mse<=controller.coordination.tension_mx", "did you mean 'controller.coordination.tension_max'?"),
         ("mean.mse<=controller.kind", "names no number"),
         ("mean.mse<=nan", "'nan' must be a finite number"),

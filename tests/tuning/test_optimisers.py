@@ -109,7 +109,5 @@ def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> Non
     assert len({trial.objectives for trial in run(prepared, "nsga2", 3)}) == 48
     with pytest.raises(Exception, match="takes a single objective; use nsga2"):
         optimiser("cmaes", prepared, 0)
-    with pytest.raises(
-        Exception, match=r"--method simplex: .*did you mean 'tpe'\? Must be one of cmaes, gradient, hybrid"
-    ):
+    with pytest.raises(Exception, match=r"--method simplex: .*; must be one of cmaes, gradient, hybrid"):
         optimiser("simplex", prepared, 0)

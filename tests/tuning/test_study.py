@@ -112,9 +112,7 @@ def test_processes_share_a_study_in_a_file(make_problem: MakeProblem, tmp_path: 
     with pytest.raises(ConfigurationError, match="does not exist; `dualwinch tune --shared` creates it"):
         join_store(str(file), "s")
     first = open_store(str(file), "s", problem, definition, SearchBudget(40), resume=False, shared=True)
-    with pytest.raises(
-        ConfigurationError, match="--study: unknown study 'other'; did you mean 's'\\? Must be one of s"
-    ):
+    with pytest.raises(ConfigurationError, match="--study: unknown study 'other'; must be one of s"):
         join_store(str(file), "other")
     second = join_store(str(file), "s")
     assert problem_from(second.definition) == problem

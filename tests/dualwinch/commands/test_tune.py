@@ -371,7 +371,7 @@ def test_times(text: str, seconds: float) -> None:
         (["--objective", "men.mse"], "unknown statistic 'men'"),
         (["--constraint", "worst.peak_tension"], "must be STATISTIC<=BOUND"),
         (["--constraint", "peak_tension<=5500"], "of which statistic? worst.peak_tension<=5500 or mean."),
-        (["--method", "simplex"], "--method simplex: unknown method 'simplex'; did you mean"),
+        (["--method", "simplex"], "--method simplex: unknown method 'simplex'; must be one of"),
         (["--storage", "mysql://me:secret@host/x"], "must be a file, or postgresql+psycopg://"),
         (["--set", "controller.coordination.preload=100"], "controller.coordination.preload = 100"),
     ],

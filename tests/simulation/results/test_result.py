@@ -20,11 +20,10 @@ def test_a_result_is_asked_for_columns_as_a_mapping_is(result: Result) -> None:
     assert "d_hat" not in result
 
 
-@pytest.mark.parametrize(("name", "near"), [("vv", "v"), ("F_1", "F1"), ("tau1", "tau_1"), (3, "t"), (["x"], "x")])
+@pytest.mark.parametrize(("name", "near"), [("vv", "v"), ("F_1", "F1"), ("tau1", "tau_1"), (3, ""), (["x"], "")])
 def test_an_unknown_column_is_one_line_that_names_the_nearest(result: Result, name: str, near: str) -> None:
     with pytest.raises(KeyError) as caught:
         result[name]
     assert isinstance(caught.value, DualwinchError)
-    assert str(caught.value).startswith(f"unknown column {name!r}; did you mean '")
-    if isinstance(name, str):
-        assert f"; did you mean '{near}'? Must be one of t, x, v, " in str(caught.value)
+    hint = f"did you mean '{near}'? Must" if near else "must"
+    assert str(caught.value).startswith(f"unknown column {name!r}; {hint} be one of t, x, v, ")
