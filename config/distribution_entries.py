@@ -79,7 +79,10 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
 def _distribution(entry: Any) -> Distribution:
     """A distribution from the content of its entry."""
     if not isinstance(entry, dict) or sum(shape in entry for shape in (*SHAPES, "kind")) != 1:
-        raise ConfigurationError('must be one distribution, e.g. { uniform = [0.9, 1.1], of = "nominal" }')
+        wanted = 'must be one distribution, e.g. { uniform = [0.9, 1.1], of = "nominal" }'
+        words = entry if isinstance(entry, dict) else ()
+        strange = next((word for word in words if word not in {*SHAPES, *OPTIONS, "within", "kind"}), None)
+        raise ConfigurationError(wanted if strange is None else f"{wanted}; {unknown('word', strange, SHAPES)}")
     part: Any = DISTRIBUTIONS.find(entry["kind"]) if "kind" in entry else None
     allowed = (*(tuple(field.name for field in fields(part)) if part else (*SHAPES, "within")), *OPTIONS)
     for word in entry:

@@ -22,6 +22,10 @@ TUNED_IN, NO_ENSEMBLE = "ensemble", "none"
 """Key of the ensemble at the head of a file of tuned gains, and its value for gains tuned in a single run."""
 
 
+HEADING = ("name", "description")
+"""Keys of the table ``[ensemble]``."""
+
+
 def built_in_ensembles() -> dict[str, Path]:
     """Name → file of the built-in ensembles."""
     with as_file(files("dualwinch.simulation") / "ensembles") as folder:
@@ -79,6 +83,10 @@ def _from_source(source: Source, base: Experiment | None, name: str) -> Ensemble
     for key, value in heading.items():
         with source.located(f"ensemble.{key}"):
             _check_heading(key, value)
+    for key in HEADING:
+        if key in table:
+            with source.located(key):
+                raise ConfigurationError(f"{key}: belongs below a line [ensemble]")
     experiment = from_table(table, source, base or Experiment())
     distributions: dict[str, Drawn] = {}
     for key, entry in _entries(entries):
@@ -131,8 +139,8 @@ def ensemble_to_toml(ensemble: Ensemble) -> str:
 
 
 def _check_heading(key: str, value: Any) -> None:
-    if key not in ("name", "description"):
-        raise ConfigurationError(unknown("key", f"ensemble.{key}", ("ensemble.name", "ensemble.description")))
+    if key not in HEADING:
+        raise ConfigurationError(unknown("key", f"ensemble.{key}", [f"ensemble.{name}" for name in HEADING]))
     if not isinstance(value, str):
         raise ConfigurationError(f"ensemble.{key} = {value}: must be a text")
 
