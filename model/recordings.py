@@ -63,6 +63,10 @@ def _read(file: str, names: tuple[str | None, ...], changed: int, size: int) -> 
     return columns
 
 
+TIMES, OTHER_TIMES = "t", "time"
+"""Usual name of the column of the times, and the one that stands for it in a file without that."""
+
+
 def chosen(file: Path, names: Sequence[str | None], table: Sequence[TableColumn]) -> list[TableColumn]:
     """The columns by header or name; ``None`` stands for the only remaining one."""
     named = {name: _named(file, name, table) for name in names if name is not None}
@@ -74,7 +78,7 @@ def chosen(file: Path, names: Sequence[str | None], table: Sequence[TableColumn]
 
 
 def _named(file: Path, name: str, table: Sequence[TableColumn]) -> TableColumn:
-    found = named_columns(table, name)
+    found = named_columns(table, name) or (named_columns(table, OTHER_TIMES) if name == TIMES else [])
     if not found:
         every = [column.name for column in table if column.name]
         alike = [column for column in every if column.lower() == name.lower()]
@@ -205,7 +209,7 @@ def _of_file(origin: Origin, file: str) -> Recording:
         t = times.factor("s", origin.time_unit) * times.values
     except ConfigurationError as error:
         raise ConfigurationError(f"{file}: {error}") from error
-    _check_ascending(times.values, lambda row: f"{file}: {times.place(row)}: {origin.time_column}")
+    _check_ascending(times.values, lambda row: f"{file}: {times.place(row)}: {times.name}")
     if times.stamps or t[0] >= SINCE_1970:
         raise ConfigurationError(f"{file}: {times.at(0)}: must be the time since the run began, in s or a stated unit")
     names, units = (tuple(getattr(column, what) for column in columns) for what in ("name", "unit"))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass, replace
+from datetime import date, time
 from operator import is_
 from typing import Any, TypeVar
 
@@ -154,6 +155,8 @@ def shown(value: Any) -> str:
     """A value for error messages: in TOML, at most 60 characters."""
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, (date, time)):  # or a datetime
+        return value.isoformat()
     try:
         text = f'"{value}"' if isinstance(value, str) else repr(value)
     except ValueError:  # a whole number of more digits than Python prints

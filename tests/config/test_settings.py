@@ -40,6 +40,8 @@ from tests.own_metrics import Room
         ("plant.vehicle.mass=-1", "plant.vehicle.mass = -1: must be a finite number > 0 kg"),
         ("plant.vehicle.mass=nan", "finite number > 0"),
         ("plant.vehicle.mass=inf", "finite number > 0"),
+        ("plant.vehicle.mass=1979-05-27", "plant.vehicle.mass = 1979-05-27: must be a finite number > 0 kg"),
+        ("plant.vehicle.mass=07:32:00", "plant.vehicle.mass = 07:32:00: must be a finite number > 0 kg"),
         ("plant.vehicle.mass=heavy", "finite number > 0"),
         ("plant.vehicle.mass=true", "finite number > 0"),
         ("plant.vehicle.mass=[1]", "finite number > 0"),

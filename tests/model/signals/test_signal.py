@@ -117,8 +117,16 @@ WRONG = {
     "ragged": ("t,F\n0,1\n1\n", "line 3: has 1 cells: must have 2"),
     "no such column": ("t,f\n0,1\n1,1\n", "unknown column 'F'; did you mean 'f'?"),
     "twice the column": ("t,F,F\n0,1,1\n1,1,1\n", "has more than one column 'F'"),
-    "no times": ("time,F\n0,1\n1,1\n", "unknown column 't'; did you mean 'time'?"),
+    "no times": ("tim,F\n0,1\n1,1\n", "unknown column 't'; did you mean 'tim'?"),
+    "unsorted times of the other name": ("time [s],F\n0,1\n2,1\n1,1\n", "line 4: time = 1: must be > 2"),
 }
+
+
+@pytest.mark.parametrize("header", ["time [s]", "gust.time", "time"])
+def test_the_column_of_the_times_may_be_named_time(header: str, tmp_path: Path) -> None:
+    path = tmp_path / "gust.csv"
+    path.write_text(f"{header},F\n0,1\n2,3\n")
+    assert Signal.from_file(path, "F", unit="N").recording.t.tolist() == [0.0, 2.0]
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
