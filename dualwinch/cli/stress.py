@@ -147,17 +147,22 @@ STUDY = "study.json"
 """File of a study, beside its best gains, with their constraints."""
 
 
-def study_constraints(file: Path, experiment: Experiment) -> list[str]:
-    """Constraints of the study beside a file, if the file has the study's best gains."""
+def study_constraints(file: Path, experiment: Experiment) -> dict[str, float | None]:
+    """Constraints of the study beside a file, and their bounds there, if the file has the study's best gains."""
     from dualwinch.model.quantities.tree import leaves
 
     try:
         study = loads((file.parent / STUDY).read_text(encoding="utf-8"))
-        settings, texts = study["best"]["settings"], [constraint["text"] for constraint in study["constraints"]]
+        settings = study["best"]["settings"]
+        bounds = {constraint["text"]: _number(constraint.get("bound")) for constraint in study["constraints"]}
     except (OSError, ValueError, KeyError, TypeError):
-        return []
+        return {}
     values = leaves(experiment)
-    return texts if all(values.get(key) == value for key, value in settings.items()) else []
+    return bounds if all(values.get(key) == value for key, value in settings.items()) else {}
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, (int, float)) else None
 
 
 def write_stress(out: Path, found: RobustnessResult) -> list[str]:

@@ -273,6 +273,27 @@ def limits_of(
     return tuple(found)
 
 
+def where_paper_is_no_measure(
+    constraints: Sequence[Constraint], bounds: Mapping[str, float | None]
+) -> tuple[tuple[Constraint, ...], tuple[Constraint, ...]]:
+    """Constraints for gains that are judged by multiples of their own values, and those that are left out.
+
+    Gains cannot be better than themselves: a factor that asks for that is replaced by the constraint's number in the
+    gains' study (`bounds`, by its text), or left out where there is none.
+    """
+    kept, left_out = list[Constraint](), list[Constraint]()
+    for constraint in constraints:
+        number = bounds.get(constraint.text)
+        if not constraint.of_paper or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
+            kept.append(constraint)
+        elif number is None:
+            left_out.append(constraint)
+        else:
+            text = f"{constraint.statistic.name}{'>=' if constraint.at_least else '<='}{number:g}"
+            kept.append(replace(constraint, text=text, bound=number, of_paper=False))
+    return tuple(kept), tuple(left_out)
+
+
 def _eased(asked: Constraint, reached: float) -> Constraint:
     """A constraint whose bound is `WORSE` times as bad as a value."""
     larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound

@@ -16,6 +16,7 @@ from dualwinch.model.quantities.tables import markdown, page, table
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
+from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.robustness.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
 from dualwinch.tuning.robustness.limits import SHARE, RobustnessLimit, ViolatedLimit, is_no_measure, multiple
 from dualwinch.tuning.robustness.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
@@ -88,6 +89,7 @@ class RobustnessResult:
             judged by multiples of their own values.
         lost: name → limits violated already in the base (`limits.failures`); such controllers are not tested further.
         rows: one per imperfection.
+        left_out: factors on the paper's values below the gains' own, where the paper's gains are no measure.
     """
 
     scaling: ScaledEnsemble
@@ -95,6 +97,7 @@ class RobustnessResult:
     limits: dict[str, tuple[RobustnessLimit, ...]]
     lost: dict[str, tuple[ViolatedLimit, ...]]
     rows: tuple[ImperfectionResult, ...]
+    left_out: tuple[Constraint, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -161,6 +164,11 @@ class RobustnessResult:
                     else ""
                 )
                 words.append(f"{name}: fails already in the base, {why}{own}")
+        words += [
+            f"{constraint.text} is left out: the paper's gains are no measure here, and no gains can be better than "
+            "themselves"
+            for constraint in self.left_out
+        ]
         words += self._easings()
         words += [
             f"{row.imperfection.label} ends at {multiple(size(row.reach.top))}: {row.reach.obstacle}"
@@ -201,6 +209,7 @@ class RobustnessResult:
             "base": scaling.base.name,
             "scenarios": scaling.count,
             "seed": scaling.seed,
+            "left_out": [constraint.text for constraint in self.left_out],
             "sizes": {"lowest": size(LOWEST), "highest": size(HIGHEST), "factor": size(1), "steps_per_decade": STEPS},
             "gains": [
                 {

@@ -41,6 +41,7 @@ from dualwinch.tuning.robustness.limits import (
     is_no_measure,
     limits_of,
     violated_limits,
+    where_paper_is_no_measure,
 )
 from dualwinch.tuning.robustness.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
 from dualwinch.tuning.robustness.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
@@ -65,7 +66,7 @@ def stress(
     base: str | PathLike[str] | Ensemble | None = "sea",
     settings: Mapping[str, Any] | None = None,
     constraints: Sequence[str] | None = None,
-    study_constraints: Sequence[str] = (),
+    study_constraints: Sequence[str] | Mapping[str, float | None] = (),
     scenarios: int = SCENARIOS,
     seed: int = 0,
     name: str = "given",
@@ -87,7 +88,8 @@ def stress(
         constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, a factor on the value with
             the paper's gains in the base; default: `study_constraints`, and on other metrics: no slack rope, no peak
             beyond the limit, and at most four times the paper's mean square error.
-        study_constraints: constraints of the study in which the gains were tuned.
+        study_constraints: constraints of the study in which the gains were tuned; in a dictionary, each with its bound
+            there as a number, for machines where the paper's gains are no measure.
         scenarios: number per size.
         seed: of the draws.
         name: of the gains in the result.
@@ -114,7 +116,8 @@ def stress(
         controllers,
         benign,
         harsh,
-        constraints_of(constraints, study_constraints, harsh.experiment),
+        constraints_of(constraints, list(study_constraints), harsh.experiment),
+        bounds=study_constraints if isinstance(study_constraints, Mapping) else {},
         scenarios=scenarios,
         seed=seed,
         workers=workers,
@@ -247,6 +250,7 @@ def breakdowns(
     ensemble: Ensemble,
     constraints: Sequence[Constraint],
     *,
+    bounds: Mapping[str, float | None] | None = None,
     scenarios: int,
     seed: int,
     workers: Workers = None,
@@ -257,7 +261,8 @@ def breakdowns(
     Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
     violated. Scenarios are the same, with the same quantiles of every distribution, at every size and for all
     controllers, among them the paper's gains (`PAPER`); everything else is the base's, except its own controller.
-    Factors in constraints are on the value with the paper's gains in the base. Other arguments are as in `stress`.
+    Factors in constraints are on the value with the paper's gains in the base. `bounds` are numbers of the study, by
+    the constraint's text, for use where these are no measure. Other arguments are as in `stress`.
 
     Raises:
         ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not suit the plant.
@@ -287,8 +292,10 @@ def breakdowns(
     limits = {name: limits_of(constraints, plain[PAPER], {name: runs}) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
     held = {name: runs for name, runs in plain.items() if not lost[name]}
-    if is_no_measure(lost[PAPER]):  # others are judged by multiples of their own values
-        limits |= {name: limits_of(constraints, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}
+    left_out: tuple[Constraint, ...] = ()
+    if is_no_measure(lost[PAPER]) and len(controllers) > 1:  # others are judged by multiples of their own values
+        judged, left_out = where_paper_is_no_measure(constraints, bounds or {})
+        limits |= {name: limits_of(judged, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}
     else:  # all by the same bounds
         limits |= dict.fromkeys(held, limits_of(constraints, plain[PAPER], held))
     found = {
@@ -301,7 +308,7 @@ def breakdowns(
         for imperfection, reach in reaches.items()
     ]
     progress(1.0)
-    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows))
+    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows), left_out)
 
 
 def _margins(

@@ -39,7 +39,10 @@ def gains(tmp_path: Path) -> Path:
 
 
 def study(folder: Path, settings: dict[str, float]) -> None:
-    constraints = [{"text": "worst.peak_tension<=5000"}, {"text": "mean.chatter<=1*paper"}]
+    constraints = [
+        {"text": "worst.peak_tension<=5000", "bound": 5000.0},
+        {"text": "mean.chatter<=1*paper", "bound": 40.5},
+    ]
     (folder / "study.json").write_text(json.dumps({"best": {"settings": settings}, "constraints": constraints}))
 
 
@@ -108,13 +111,13 @@ def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: 
 
 
 def test_constraints_come_from_the_study_beside_its_best_gains(gains: Path, tmp_path: Path) -> None:
-    assert study_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == {}
     study(tmp_path, {"controller.observer.l0": 9.0})
-    assert study_constraints(gains, load(gains)) == ["worst.peak_tension<=5000", "mean.chatter<=1*paper"]
+    assert study_constraints(gains, load(gains)) == {"worst.peak_tension<=5000": 5000.0, "mean.chatter<=1*paper": 40.5}
     study(tmp_path, {"controller.observer.l0": 9.5})
-    assert study_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == {}
     (tmp_path / "study.json").write_text("[]")
-    assert study_constraints(gains, load(gains)) == []
+    assert study_constraints(gains, load(gains)) == {}
 
 
 def test_a_report_beside_the_results_shows_them_once(drums: Path, gains: Path, tmp_path: Path) -> None:

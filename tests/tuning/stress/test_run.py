@@ -180,6 +180,15 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     assert found.names == ("own",)
     assert found.limits["own"][1].constraint.bound < 1
     assert "(4*its own)" in repr(found)
+    better = constraints_from(["worst.slack_share<=0", "worst.mse<=0.25*paper"], base.experiment)
+    told = breakdowns(own, base, of(DRUMS, base), better, bounds={"worst.mse<=0.25*paper": 7.5}, scenarios=2, seed=0)
+    assert [limit.words for limit in told.limits["own"]] == ["worst.slack_share <= 0", "worst.mse <= 7.5 m^2"]
+    assert not any(limit.eased for limit in told.limits["own"])
+    assert told.left_out == ()
+    untold = breakdowns(own, base, of(DRUMS, base), better, scenarios=2, seed=0)
+    assert [limit.words for limit in untold.limits["own"]] == ["worst.slack_share <= 0"]
+    assert "worst.mse<=0.25*paper is left out: the paper's gains are no measure here" in repr(untold)
+    assert untold.to_dict()["left_out"] == ["worst.mse<=0.25*paper"]
     least = constraints_from(["worst.min_tension>=1e5", "worst.mse<=4*paper"], base.experiment)
     monkeypatch.setattr("dualwinch.tuning.robustness.limits.WORSE", np.inf)
     moment = breakdowns(own, base, of(DRUMS, base), least, scenarios=2, seed=0)
