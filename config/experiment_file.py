@@ -102,7 +102,8 @@ def assigned(assignments: Sequence[str]) -> dict[str, Any]:
         for key in keys:
             if alike.get(current(key), math.inf) <= len(keys):
                 both = f"{shown(found.get(key))} and {shown(value)}"
-                raise ConfigurationError(f"{key}: is given twice, as {both}; give one value (after any pattern)")
+                hint = "give one value" if "*" not in pattern else f"give an exception after {pattern}"
+                raise ConfigurationError(f"{key}: is given twice, as {both}; {hint}")
             alike[current(key)] = len(keys)
         found |= dict.fromkeys(keys, value)
     return found
