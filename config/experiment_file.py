@@ -91,20 +91,21 @@ def assigned(assignments: Sequence[str]) -> dict[str, Any]:
 
     Raises:
         ConfigurationError: no key or no ``=``, a value that no key can have, a pattern that matches no key, or a key
-            that is given twice.
+            that is given twice, with different values.
     """
     found: dict[str, Any] = {}
-    alike: dict[str, int] = {}  # present key → number of keys that its last assignment was for
+    before: dict[str, tuple[int, Any]] = {}  # present key → number of keys that its last assignment was for, and value
     for pattern, value in map(parse_assignment, assignments):
         keys = [key for key in known_keys() if fnmatchcase(key, pattern)] if "*" in pattern else [pattern]
         if not keys:
             raise ConfigurationError(f"{pattern}: no key is like this; dualwinch config prints all keys")
         for key in keys:
-            if alike.get(current(key), math.inf) <= len(keys):
-                both = f"{shown(found.get(key))} and {shown(value)}"
+            count, last = before.get(current(key), (len(keys), value))
+            if count <= len(keys) and last != value:
+                both = f"{shown(last)} and {shown(value)}"
                 hint = "give one value" if "*" not in pattern else f"give an exception after {pattern}"
                 raise ConfigurationError(f"{key}: is given twice, as {both}; {hint}")
-            alike[current(key)] = len(keys)
+            before[current(key)] = len(keys), value
         found |= dict.fromkeys(keys, value)
     return found
 

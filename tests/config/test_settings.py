@@ -78,6 +78,7 @@ def test_what_is_of_another_type_is_said_in_a_line(wrong: Callable[[], object], 
     with pytest.raises(ConfigurationError) as caught:
         wrong()
     assert str(caught.value).startswith(message)
+    assert assigned(["plant.vehicle.mass=1e4", "plant.vehicle.mass=10000"]) == {"plant.vehicle.mass": 1e4}
     assert len(str(caught.value)) < 250
 
 
@@ -257,7 +258,7 @@ def test_a_pattern_stands_for_all_keys_that_are_like_it() -> None:
         (["disturbance.seed=1", "simulation.seed=2"], "simulation.seed: is given twice"),
     ],
 )
-def test_a_key_that_is_given_twice_is_refused(words: list[str], message: str) -> None:
+def test_a_key_that_is_given_two_values_is_refused(words: list[str], message: str) -> None:
     with pytest.raises(ConfigurationError) as caught:
         assigned(words)
     assert str(caught.value).startswith(message)

@@ -200,10 +200,11 @@ def _problem(
     scenarios: int | None,
     seed: int,
 ) -> TuningProblem:
+    others = [text for text in settings if parse_assignment(text)[0] not in entry.values]  # the entry's own come first
     try:
         return tuning_problem(
             ensemble=ensemble,
-            settings=[*settings, *(f"{key}={value}" for key, value in entry.values.items())],
+            settings=[*others, *(f"{key}={value}" for key, value in entry.values.items())],
             constraints=constraints,
             scenarios=scenarios,
             seed=named_seed(seed, f"search {entry.search}") if entry.search else seed,
