@@ -90,7 +90,7 @@ def stress(
         note_other_ensemble(file, *names, added.name)
     with (
         made_folder(out) if out else nullcontext(),
-        ProgressLine("simulating") as progress,
+        ProgressLine("simulating", command="stress", patient=True) as progress,
         where.workers(progress) as workers,
     ):
         found = stress(
