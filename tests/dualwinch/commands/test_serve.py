@@ -7,7 +7,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from tests.dualwinch.test_printed_figures import left_out
 from tests.simulation.server.clients import ENDED, HELLO, HOLDING, STARTS, TORQUES, Client, finished, serving, short
 
 SHORT = ("--case", "4", "--set", "simulation.duration=0.1", "--allow-write")
+LONGER = ("--case", "4", "--set", "simulation.duration=0.5", "--allow-write")
 
 
 def free_port() -> int:
@@ -36,7 +37,8 @@ def connected(port: int) -> Client:
     """A client of a command, once that listens."""
     client = Client(port)
     client.socket.settimeout(0.05)
-    while True:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
         try:
             client.say(HELLO)
             client.read()
@@ -44,6 +46,7 @@ def connected(port: int) -> Client:
             continue
         client.socket.settimeout(120.0)
         return client
+    raise TimeoutError("the command does not serve")
 
 
 def runs(port: int, count: int) -> None:
@@ -55,12 +58,12 @@ def runs(port: int, count: int) -> None:
         client.socket.close()
 
 
-def served(client: Callable[[int], None], *words: str) -> None:
+def served(client: Callable[[int], None], *words: str, run: Sequence[str] = SHORT) -> None:
     """The command, and a client of it at the same time."""
     port = free_port()
     with ThreadPoolExecutor(1) as pool:
         used = pool.submit(client, port)
-        main(["serve", *SHORT, "--udp", str(port), *words])
+        main(["serve", *run, "--udp", str(port), *words])
         used.result(120)
 
 
@@ -94,7 +97,7 @@ def test_it_says_how_time_was_kept_and_when_a_controller_fell_silent(capsys: pyt
         client.say(STARTS, 0)
         client.socket.close()
 
-    served(silent, "--set", "simulation.duration=0.5", "--runs", "1", "--safe", "20,21")
+    served(silent, "--runs", "1", "--safe", "20,21", run=LONGER)
     said = capsys.readouterr()
     assert "no command for 0.05 s; the safe torques 20 and 21 N m are in force" in said.err
     assert "of 500 samples more than a period late" in said.out

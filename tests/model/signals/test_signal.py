@@ -126,7 +126,9 @@ WRONG = {
 def test_the_column_of_the_times_may_be_named_time(header: str, tmp_path: Path) -> None:
     path = tmp_path / "gust.csv"
     path.write_text(f"{header},F\n0,1\n2,3\n")
-    assert Signal.from_file(path, "F", unit="N").recording.t.tolist() == [0.0, 2.0]
+    recording = Signal.from_file(path, "F", unit="N").recording
+    assert recording is not None
+    assert recording.t.tolist() == [0.0, 2.0]
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
