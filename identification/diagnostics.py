@@ -265,7 +265,11 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     }
 
 
-class UnrecordedForceError(ConfigurationError):
+class ImplausibleFitError(ConfigurationError):
+    """A fit needs large unrecorded torques or noise: the model lacks something, or the log is of another machine."""
+
+
+class UnrecordedForceError(ImplausibleFitError):
     """A fit needs a large unrecorded force: the model lacks a sea, or the log is of another machine."""
 
 
@@ -283,7 +287,7 @@ def check_fit(
 
     Raises:
         UnrecordedForceError: unrecorded forces too large in relation to recorded ones.
-        ConfigurationError: unrecorded torques likewise, or residuals of a sensor far larger than its own noise.
+        ImplausibleFitError: unrecorded torques likewise, or residuals of a sensor far larger than its own noise.
     """
     plausibility, name = options.plausibility, sections[0].name
     most = plausibility.max_unrecorded if unrecorded is None else unrecorded
@@ -308,13 +312,13 @@ def check_fit(
             accept = (
                 f" (--unrecorded {share + 0.005:.0%} accepts it)" if share < plausibility.hopeless_unrecorded else ""
             )
-            refused = UnrecordedForceError if "unrecorded force" in words else ConfigurationError
+            refused = UnrecordedForceError if "unrecorded force" in words else ImplausibleFitError
             raise refused(f"{name}: {words}: {unlike}{accept}")
     jumps = noise_by_differences(readings, options.noise)
     ratios = np.sqrt(estimate.noise.measurement) / jumps
     for index, reading in enumerate(READINGS):
         if counts[index] and ratios[index] > plausibility.max_noise_ratio:
-            raise ConfigurationError(
+            raise ImplausibleFitError(
                 f"{name}: {reading}: its residual is {jumps[index] * ratios[index]:.3g} (s.d.), its own noise "
                 f"{jumps[index]:.3g}: {unlike}"
             )

@@ -7,6 +7,7 @@ describe.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -15,7 +16,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.diagnostics import UnrecordedForceError, whiteness_tests
+from dualwinch.identification.diagnostics import ImplausibleFitError, UnrecordedForceError, whiteness_tests
 from dualwinch.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.identification.likelihood import LOAD_CELLS
 from dualwinch.identification.log import Log
@@ -165,18 +166,19 @@ class ModelChoice:
        forces leave innovations white), or if nuisance parameters are switched off.
     3. Take the delay of torques logged in every sample from ARX models of the load cells (`torque_lags`) or, if these
        do not determine it clearly, from the likeliest fit (`_with_likelier_delay`).
-    4. If no lag of the load cells is described, double one as long as the logs are likelier with it; with a lag, the
-       delay is the likeliest at the start.
-    5. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
+    4. Candidates are the experiment with drum friction (`unknowns.with_drum_friction`) and, if it describes no complete
        sea, also with one (`unknowns.with_sea`), each with `unknowns.nuisance_parameters`. The search restarts, because
        the optimum of a model without them is a poor start.
-    6. If the Strouhal number is unknown, search from each likely value (`vortices.vortex_starts`); the optima are
+    5. If the Strouhal number is unknown, search from each likely value (`vortices.vortex_starts`); the optima are
        reported.
-    7. Choose the likeliest candidate, or the described experiment if that is likelier still, by the sum of a model's
+    6. Choose the likeliest candidate, or the described experiment if that is likelier still, by the sum of a model's
        deviances with the noise of every model: noise of sensors and torques that is not quite at its maximum changes
        the likelihood by more than a sea does.
-    8. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
+    7. The kind of the vortices' phase follows from smoothed readings (`vortices.likelier_phase`); if the amplitude of
        the paper's kind is far from the described one, the other kind is tried.
+    8. If all this ends in a refusal or in coloured innovations, and no lag of the load cells is described: double one
+       as long as the logs are likelier with it, and choose anew with the lag, unless another delay without one is
+       likelier.
 
     All logs are of one machine. The number of threads is by default one per core.
     """
@@ -210,7 +212,35 @@ class ModelChoice:
         *,
         sea: bool,
     ) -> FittedModel:
-        """Choose the model as `of`, with the result of `with_likeliest_torques`."""
+        """Choose the model as `of`, with the result of `with_likeliest_torques`.
+
+        Where no model without a lag of the load cells is accepted and has white innovations, one with a lag is tried.
+        """
+        found, refusal, search = None, None, self.options.search
+        try:
+            found = self._with_load_cells_as_they_are(experiment, coarse, check, sea=sea)
+        except (DivergedFilterError, ImplausibleFitError) as error:
+            refusal = error
+        if not coarse and search.nuisance_share and not (found and found.white):
+            lagged = self._with_load_cell_lag(found.experiment if found else experiment, found)
+            if lagged.sensors != experiment.sensors:
+                with suppress(ConfigurationError):
+                    other = self._with_load_cells_as_they_are(lagged, None, check, sea=sea)
+                    least = found.mean_deviance - search.min_deviance_fall / found.method.samples if found else math.inf
+                    found = other if other.mean_deviance < least else found
+        if found is None:
+            raise refusal or AssertionError
+        return found
+
+    def _with_load_cells_as_they_are(
+        self,
+        experiment: Experiment,
+        coarse: Experiment | None,
+        check: Callable[[ParameterEstimate], Sequence[str]],
+        *,
+        sea: bool,
+    ) -> FittedModel:
+        """Choose the model as `with_torques_as_they_are`, with the described lag of the load cells."""
         search, plain, notes, refusal = self.options.search, None, (), None
         roughly = partial(self._fitted, coarse or experiment, self.unknowns, "fitting", (0.0, 0.4))
         try:
@@ -224,7 +254,7 @@ class ModelChoice:
         white = bool(sound and sound.white)
         if sound and (not search.nuisance_share or (white and not (sea and self._other_vortices(sound)))):
             return sound
-        delayed = coarse or (experiment if white else self._with_load_cell_lag(self._with_delay(experiment), sound))
+        delayed = coarse or (experiment if white else self._with_delay(experiment))
         if plain and not coarse and delayed == experiment:
             if (
                 refusal
@@ -402,9 +432,9 @@ class ModelChoice:
         """An experiment with a lag of the load cells where it describes none and the logs are likelier with one.
 
         Even a lag of a millisecond leaves more torque unexplained than the log of another machine. Likelihoods are
-        those at the values of the model `fitted` without a lag, if it is not refused, else at the start.
+        those at the values of the model `fitted` without a lag, if there is one, else at the start.
         """
-        values = fitted.estimate.values if fitted else None
+        values = fitted.estimate.values[: len(self.unknowns)] if fitted else None
         options, recorded = self.options.search, {name for log in self.logs for name in log.columns}
         if experiment.sensors.load_cell_time_constant or recorded.isdisjoint(LOAD_CELLS):
             return experiment
@@ -414,7 +444,10 @@ class ModelChoice:
             if (deviance := self.deviance_at_start(lagging, values)) >= least:
                 break
             best, least, lag = lagging, deviance, 2 * lag
-        return best if best is experiment else self.likeliest_at_start(best)[1]
+        if best is experiment:
+            return experiment
+        (lagging, delayed), (punctual, _) = (self.likeliest_at_start(each) for each in (best, experiment))
+        return delayed if lagging < punctual else experiment  # a wrong delay looks like a lag
 
     def _with_nuisances(self, experiment: Experiment, phase: str, shares: tuple[float, float]) -> FittedModel:
         """The estimate with nuisance parameters, with the vortices' amplitude near the described one if possible."""
