@@ -25,12 +25,6 @@ from benchmarks.document import markdown, put
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.experiment_file import load
-from dualwinch.identification.diagnostics import unidentifiable_directions, uninformed_keys
-from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
-from dualwinch.identification.identify import identify
-from dualwinch.identification.log import Log, log_of
-from dualwinch.identification.resample import sections_of
-from dualwinch.identification.unknowns import Prior, UnknownParameter, problem_of
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.batch.workers import cores
@@ -38,6 +32,12 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.identification.diagnostics import unidentifiable_directions, uninformed_keys
+from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod, covariance_of
+from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.log import Log, log_of
+from dualwinch.toolboxes.identification.resample import sections_of
+from dualwinch.toolboxes.identification.unknowns import Prior, UnknownParameter, problem_of
 
 SEED = 18
 """Of the machines."""

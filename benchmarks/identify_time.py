@@ -25,17 +25,17 @@ from benchmarks.document import duration, markdown, put, times
 from benchmarks.report import machine
 from benchmarks.shooting import Shot, shoot
 from dualwinch.codegen.errors import DualwinchError
-from dualwinch.identification.estimate import PredictionErrorMethod, covariance_of
-from dualwinch.identification.identify import identify
-from dualwinch.identification.log import Log, log_of
-from dualwinch.identification.predictor import parameter_names
-from dualwinch.identification.resample import sections_of
-from dualwinch.identification.unknowns import SearchCoordinates, estimable_keys, unknown_parameters
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod, covariance_of
+from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.log import Log, log_of
+from dualwinch.toolboxes.identification.predictor import parameter_names
+from dualwinch.toolboxes.identification.resample import sections_of
+from dualwinch.toolboxes.identification.unknowns import SearchCoordinates, estimable_keys, unknown_parameters
 
 KEYS = (
     "plant.vehicle.mass", "plant.vehicle.drag_coefficient", "plant.rope_*.modulus", "plant.winch_*.inertia",

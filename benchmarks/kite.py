@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown, put
-from dualwinch.identification.log import read_columns
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.toolboxes.identification.log import read_columns
 
 GRAVITY = 9.81
 """m/s²: the log has forces in kilograms-force."""

@@ -24,8 +24,6 @@ from benchmarks.document import duration, markdown, put, times
 from dualwinch import __version__
 from dualwinch.codegen.drivers.rollout import compile_rollout
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.lab.assemble import ENGINE, assemble
-from dualwinch.lab.content import Content, content
 from dualwinch.model.plant import Plant
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import Experiment
@@ -33,6 +31,8 @@ from dualwinch.simulation.loop.closed_loop import absent_signals, closed_loop, i
 from dualwinch.simulation.loop.structure import parameters_of, structure_of, zeros_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.lab.assemble import ENGINE, assemble
+from dualwinch.toolboxes.lab.content import Content, content
 
 ROUNDS, REPEATS = 10, 5
 LOOP, SIMULATE = "compiled loop", "`simulate`"

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.document import markdown, put
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey
+from dualwinch.analysis.margin_survey import MarginSurvey
 from dualwinch.tuning.optimisers import compile_ahead, linearise, optimiser
 from dualwinch.tuning.scoring import evaluation
 from dualwinch.tuning.scoring.evaluation import Evaluator

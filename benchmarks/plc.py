@@ -20,8 +20,6 @@ from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package, prepared
-from dualwinch.codegen.export.plc import identifier
-from dualwinch.codegen.export.structured_text import operation_count, st_package
 from dualwinch.codegen.source.operations import PRECISIONS, Precision
 from dualwinch.config.experiment_file import load
 from dualwinch.simulation.blocks import block
@@ -30,6 +28,8 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.plc.project import identifier
+from dualwinch.toolboxes.plc.structured_text import operation_count, st_package
 
 NAME = "controller"
 ABOUT = Provenance("dualwinch", "benchmark", "2026-01-01")

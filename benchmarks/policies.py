@@ -20,10 +20,10 @@ from dualwinch import tuning_problem
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.environments.environment import HOLD
-from dualwinch.environments.task import Task
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.toolboxes.stepper.environments.environment import HOLD
+from dualwinch.toolboxes.stepper.environments.task import Task
 from dualwinch.tuning.tune import tune
 
 Floats: TypeAlias = NDArray[np.float64]

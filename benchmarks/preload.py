@@ -14,13 +14,13 @@ import numpy as np
 from benchmarks.document import markdown, put, times
 from benchmarks.scored import SCENARIOS, SEED, TEST_SEED, searched
 from dualwinch import tuning_problem
+from dualwinch.analysis.preload import optimal_preload
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.coordinations.differential_tension import DifferentialTension
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.simulation.analysis.authority import within_authority
-from dualwinch.simulation.analysis.preload import optimal_preload
+from dualwinch.simulation.batch.authority import within_authority
 from dualwinch.simulation.ensembles.comparison import Comparison, compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.tuning.constraints import NO_HEAVIER, NO_LOUDER, NO_PEAK, NO_SLACK, QUIET

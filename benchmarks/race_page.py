@@ -16,8 +16,8 @@ from typing import Any
 
 from benchmarks.document import markdown, put
 from dualwinch.simulation.ensembles.comparison import Interval
-from dualwinch.tuning.benchmark.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER_LAW
-from dualwinch.tuning.benchmark.scores import below_words, ratio_words, spaced
+from dualwinch.toolboxes.race.entries import CONSTANT_GAIN, LINEAR_SURFACE, NO_ANTI_SATURATION, NO_OBSERVER, PAPER_LAW
+from dualwinch.toolboxes.race.scores import below_words, ratio_words, spaced
 
 Record = Mapping[str, Any]
 

@@ -18,12 +18,12 @@ from scipy.io import loadmat
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from benchmarks.document import markdown, put
-from dualwinch.identification.identify import identify
-from dualwinch.identification.log import Log, log
-from dualwinch.identification.result import IdentificationResult
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
+from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.log import Log, log
+from dualwinch.toolboxes.identification.result import IdentificationResult
 
 Floats = NDArray[np.float64]
 

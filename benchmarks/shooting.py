@@ -22,15 +22,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.identification.filter import LogFilters
-from dualwinch.identification.predictor import (
-    INPUTS,
-    READINGS,
-    NoiseCovariances,
-    predictor_structure,
-    state_template,
-)
-from dualwinch.identification.resample import LogSection
 from dualwinch.model.plant import Torques, tensions
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.workers import cores
@@ -38,6 +29,15 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import rk4
 from dualwinch.simulation.loop.closed_loop import ZeroOrderHold, motion_template, problem_of
 from dualwinch.simulation.sensors import measurement
+from dualwinch.toolboxes.identification.filter import LogFilters
+from dualwinch.toolboxes.identification.predictor import (
+    INPUTS,
+    READINGS,
+    NoiseCovariances,
+    predictor_structure,
+    state_template,
+)
+from dualwinch.toolboxes.identification.resample import LogSection
 
 Floats = NDArray[np.float64]
 

@@ -25,11 +25,11 @@ from benchmarks.document import markdown, put, times
 from benchmarks.peers.peer import UnavailableError
 from benchmarks.report import machine
 from dualwinch.codegen.native import compile as compile_function
-from dualwinch.environments.environment import VectorEnvironment
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case as paper_case
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.stepper.stepper import Stepper
+from dualwinch.toolboxes.stepper.environments.environment import VectorEnvironment
+from dualwinch.toolboxes.stepper.stepper import Stepper
 
 Floats: TypeAlias = NDArray[np.float64]
 Step: TypeAlias = Callable[[Floats], Floats]

@@ -16,20 +16,7 @@ from dualwinch.codegen.block import Block
 from dualwinch.codegen.export.casadi import casadi_files, functions_of_blocks, generated_c, variables_of
 from dualwinch.codegen.export.mex import mex_files
 from dualwinch.codegen.export.package import Provenance, c_package, frozen
-from dualwinch.codegen.export.structured_text import MAX_OPERATIONS, st_package
 from dualwinch.codegen.files import atomic
-from dualwinch.codegen.fmu import (
-    PLATFORMS,
-    About,
-    Kind,
-    Platform,
-    Version,
-    archive,
-    build_fmu,
-    find_platform,
-    fmu_model,
-)
-from dualwinch.codegen.fmu import host_platform as host
 from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.folders import check_place, make_folder
 from dualwinch.model.arguments import instance, path_of
@@ -40,7 +27,20 @@ from dualwinch.simulation.blocks import block as block_of
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.progress import PhaseProgress, no_progress
-from dualwinch.simulation.server.registers import udp_client
+from dualwinch.toolboxes.fmu import (
+    PLATFORMS,
+    About,
+    Kind,
+    Platform,
+    Version,
+    archive,
+    build_fmu,
+    find_platform,
+    fmu_model,
+)
+from dualwinch.toolboxes.fmu import host_platform as host
+from dualwinch.toolboxes.plc.structured_text import MAX_OPERATIONS, st_package
+from dualwinch.toolboxes.server.registers import udp_client
 
 
 def provenance(experiment: Experiment) -> Provenance:

@@ -94,7 +94,7 @@ class Sweep(RunOutcomes):
             UnknownNameError: an unknown figure of merit.
             ConfigurationError: more than two keys (`at` removes one), or none.
         """
-        return figures().ensembles.sweep_figure(self, metric, ax=ax)
+        return figures().sweep_figure(self, metric, ax=ax)
 
 
 PREPARING = 0.3

@@ -16,11 +16,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FLOORS = ("codegen", "model", "controllers", "simulation", "config", "identification", "tuning", "lab")
+FLOORS = ("codegen", "model", "controllers", "simulation", "config", "analysis", "tuning", "toolboxes")
 """Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
-FACE = ("reports", "environments", "cli")
-"""`dualwinch`'s own folders, likewise; all stand above `FLOORS`."""
-ORDER = (*FLOORS, *FACE)
+FACE = ("reports", "cli")
+"""`dualwinch`'s own folders, likewise; all stand above the packages of the kernel, and below the toolboxes."""
+ORDER = (*FLOORS[:-1], *FACE, FLOORS[-1])
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def upward(found: Import) -> bool:
     if own is None or other is None:
         return False
     theirs = floor(other)
-    return theirs > own if theirs is not None else own < len(FLOORS)
+    return theirs > own if theirs is not None else own < len(FLOORS) - 1
 
 
 def circle(dependencies: dict[str, set[str]]) -> list[str]:

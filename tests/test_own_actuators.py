@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.analysis.margins import margins
 from dualwinch.codegen.native import compile as compile_function
 from dualwinch.config.experiment_file import load, loads, to_toml
 from dualwinch.model.actuators import ACTUATORS, Actuator, Demand, Ideal, Motor, NoState, is_ideal
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import Scalar
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block

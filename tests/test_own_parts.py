@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_closed_loop
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.drivers.batch import batch_source, rows_source
 from dualwinch.codegen.drivers.rollout import rollout_source
@@ -22,7 +23,6 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Setpoint
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block

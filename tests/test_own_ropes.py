@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_closed_loop
 from dualwinch.config.experiment_file import load, to_toml
 from dualwinch.controllers.estimators.calibrating_kalman import CalibratingKalman
 from dualwinch.model.errors import ConfigurationError
@@ -18,7 +19,6 @@ from dualwinch.model.linear.operating_point import operating_point
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.ropes import ROPES, Rope, RopeLaw
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Collection
 
+from dualwinch.analysis.resonance import matched_damping
 from dualwinch.controllers.coordinations.proportional_tension import ProportionalTension
 from dualwinch.model.plant import Plant, is_distributed
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.scalar import present
 from dualwinch.model.winch import total_inertia
-from dualwinch.simulation.analysis.resonance import matched_damping
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.margin_survey import WorstMargin
+from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.analysis.stability import sliding_mode
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import Quantity, behind_number, suggestion, unknown
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.units import UNITS, factor
-from dualwinch.simulation.analysis.margin_survey import WorstMargin
-from dualwinch.simulation.analysis.resonance import RESONANCE
-from dualwinch.simulation.analysis.stability import sliding_mode
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric

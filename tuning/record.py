@@ -7,11 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dualwinch.analysis.idealisations import idealisations
+from dualwinch.analysis.remarks import in_full
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
 from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.simulation.analysis.idealisations import idealisations
-from dualwinch.simulation.analysis.remarks import in_full
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.results.file_formats import plain

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from dualwinch.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
-from dualwinch.simulation.analysis.authority import infeasible_words
-from dualwinch.simulation.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
+from dualwinch.simulation.batch.authority import infeasible_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.config.distribution_entries import check_range
 from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
 from dualwinch.config.experiment_file import assigned, experiment_from, loads, own_keys, to_toml
@@ -13,7 +14,6 @@ from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.analysis.stability import SLIDING_MODE
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override

@@ -23,13 +23,13 @@ from benchmarks.document import put
 from benchmarks.identify import done, table
 from benchmarks.independent.judge import DRAWN, LOGGED, Conditions, Judge
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.identification.identify import identify
-from dualwinch.identification.log import log as log_of_columns
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
+from dualwinch.toolboxes.identification.identify import identify
+from dualwinch.toolboxes.identification.log import log as log_of_columns
 
 DURATION = 50.0
 """Of each log in s."""

@@ -9,11 +9,11 @@ import numpy as np
 
 import dualwinch as dw
 from benchmarks.document import markdown
+from dualwinch.analysis.resonance import UNDECIDED
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.heavy_ropes import ernst_factor
 from dualwinch.model.ropes import kelvin_voigt
-from dualwinch.simulation.analysis.resonance import UNDECIDED
 from dualwinch.tuning.tuning_problem import tuning_problem
 
 SMOOTH = dw.override(dw.case(4), {"controller.nftsm.smoothing": 0.05, "controller.observer.kf": 0.0})

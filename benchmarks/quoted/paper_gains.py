@@ -10,13 +10,13 @@ import dualwinch as dw
 from benchmarks.document import markdown
 from benchmarks.paper_claims import PID, runs
 from benchmarks.paper_effects import LAW, WITHOUT
+from dualwinch.analysis.preload import preloads
+from dualwinch.analysis.stability import REAL
 from dualwinch.cli.reproduce import other_observers
 from dualwinch.model.disturbance import vortex_frequency
 from dualwinch.model.linear.modes import SAMPLES_A_PERIOD
 from dualwinch.model.vehicle import drag, friction
 from dualwinch.reports.claims import BAND, converged_at
-from dualwinch.simulation.analysis.preload import preloads
-from dualwinch.simulation.analysis.stability import REAL
 from dualwinch.simulation.paper import reductions
 
 

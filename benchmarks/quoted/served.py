@@ -18,11 +18,11 @@ from dualwinch.export import export_c
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
-from dualwinch.simulation.server.protocols import Modbus, served
-from dualwinch.simulation.server.registers import map_as_page
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
+from dualwinch.toolboxes.server.protocols import Modbus, served
+from dualwinch.toolboxes.server.registers import map_as_page
 
 SITE = Path(__file__).parents[1] / "independent" / "searched.toml"
 MODBUS, SUPERVISED = 15502, 50.0

@@ -13,12 +13,12 @@ import dualwinch as dw
 from benchmarks.document import markdown
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.ensembles.comparison import Comparison
-from dualwinch.tuning.robustness.result import ImperfectionResult
+from dualwinch.toolboxes.stress.result import ImperfectionResult
 
 SCENARIOS, SEED = 200, 7
 """Of the comparisons."""
 
-IN_THE_SEA = Path("tests/tuning/stress/tuned_in_the_sea.toml")
+IN_THE_SEA = Path("tests/toolboxes/stress/tuned_in_the_sea.toml")
 """Gains of a search on exact drums that docs/stress.md breaks."""
 
 QUOTED_AMPLITUDES = (1e-4, 1e-3, 1e-2, 1e-1)

@@ -19,7 +19,7 @@ def write_lab(app: Sphinx, error: Exception | None) -> None:
     """Build the lab beside the other pages."""
     if error or app.builder.format != "html":
         return
-    from dualwinch.cli.lab import lab
+    from dualwinch.toolboxes.lab.cli.lab import lab
 
     logging.getLogger(__name__).info("building the lab")
     lab(out=Path(app.outdir) / PAGE, browser=False)

@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from importlib import import_module
+from importlib.metadata import entry_points
+from importlib.util import find_spec
 from inspect import cleandoc, signature
 from itertools import pairwise
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -42,29 +44,44 @@ Add `--traceback` to any command to see where in the program a failure occurred.
     suppress_keyboard_interrupt=False,
 )
 
-COMMANDS = (
+KERNEL_COMMANDS = (
     "reproduce",
     "simulate",
-    "lab",
-    "show",
     "sweep",
     "sensitivities",
     "linearise",
     "compare",
     "tune",
-    "race",
-    "stress",
     "preload",
-    "excite",
-    "identify",
-    "worker",
     "config",
     "certify",
     "export",
-    "serve",
     "doctor",
 )
-"""Names of the commands, in the order of the help; each is a function, or an application, in the module of its name."""
+"""Names of the kernel's commands, in the order of the help; each is a function, or an application, in the module of
+its name."""
+
+COMMAND_GROUP = "dualwinch.commands"
+"""Group of the entry points by which toolboxes register their commands: name and function, or application."""
+
+
+def _commands() -> Iterator[tuple[str, Any]]:
+    """Name and function, or application, of every command: those of the kernel, then those of the toolboxes present.
+
+    The metadata of an installation may list toolboxes whose folders have been removed since; these are left out.
+    """
+    for name in KERNEL_COMMANDS:
+        yield name, getattr(import_module(f"dualwinch.cli.{name}"), name)
+    for entry in entry_points(group=COMMAND_GROUP):
+        if _is_present(entry.module):
+            yield entry.name, entry.load()
+
+
+def _is_present(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # one of its packages
+        return False
 
 
 def _take_help(command: App) -> None:
@@ -83,12 +100,15 @@ def _take_help(command: App) -> None:
             command.help_epilogue = f"Examples:\n\n{examples}\n"
 
 
-for name in COMMANDS:
-    found = getattr(import_module(f"dualwinch.cli.{name}"), name)
-    added = found if isinstance(found, App) else App(name=name, default_command=found)
-    app.command(added)
-    for command in (added, *(added[below] for below in added if not below.startswith("-"))):
-        _take_help(command)
+COMMANDS = dict(_commands())
+"""Every command by its name, in the order of the help."""
+
+for name, command in COMMANDS.items():
+    application = command if isinstance(command, App) else App(name=name, default_command=command)
+    application.group = "Commands" if name in KERNEL_COMMANDS else "Toolboxes"
+    app.command(application)
+    for subcommand in (application, *(application[below] for below in application if not below.startswith("-"))):
+        _take_help(subcommand)
 
 
 app.register_install_completion_command()

@@ -26,7 +26,7 @@ from dualwinch.cli.output import (
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.analysis.stability import Certificate, Condition, NearbyGains
+    from dualwinch.analysis.stability import Certificate, Condition, NearbyGains
 
 
 def certify(
@@ -50,8 +50,8 @@ def certify(
         dualwinch certify --case 3 --plot lyapunov.png --out certificate.json
         dualwinch certify --case 4 --controller nftsm --set controller.nftsm.k=2
     """
-    from dualwinch.simulation.analysis.stability import certify as judge
-    from dualwinch.simulation.analysis.stability import nearby_gains
+    from dualwinch.analysis.stability import certify as judge
+    from dualwinch.analysis.stability import nearby_gains
 
     experiment = given.nominal(ensemble)
     check_file(out, ".json")
@@ -71,7 +71,7 @@ POINTS = 2000
 
 def print_certificate(record: dict[str, Any], certificate: Certificate, near: NearbyGains) -> None:
     """Print the verdict on every condition, the decrease of V, and the nearby gains."""
-    from dualwinch.simulation.analysis.stability import GAPS
+    from dualwinch.analysis.stability import GAPS
 
     console = terminal(soft_wrap=True)
     result = certificate.result
@@ -111,7 +111,7 @@ def conditions_table(conditions: Sequence[Condition]) -> FigureTable:
 
 
 def _verdict(record: dict[str, Any]) -> Text:
-    from dualwinch.simulation.analysis.stability import REAL
+    from dualwinch.analysis.stability import REAL
 
     if record["outcome"] != "completed":
         return styled("bold", "Not certified", ": the run did not reach its end.")
@@ -139,8 +139,8 @@ def _search(near: NearbyGains) -> str:
 
 def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
     """The report as plain values."""
+    from dualwinch.analysis.stability import GAPS, REAL
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.simulation.analysis.stability import GAPS, REAL
 
     result, terms, conditions = certificate.result, certificate.terms, certificate.conditions
     judged = {"printed": [each for each in conditions if each.basis != REAL], "with_ropes": conditions}

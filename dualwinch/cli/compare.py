@@ -199,7 +199,7 @@ def to_record(result: Comparison) -> dict[str, Any]:
 def print_comparison(result: Comparison) -> None:
     """Print statistics and ratios."""
     from dualwinch.controllers.paper_controller import adapted
-    from dualwinch.simulation.analysis.authority import infeasible_words
+    from dualwinch.simulation.batch.authority import infeasible_words
     from dualwinch.simulation.ensembles.comparison import CONFIDENCE
 
     console = terminal()

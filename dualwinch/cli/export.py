@@ -31,7 +31,7 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
 
 def chosen_from(given: ExperimentOptions, block: str | None = None) -> Experiment:
     """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
-    from dualwinch.simulation.analysis.remarks import in_full, loop_remarks
+    from dualwinch.analysis.remarks import in_full, loop_remarks
     from dualwinch.simulation.experiment import Experiment
 
     found = given.experiment()

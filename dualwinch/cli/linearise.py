@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from dualwinch.analysis.margins import Margins
     from dualwinch.model.linear.modes import Mode
     from dualwinch.model.linear.operating_point import OperatingPoint
     from dualwinch.model.linear.system import LinearSystem
     from dualwinch.model.plant import Plant
-    from dualwinch.simulation.analysis.margins import Margins
     from dualwinch.simulation.experiment import Experiment
 
 
@@ -87,8 +87,8 @@ def linearise(
         dualwinch linearise --ensemble site --v 1
         dualwinch linearise --ensemble site --loop closed --v 1 --set controller.winch_1.damping=164
     """
+    from dualwinch.analysis.linear_loop import learns
     from dualwinch.model.linear.system import WRITERS, save_sweep
-    from dualwinch.simulation.analysis.linear_loop import learns
 
     loop = "open" if loop == "broken" else loop
     experiment = given.nominal(ensemble)
@@ -205,9 +205,9 @@ def linear_systems(
     """
     import numpy as np
 
+    from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
     from dualwinch.model.linear.linearisation import linearise_at
     from dualwinch.model.linear.operating_point import operating_points
-    from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 
     if loop == "open":
         return [linear_open_loop(_with_preload(experiment, preload), x, v, opening) for x, v, preload in points], []
@@ -230,9 +230,9 @@ def _drawn(
     figure: str | None,
 ) -> Any:
     """Draw the requested figure, or the default one."""
-    from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-    from dualwinch.simulation.analysis.margins import margins
-    from dualwinch.simulation.plots import linear
+    from dualwinch.analysis.describing_function import amplitude_sweep
+    from dualwinch.analysis.margins import margins
+    from dualwinch.analysis.plots import linear
 
     if loop == "closed":
         return linear.closed_loop_poles(systems, swept)
@@ -289,11 +289,11 @@ def print_open(
     systems: Sequence[LinearSystem], experiment: Experiment, points: Sequence[Point], swept: str | None, opening: str
 ) -> list[FigureTable]:
     """Print margins of open loops and, for one point of a sliding-mode law, their dependence on the amplitude."""
+    from dualwinch.analysis.describing_function import amplitude_sweep
+    from dualwinch.analysis.linear_loop import OPENED_SIGNALS
+    from dualwinch.analysis.margins import margins
+    from dualwinch.analysis.stability import SLIDING_MODE
     from dualwinch.model.linear.operating_point import contact
-    from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-    from dualwinch.simulation.analysis.linear_loop import OPENED_SIGNALS
-    from dualwinch.simulation.analysis.margins import margins
-    from dualwinch.simulation.analysis.stability import SLIDING_MODE
     from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS
 
     console = terminal()
@@ -327,10 +327,10 @@ def resonance_tables(experiment: Experiment, x: float | None = None) -> list[Fig
 
     The position x in m is the middle of the track by default.
     """
+    from dualwinch.analysis import resonance
+    from dualwinch.analysis.stability import SLIDING_MODE
     from dualwinch.model.quantities.description import describe
     from dualwinch.model.quantities.tables import readable_unit
-    from dualwinch.simulation.analysis import resonance
-    from dualwinch.simulation.analysis.stability import SLIDING_MODE
 
     if not isinstance(experiment.controller.law, SLIDING_MODE):
         return []

@@ -242,7 +242,7 @@ def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     """Print notes on defaults that do not follow the user's `own` keys, on unusual values, and those without effect."""
     if not own:
         return
-    from dualwinch.simulation.analysis.remarks import defaults_left, unusual_values, without_effect
+    from dualwinch.analysis.remarks import defaults_left, unusual_values, without_effect
     from dualwinch.simulation.experiment import Experiment
 
     same = experiment.plant == Experiment().plant
@@ -298,10 +298,10 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
     They are in m, N and so on, chosen for machines like the paper's; relative values do follow, and keys that the file
     gives are left out. Empty for no such sizes, the paper's machine, and ensembles of the user's own.
     """
+    from dualwinch.analysis.remarks import starred, swapped
     from dualwinch.config.ensemble_file import built_in_ensembles, load_ensemble
     from dualwinch.config.experiment_file import given_keys, load
     from dualwinch.model.quantities.tree import leaves
-    from dualwinch.simulation.analysis.remarks import starred, swapped
     from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.settings import leaf_of
 

@@ -19,8 +19,8 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
+    from dualwinch.analysis.idealisations import Idealisation
     from dualwinch.model.quantities.quantity import Quantity
-    from dualwinch.simulation.analysis.idealisations import Idealisation
     from dualwinch.simulation.metrics.metric import MetricQuantity
 
 
@@ -289,7 +289,7 @@ def print_json(facts: Mapping[str, Any]) -> None:
 
 def print_idealisations(found: "Sequence[Idealisation]") -> None:
     """Print a plant's idealisations in one line, if any."""
-    from dualwinch.simulation.analysis.idealisations import summary
+    from dualwinch.analysis.idealisations import summary
 
     if words := summary(found):
         terminal(soft_wrap=True).print(words, highlight=False)
@@ -315,7 +315,7 @@ def write_figure(file: Path | None, figure: str | Callable[[], Any], *of: Any) -
     The figure is a function that draws it, or the name of a function of `simulation.plots` with arguments `of`.
     """
     if file:
-        from dualwinch.simulation import plots
+        from dualwinch import plots
 
         with terminal(stderr=True).status(f"drawing {file}"):
             plots.save(getattr(plots, figure)(*of) if isinstance(figure, str) else figure(), file)

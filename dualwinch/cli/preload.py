@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from dualwinch.simulation.analysis.preload import Preloads
+    from dualwinch.analysis.preload import Preloads
     from dualwinch.simulation.experiment import Experiment
 
 
@@ -56,8 +56,8 @@ def preload(
         dualwinch preload --config tuned/best.toml --minimise energy
         dualwinch preload --case 4 --set reference.jerk_limit=0.1 --torque-rate 30 --error 0.002
     """
+    from dualwinch.analysis.preload import preloads
     from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload
-    from dualwinch.simulation.analysis.preload import preloads
 
     experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
     check_file(out, ".json")
@@ -147,8 +147,8 @@ def _coordinations(found: Preloads) -> str:
 
 def to_record(found: Preloads, typed: str) -> dict[str, Any]:
     """The preloads as plain data; commands in remarks have the options `typed`."""
+    from dualwinch.analysis.remarks import in_full, remarks
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.simulation.analysis.remarks import in_full, remarks
 
     report: dict[str, Any] = {}
     for name, run in found.runs.items():

@@ -131,7 +131,7 @@ def _of_case(runs: Runs, number: int) -> dict[str, Result]:
 
 def _draw(content: str, results: dict[str, Result], out: Path, number: int) -> bytes:
     """Write one figure as PNG and SVG, and return the SVG for the report."""
-    from dualwinch.simulation import plots
+    from dualwinch import plots
 
     figure = getattr(plots, content)(results)
     path = out / "figures" / f"figure{number:02d}.svg"

@@ -205,8 +205,8 @@ def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = Tr
 
     With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
     """
-    from dualwinch.simulation.analysis.idealisations import idealisations
-    from dualwinch.simulation.analysis.remarks import in_full, remarks
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.analysis.remarks import in_full, remarks
     from dualwinch.simulation.loop.structure import is_automatic, solver_of
 
     metrics, found = result.metrics, idealisations(result.experiment)
@@ -257,8 +257,8 @@ def engine_here(engine: EngineName) -> EngineName:
 
 def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, json: bool) -> None:
     """Print outcomes and statistics of an ensemble, and remarks, whose commands have the options `typed`."""
-    from dualwinch.simulation.analysis.idealisations import idealisations
-    from dualwinch.simulation.analysis.remarks import ensemble_remarks, in_full
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.analysis.remarks import ensemble_remarks, in_full
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics

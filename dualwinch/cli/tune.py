@@ -43,7 +43,7 @@ from dualwinch.cli.output import (
     versions,
 )
 from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.stress import write_stress
+from dualwinch.toolboxes.stress.cli import write_stress
 
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
@@ -248,8 +248,8 @@ def run_study(
     from dualwinch.config.folders import made_folder
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.batch.workers import cores
+    from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
     from dualwinch.tuning.optimisers import check_method
-    from dualwinch.tuning.robustness.stress import check_stress, stress_tuned
     from dualwinch.tuning.scoring.progress import TuningProgress
     from dualwinch.tuning.selection_config import default_method
     from dualwinch.tuning.storage.opening import open_store
@@ -434,8 +434,8 @@ def _workers(options: StudyOptions) -> Iterator[None]:
 
 def print_study(tuned: TuningResult, typed: str) -> None:
     """Print result, scores, advice and cost of a study; commands in remarks have the options `typed`."""
-    from dualwinch.simulation.analysis.idealisations import idealisations
-    from dualwinch.simulation.analysis.remarks import in_full
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.analysis.remarks import in_full
     from dualwinch.tuning import result
     from dualwinch.tuning.scoring.ranking import pareto_front
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dualwinch.analysis.idealisations import idealisations
 from dualwinch.reports.claims import Claim, claims
 from dualwinch.reports.errata import INTRODUCTION, NOTES, places
 from dualwinch.reports.page import data_uri, number_text, write_page
-from dualwinch.simulation.analysis.idealisations import idealisations
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTENTS, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions

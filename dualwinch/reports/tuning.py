@@ -8,17 +8,18 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from dualwinch.analysis.idealisations import idealisations, summary
+from dualwinch.analysis.remarks import in_full
 from dualwinch.codegen.files import write_whole
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.reports.page import data_uri, number_text, template, write_page
-from dualwinch.simulation.analysis.idealisations import idealisations, summary
-from dualwinch.simulation.analysis.remarks import in_full
 from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.runs import length_unit
-from dualwinch.tuning.benchmark.comparison import RULE
-from dualwinch.tuning.benchmark.result import BenchmarkResult
+from dualwinch.toolboxes.race.comparison import RULE
+from dualwinch.toolboxes.race.result import BenchmarkResult
+from dualwinch.toolboxes.stress.result import RobustnessResult
 from dualwinch.tuning.plots import (
     before_and_after,
     distributions,
@@ -39,7 +40,6 @@ from dualwinch.tuning.result import (
     where,
     worth,
 )
-from dualwinch.tuning.robustness.result import RobustnessResult
 
 CAPTIONS = {
     "history": "Each dot is a candidate in all tuning scenarios. Pale ones violate a constraint or were abandoned "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualwinch.controllers.controller import Controller
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.authority import LeastErrors, least_errors
+from dualwinch.simulation.batch.authority import LeastErrors, least_errors
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic

@@ -5,8 +5,8 @@ from typing import Any
 
 
 def figures() -> Any:
-    """The module `simulation.plots`, imported when the first figure is drawn.
+    """The module `dualwinch.plots`, imported when the first figure is drawn.
 
     It depends on all results, so they cannot import it; and Matplotlib is loaded only when needed.
     """
-    return import_module("dualwinch.simulation.plots")
+    return import_module("dualwinch.plots")

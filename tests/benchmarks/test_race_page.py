@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.race_page import claims_table, estimators_table, facts, least, main, race_table
-from dualwinch.tuning.benchmark.entries import BenchmarkEntry
-from tests.tuning.race.made_up import made_up, scored
+from dualwinch.toolboxes.race.entries import BenchmarkEntry
+from tests.toolboxes.race.made_up import made_up, scored
 
 RACE = made_up().to_dict()
 

@@ -15,10 +15,10 @@ import pytest
 import dualwinch as dw
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.export import export_c
-from dualwinch.simulation.server.plant import ServedPlant, ServerSettings
-from dualwinch.simulation.server.protocols import served
-from dualwinch.simulation.server.registers import map_as_page
-from tests.simulation.server.clients import HEAD, HELLO, Client, finished
+from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
+from dualwinch.toolboxes.server.protocols import served
+from dualwinch.toolboxes.server.registers import map_as_page
+from tests.toolboxes.server.clients import HEAD, HELLO, Client, finished
 
 PAGE = (Path(__file__).parents[2] / "docs" / "commissioning.md").read_text(encoding="utf-8")
 
@@ -90,7 +90,7 @@ def wait_for(plant: ServedPlant, outage: float) -> None:
 
 @pytest.mark.slow
 def test_the_lesson_drops_a_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dualwinch.simulation.server.protocols import Modbus
+    from dualwinch.toolboxes.server.protocols import Modbus
 
     monkeypatch.chdir(tmp_path)
     assert "export c --udp --case 4 --out controller" in PAGE

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 WRITTEN = [path for path in sorted(DOCS.rglob("*.md")) if not path.relative_to(DOCS).as_posix().startswith("project/")]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *WRITTEN]
-CODE = {"model", "controllers", "simulation", "config", "identification", "tuning", "lab", "codegen", "dualwinch"}
+CODE = {"model", "controllers", "simulation", "analysis", "config", "tuning", "toolboxes", "codegen", "dualwinch"}
 FOLDERS = CODE | {"docs", "tests", "notebooks", "examples", "benchmarks"}
 """The repository's own folders: a name that begins with one of them is a path."""
 
@@ -61,8 +61,11 @@ def test_sources_named_without_a_folder_exist(name: str) -> None:
 
 
 def test_a_path_that_does_not_exist_is_found() -> None:
-    assert missing_paths("`model/winch.py`, `tuned/best.toml`, `model/`, and `lab/wasm/*.py`") == []
-    assert missing_paths("a loop (`lab/wasm/wide.py`, `run -m lab/none`)") == ["lab/wasm/wide.py", "lab/none"]
+    assert missing_paths("`model/winch.py`, `tuned/best.toml`, `model/`, and `toolboxes/lab/wasm/*.py`") == []
+    assert missing_paths("a loop (`toolboxes/lab/wasm/wide.py`, `run -m toolboxes/lab/none`)") == [
+        "toolboxes/lab/wasm/wide.py",
+        "toolboxes/lab/none",
+    ]
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/rig.md", "docs/stress.md"])

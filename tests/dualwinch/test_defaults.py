@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 import dualwinch as dw
+from dualwinch.analysis.preload import preloads
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS, app
 from dualwinch.cli.options import default_of, own_default, stated
 from dualwinch.export import export_c, export_fmu, export_st, generate_c
-from dualwinch.identification.options import DEFAULTS
 from dualwinch.model.linear.linearisation import linearise
-from dualwinch.simulation.analysis.preload import preloads
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.server.plant import PORT, ServedPlant, ServerSettings
+from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.selection_config import SCENARIOS, TRIALS, SelectionConfig
 

@@ -10,8 +10,8 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
-from dualwinch.tuning.robustness import stress as stress_module
-from tests.tuning.conftest import FEWEST, choosing_by
+from dualwinch.toolboxes.stress import stress as stress_module
+from tests.studies import FEWEST, choosing_by
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
 """From the SI unit of a file to what is printed: m to mm, m² to mm², J to kJ, shares to %."""

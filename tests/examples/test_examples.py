@@ -17,7 +17,7 @@ from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.tuning.conftest import fewest_scenarios  # noqa: F401 # a fixture
+from tests.studies import fewest_scenarios  # noqa: F401 # a fixture
 
 pytestmark = pytest.mark.usefixtures("fewest_scenarios")
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.operating_points import loop_operating_point
+from dualwinch.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop
 from dualwinch.simulation.loop.structure import structure_of

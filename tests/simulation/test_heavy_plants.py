@@ -18,11 +18,11 @@ from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
-from dualwinch.simulation.stepper.stepper import Stepper
+from dualwinch.toolboxes.stepper.stepper import Stepper
 from tests.fmus import Instance
-from tests.simulation.stepper.feeding import feed, torques_of
 from tests.stepping import interpreted, plausible, values
 from tests.tiers import all_but
+from tests.toolboxes.stepper.feeding import feed, torques_of
 
 ABOUT = Provenance("dualwinch", "test", "2026-01-01")
 INDEPENDENT = Path(__file__).parents[2] / "benchmarks/independent"

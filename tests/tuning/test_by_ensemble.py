@@ -2,11 +2,11 @@ from pathlib import Path
 
 import pytest
 
+from dualwinch.analysis.resonance import matched_damping
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, loads_ensemble
 from dualwinch.config.experiment_file import load, loads, own_keys, to_toml
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.analysis.resonance import matched_damping
 from dualwinch.simulation.paper import case
 from dualwinch.tuning.baseline import RESERVE, assumptions, default_coordination, default_estimator, default_reserve
 from dualwinch.tuning.space import ContinuousDimension

@@ -23,7 +23,7 @@ from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from dualwinch.tuning.tune import tune
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 BOWL = LocalModel(np.array([-1.0, 0.0]), np.diag([2.0, 2.0]), np.empty(0), np.empty((0, 2)), np.empty(0, int))
 """x² − x + y²: the minimum lies at (0.5, 0)."""

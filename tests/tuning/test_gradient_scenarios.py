@@ -7,7 +7,7 @@ from dualwinch.tuning.optimisers import linearise as module
 from dualwinch.tuning.optimisers.linearise import HARDEST, active_scenarios
 from dualwinch.tuning.scoring.rollouts import counts, run_pairs
 from dualwinch.tuning.scoring.training_set import prepare
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 BOUNDS = ["mean.chatter<=1*paper", "worst.peak_tension<=6000", "worst.min_tension>=80"]
 

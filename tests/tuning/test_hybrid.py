@@ -15,7 +15,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.space import Point
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 BATCH = 16
 """What is asked for: a search proposes as many, steps fewer."""

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualwinch.analysis.describing_function import amplitude_sweep
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.analysis.margin_survey import MarginSurvey
+from dualwinch.analysis.margins import margins
 from dualwinch.cli.tune import StudyOptions, write
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey
-from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
@@ -31,7 +31,7 @@ from dualwinch.tuning.space import ContinuousDimension
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.simulation.inserted import run
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 DELAY, DISK = "worst.delay_margin>=8ms", "worst.disk_margin>=0.4"
 BETA, KP = "controller.nftsm.beta", "controller.winch.kp"

@@ -10,7 +10,7 @@ from dualwinch.tuning.optimisers.cma import CmaSearch
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 AVAILABLE = [method for method in METHODS if method != "gp"]  # gp needs PyTorch
 

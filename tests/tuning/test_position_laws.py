@@ -4,7 +4,7 @@ import pytest
 
 from dualwinch.simulation.simulate import simulate
 from dualwinch.tuning.tune import tune
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from dualwinch.tuning.space import (
     space_to_record,
 )
 from dualwinch.tuning.tuning_problem import _entries
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 BETA, POWER = "controller.nftsm.beta", "controller.nftsm.p/q"
 

@@ -19,7 +19,7 @@ from dualwinch.tuning.storage.opening import join_store, open_store
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
 from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import definition_of, problem_from
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 
 def studied(

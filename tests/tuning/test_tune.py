@@ -59,7 +59,7 @@ from dualwinch.tuning.space import Point
 from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.tune import trials_of, tune
 from dualwinch.tuning.tuning_problem import tuning_problem
-from tests.tuning.conftest import FEW, MakeProblem
+from tests.studies import FEW, MakeProblem
 
 
 class Recorded(TuningProgress):

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.margin_survey import WorstMargin
+from dualwinch.analysis.resonance import RESONANCE
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.analysis.margin_survey import WorstMargin
-from dualwinch.simulation.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.batch.sensitivities import compile_ahead as sensitivities_ahead
 from dualwinch.simulation.ensembles.result import Statistic

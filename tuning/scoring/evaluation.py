@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.margin_survey import VALUE, MarginSurvey, WorstMargin
-from dualwinch.simulation.analysis.resonance import RESONANCE
+from dualwinch.analysis.margin_survey import VALUE, MarginSurvey, WorstMargin
+from dualwinch.analysis.resonance import RESONANCE
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.result import Statistic

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
-from dualwinch.simulation.analysis.authority import within_authority
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
+from dualwinch.analysis.margin_survey import MarginSurvey, WorstMargin
+from dualwinch.simulation.batch.authority import within_authority
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario

@@ -24,11 +24,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from dualwinch.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.analysis.authority import ForceDemand, force_demands
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey, WorstMargin
+from dualwinch.simulation.batch.authority import ForceDemand, force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
 from dualwinch.simulation.ensembles.ensemble import Ensemble

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.analysis.authority import force_demands
+from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.results.outcomes import concatenated
 from dualwinch.simulation.scenario import Scenario

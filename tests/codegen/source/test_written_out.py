@@ -8,8 +8,8 @@ import pytest
 from scipy.special import erf
 
 from dualwinch.codegen.source.expressions import instructions
-from dualwinch.codegen.source.structured_text import CHOICES, CONDITIONS, EXPRESSIONS
 from dualwinch.codegen.source.written_out import WRITTEN_OUT, written_out
+from dualwinch.toolboxes.plc.operations import CHOICES, CONDITIONS, EXPRESSIONS
 
 RANDOM = np.random.default_rng(0)
 SIZES = 10.0 ** RANDOM.uniform(-12, 1.3, 4000)

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualwinch.analysis.linear_loop import linear_open_loop
+from dualwinch.analysis.margins import margins
 from dualwinch.controllers.coordinations.scheduled_preload import ScheduledPreload, ScheduleOutput
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.parts import Context, Estimate
 from dualwinch.model.plant import Plant
 from dualwinch.model.reference import Setpoint
-from dualwinch.simulation.analysis.linear_loop import linear_open_loop
-from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

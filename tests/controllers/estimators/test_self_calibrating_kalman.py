@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks.embedded.host import PRECISE, Host, build
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.analysis.margins import margins
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
 from dualwinch.codegen.source.operations import Precision
@@ -27,8 +29,6 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.vehicle import drag, friction
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block

@@ -18,7 +18,7 @@ from dualwinch.controllers.estimators.kalman import Kalman
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.analysis import authority
+from dualwinch.simulation.batch import authority
 from dualwinch.simulation.ensembles.comparison import Comparison
 from dualwinch.simulation.ensembles.result import EnsembleResult
 from dualwinch.simulation.experiment import Experiment

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_open_loop
+from dualwinch.analysis.margins import margins
 from dualwinch.cli import main
-from dualwinch.simulation.analysis.linear_loop import linear_open_loop
-from dualwinch.simulation.analysis.margins import margins
 from dualwinch.simulation.paper import case
 from tests.tiers import all_but
 

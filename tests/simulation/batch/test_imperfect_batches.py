@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.scenario import Scenario

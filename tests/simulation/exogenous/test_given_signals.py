@@ -11,7 +11,7 @@ from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
 from dualwinch.model.signals import Signal
-from dualwinch.simulation.analysis.authority import required_force
+from dualwinch.simulation.batch.authority import required_force
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.ensembles.ensemble import Drawn, Ensemble, Uniform

@@ -8,6 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.analysis.margin_survey import MarginSurvey
+from dualwinch.analysis.operating_points import loop_operating_point
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.controller import Controller, controller_function, controller_step, initial_controller_state
 from dualwinch.controllers.laws.adrc import Adrc
@@ -19,9 +22,6 @@ from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.model.reference import Reference, Setpoint, setpoint
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.margin_survey import MarginSurvey
-from dualwinch.simulation.analysis.operating_points import loop_operating_point
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
@@ -32,7 +32,7 @@ from dualwinch.simulation.loop.structure import structure_of
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.stepper.stepper import Stepper
+from dualwinch.toolboxes.stepper.stepper import Stepper
 from tests.foresight import Foresight, ForesightfulTension
 
 BOTH = Controller(law=Foresight(), coordination=ForesightfulTension())

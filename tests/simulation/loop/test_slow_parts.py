@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from dualwinch.analysis.operating_points import in_calm
 from dualwinch.codegen.source.hoist import hoisted
 from dualwinch.model.quantities.quantity import Mark
-from dualwinch.simulation.analysis.operating_points import in_calm
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_state_of

@@ -13,7 +13,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import initial_state_of, start_slopes, starts
 from dualwinch.simulation.loop.structure import parameters_of, structure_of
 from dualwinch.simulation.simulate import simulate
-from dualwinch.simulation.stepper.stepper import Stepper
+from dualwinch.toolboxes.stepper.stepper import Stepper
 
 EXPERIMENTS = [
     Experiment(),

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from matplotlib.colors import same_color, to_hex
 
+from dualwinch import plots
 from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation import plots
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.runs import PALETTE, curves
 from dualwinch.simulation.plots.style import BLUE, DASHES, VERMILION

@@ -10,19 +10,11 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualwinch.config.ensemble_file import load_ensemble, reset
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.linear.linearisation import linearise, linearise_sweep
-from dualwinch.model.plant import Plant
-from dualwinch.simulation import plots
-from dualwinch.simulation.analysis.describing_function import amplitude_sweep
-from dualwinch.simulation.analysis.linear_loop import linear_closed_loop, linear_open_loop
-from dualwinch.simulation.analysis.margins import margins
-from dualwinch.simulation.analysis.stability import certify
-from dualwinch.simulation.ensembles.comparison import compare
-from dualwinch.simulation.ensembles.run import run_ensemble
-from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.linear import (
+from dualwinch import plots
+from dualwinch.analysis.describing_function import amplitude_sweep
+from dualwinch.analysis.linear_loop import linear_closed_loop, linear_open_loop
+from dualwinch.analysis.margins import margins
+from dualwinch.analysis.plots.linear import (
     amplitude_margins,
     bode,
     closed_loop_poles,
@@ -31,6 +23,14 @@ from dualwinch.simulation.plots.linear import (
     mode_shapes,
     pole_map,
 )
+from dualwinch.analysis.stability import certify
+from dualwinch.config.ensemble_file import load_ensemble, reset
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.linear.linearisation import linearise, linearise_sweep
+from dualwinch.model.plant import Plant
+from dualwinch.simulation.ensembles.comparison import compare
+from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.simulation.paper import case
 from dualwinch.simulation.plots.style import house_style
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

@@ -11,7 +11,7 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import ActiveScenarios, TrainingSet, prepare
 from dualwinch.tuning.selection_config import SelectionConfig
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 from tests.tuning.scoring.test_runs import peaks
 
 FURTHER, STRESS = SelectionConfig.pool_size, SelectionConfig.hard_training

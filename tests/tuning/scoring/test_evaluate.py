@@ -14,8 +14,8 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import SelectionConfig
+from tests.studies import MakeProblem
 from tests.tiers import all_but
-from tests.tuning.conftest import MakeProblem
 
 CONFIG = SelectionConfig()
 MOST_TRIED, FURTHER, STRESS = CONFIG.most_leaders, CONFIG.pool_size, CONFIG.hard_training

@@ -9,7 +9,7 @@ from dualwinch.tuning.problem import CHANCE, SEARCH, TEST, TRAINING, VALIDATION
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.scoring.validation import validation_scenarios
 from dualwinch.tuning.selection_config import SampleSizes
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 SIZES = SampleSizes(draws=5, vertices=3)
 

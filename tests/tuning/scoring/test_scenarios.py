@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.simulation.analysis.authority import ForceDemand, force_demands, required_force, within_authority
+from dualwinch.simulation.batch.authority import ForceDemand, force_demands, required_force, within_authority
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.scoring import training_set
 from dualwinch.tuning.scoring.training_set import training_scenarios, validation_draws, vertices

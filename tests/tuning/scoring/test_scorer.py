@@ -14,7 +14,7 @@ from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.selection_config import SelectionConfig
 from dualwinch.tuning.storage.record import evaluation_of, finished_trial
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 
 def test_candidates_with_slack_ropes_are_given_up_where_no_rope_may_be_slack(make_problem: MakeProblem) -> None:

@@ -23,7 +23,7 @@ from dualwinch.tuning.scoring.validation import Screened, ValidationSet, validat
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
 from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
 from dualwinch.tuning.study import search
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 SMALL = SampleSizes(
     candidates=6,

@@ -12,7 +12,7 @@ from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.scoring.validation import ValidationSet
 from dualwinch.tuning.selection_config import SelectionConfig
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 PRELOAD = "controller.coordination.preload"
 SHARES = (0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)

@@ -35,7 +35,7 @@ from dualwinch.tuning.study import search
 from dualwinch.tuning.tuning_problem import definition_of, tuning_problem
 from tests import postgres
 from tests.spring_law import SPRING, changed
-from tests.tuning.conftest import MakeProblem
+from tests.studies import MakeProblem
 
 pytestmark = pytest.mark.external
 

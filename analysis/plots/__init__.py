@@ -1,0 +1,1 @@
+"""Figures of linear models and of analyses."""

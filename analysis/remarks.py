@@ -1,0 +1,353 @@
+"""Remarks on problems of runs that their outcome does not show: slack ropes, saturation, chatter, instability."""
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dualwinch.analysis.describing_function import amplitude_sweep
+from dualwinch.analysis.linear_loop import linear_closed_loop, loop_opened_at, without_idle_states
+from dualwinch.analysis.margins import margins
+from dualwinch.analysis.operating_points import loop_operating_point
+from dualwinch.analysis.resonance import matched_damping, resonance_gains
+from dualwinch.codegen.source.expressions import elements_read
+from dualwinch.model.errors import ConfigurationError, DualwinchError
+from dualwinch.model.quantities.description import describe_parts
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, start_function
+from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.results.result import Result
+
+
+@dataclass(frozen=True)
+class RemarkLimits:
+    """Thresholds of figures of merit and values for a remark.
+
+    Attributes:
+        chatter: mean change of a tension from sample to sample over half the preload; without noise it is below a
+            thousandth for the laws of the paper's cases.
+        saturated: share of the samples with the force command beyond its limit.
+        torque_saturated: share of the samples with a motor torque at a limit; half in the paper's cases, whose second
+            rope is kept at its smallest tension.
+        overload: largest tension over the limit of its command; 1.33 in the paper's Case 1.
+        unusual: ratio of a value of the machine to its default, or the inverse.
+        resized: the same, for sizes of ropes and winches that require other tension limits than the paper's.
+    """
+
+    chatter: float = 0.01
+    saturated: float = 0.05
+    torque_saturated: float = 0.6
+    overload: float = 1.5
+    unusual: float = 300.0
+    resized: float = 1.5
+
+
+WINCHES = ("winch_1", "winch_2")
+ROPE_KEYS = ("rope_1", "rope_2")
+
+DEPENDENT: dict[str, tuple[str, ...]] = {
+    "plant.vehicle.normal_force": ("plant.vehicle.mass",),
+    "plant.vehicle.drag_area": ("plant.vehicle.diameter", "plant.vehicle.height"),
+    "plant.vehicle.diameter": ("plant.vehicle.drag_area",),
+    "plant.vehicle.height": ("plant.vehicle.drag_area",),
+    **{f"plant.{rope}.diameter": (f"plant.{rope}.area",) for rope in ROPE_KEYS},
+    **{f"plant.{winch}.inertia": (f"plant.{winch}.drum_radius",) for winch in WINCHES},
+    **{
+        f"controller.{winch}.{gain}": (f"plant.{winch}.drum_radius", f"plant.{winch}.gear_ratio")
+        for winch in WINCHES
+        for gain in ("kp", "ki")
+    },
+}
+"""Key → other keys whose defaults its own default was chosen for, though it does not follow their values."""
+
+
+def defaults_left(experiment: Experiment, own: Collection[str] = ()) -> list[str]:
+    """Remarks on defaults that are still used although values they were chosen for have changed.
+
+    Keys in the experiment's file (`own`) are intended, even if they equal the default. Equal remarks on both winches or
+    ropes are merged, as ``winch_*``.
+    """
+    values, usual = leaves(experiment), leaves(Experiment())
+    said: dict[str, dict[str, None]] = {}
+    for key, others in DEPENDENT.items():
+        changed = [other for other in others if values.get(other) != usual[other]]
+        if changed and key not in own and key in values and values[key] == usual.get(key):
+            said.setdefault(", ".join(changed), {})[f"{key} = {values[key]:g}"] = None
+    alike: dict[str, list[str]] = {}
+    for others, keys in said.items():
+        both = said.get(swapped(others))
+        if both is not None and list(map(swapped, keys)) == list(both):
+            alike[starred(others)] = list(map(starred, keys))
+        else:
+            alike[others] = list(keys)
+    return [
+        f"{', '.join(keys)}: still the default{'s' * (len(keys) > 1)}, not following {others}; "
+        f"if intended, give {'them' if len(keys) > 1 else 'it'}"
+        for others, keys in alike.items()
+    ] + [*_drag_left(values, usual, own), *_tensions_left(values, usual, own)]
+
+
+def _drag_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
+    """Remark that a given drag area may include the drag coefficient, which is still the paper's."""
+    area, coefficient = "plant.vehicle.drag_area", "plant.vehicle.drag_coefficient"
+    given = area in own or values[area] != usual[area]
+    if given and coefficient not in own and values[coefficient] == usual[coefficient]:
+        yield (
+            f"{coefficient} = {usual[coefficient]:g}: still the paper's, times drag_area = {values[area]:g} m^2; where "
+            "that is a drag area Cd A, give drag_coefficient = 1"
+        )
+
+
+TENSIONS = ("preload", "tension_min", "tension_max")
+"""Keys of ``controller.coordination`` whose defaults suit the paper's ropes and motors."""
+
+SIZES = (
+    *(f"plant.{rope}.{size}" for rope in ROPE_KEYS for size in ("area", "diameter")),
+    *(f"plant.{winch}.{size}" for winch in WINCHES for size in ("drum_radius", "gear_ratio")),
+)
+"""Sizes that determine the suitable tensions of ropes and winches."""
+
+
+def _tensions_left(values: Mapping[str, Any], usual: Mapping[str, Any], own: Collection[str]) -> Iterator[str]:
+    """Remark on tensions that are still the paper's although ropes or motors have changed."""
+    factor = RemarkLimits().resized
+    resized = [
+        key
+        for key in SIZES
+        if key in values and min(values[key], usual[key]) > 0
+        if max(values[key] / usual[key], usual[key] / values[key]) > factor
+    ]
+    keys = {name: f"controller.coordination.{name}" for name in TENSIONS}
+    left = [name for name, key in keys.items() if key not in own and values.get(key) == usual[key]]
+    if resized and left:
+        tensions = ", ".join(f"{name} = {usual[keys[name]]:g}" for name in left)
+        sizes = ", ".join(dict.fromkeys(starred(key) if swapped(key) in resized else key for key in resized))
+        yield (
+            f"controller.coordination: {tensions} N: still of the paper's ropes and motors, not following {sizes}; "
+            "if intended, give them"
+        )
+
+
+DRAWN = frozenset(("plant.vehicle.height", "plant.vehicle.diameter", *(f"plant.{rope}.diameter" for rope in ROPE_KEYS)))
+"""Sizes that describe a machine whether or not its motion depends on them: animations and `idealisations` do."""
+
+
+def without_effect(experiment: Experiment, own: Collection[str]) -> list[str]:
+    """Remarks on values that the user has set and that nothing depends on, such as the damping of a rigid gearbox.
+
+    `own` are the keys that the user has set; zeros and values equal to the default are left out. Nothing is said of an
+    experiment that cannot run, or that has another error.
+    """
+    values, usual = leaves(experiment), leaves(Experiment())
+    changed = {key: values[key] for key in set(own) - DRAWN if values.get(key) and values[key] != usual.get(key)}
+    if not changed:
+        return []
+    try:
+        prepared = prepare(experiment)
+    except ConfigurationError:
+        return []
+    functions = *prepared.loop.functions, start_function(prepared.structure)
+    read = set().union(*(elements_read(function, "parameters") for function in functions))
+    idle = [name for index, name in enumerate(prepared.loop.parameters) if index not in read and name in changed]
+    both = {starred(key) for key in idle if changed.get(swapped(key)) == changed[key] and swapped(key) != key}
+    named = dict.fromkeys((starred(key) if starred(key) in both else key, changed[key]) for key in idle)
+    return [
+        f"{key} = {value:g}: no effect in this experiment, as the effect that it belongs to is absent or switched off"
+        for key, value in named
+    ]
+
+
+def swapped(words: str) -> str:
+    """Keys with the numbers of the other winch or rope."""
+    return NUMBER.sub(lambda found: f"{found[1]}_{3 - int(found[2])}", words)
+
+
+def starred(words: str) -> str:
+    """Keys with ``*`` for the number of winch or rope, as ``winch_*``."""
+    return NUMBER.sub(r"\1_*", words)
+
+
+NUMBER = re.compile(r"\b(winch|rope|creep)_([12])\b")
+
+
+TYPICAL = {
+    f"plant.{part}.{name}": value
+    for parts, values in (
+        (ROPE_KEYS, {"mass_per_length": 2.36, "submerged_weight": 20.0}),
+        (WINCHES, {"gear_stiffness": 1e6, "rotor_inertia": 0.02}),
+    )
+    for part in parts
+    for name, value in values.items()
+}
+"""Typical values of a 24 mm rope and its winch, for keys whose default 0 leaves an effect out (docs/site.md)."""
+
+
+def unusual_values(experiment: Experiment, limits: RemarkLimits | None = None) -> list[str]:
+    """Remarks on values of a machine so far from usual ones that a wrong unit is likely, such as mm or GPa."""
+    limits, described = limits or RemarkLimits(), describe_parts(experiment)
+    defaults = {key: (value, "the default") for key, value in leaves(Experiment()).items()}
+    usual = defaults | {key: (value, "a typical value") for key, value in TYPICAL.items()}
+    found = list[str]()
+    for key, value in leaves(experiment).items():
+        reference, words = usual.get(key, (None, ""))
+        if not (isinstance(value, float) and isinstance(reference, float) and min(value, reference) > 0):
+            continue
+        unit = described[key].quantity.unit
+        if key.startswith(MACHINE) and unit not in {"", "1"}:
+            ratio = value / reference
+            if max(ratio, 1 / ratio) >= limits.unusual:
+                found.append(
+                    f"{key} = {value:g} {unit} is {ratio:.2g} times {words}, {reference:g} {unit}: check its unit"
+                )
+    return found
+
+
+NOT_COMPUTABLE = (DualwinchError, ArithmeticError, np.linalg.LinAlgError)
+"""Errors of a loop without a steady state, or with values beyond every float: nothing is remarked on it."""
+
+MACHINE = ("plant.track.length", "plant.vehicle.", "plant.rope_", "plant.winch_")
+"""Beginnings of the keys whose values have a usual size."""
+
+
+def remarks(result: Result, limits: RemarkLimits | None = None, *, loop: bool = True) -> Iterator[str]:
+    """Remarks on problems of a run's loop (`loop_remarks`), and of the run.
+
+    An unstable loop comes first, as the cause of everything else; advice for stable loops is then left out. The loop is
+    checked if the plant is not the default one, or if the run chatters or was not completed, so that figures of merit
+    say nothing; not at all (`loop` is False) if torques came from another controller than the experiment's.
+    """
+    figures = dict(result.metrics)
+    yield from _remarks(
+        result.experiment, figures, figures, "", limits, loop=loop, completed=result.outcome == "completed"
+    )
+
+
+def ensemble_remarks(
+    experiment: Experiment, statistics: Mapping[str, Mapping[str, float]], *, completed: bool
+) -> Iterator[str]:
+    """Remarks on an ensemble, as `remarks` has them on a run: on its nominal loop, the worst scenario and the mean.
+
+    `statistics` are those of each figure of merit by kind; `completed` tells whether all scenarios were.
+    """
+    worst, mean = ({name: of[kind] for name, of in statistics.items()} for kind in ("worst", "mean"))
+    yield from _remarks(experiment, worst, mean, " of the worst scenario", None, loop=True, completed=completed)
+
+
+def _remarks(
+    experiment: Experiment,
+    worst: Mapping[str, float],
+    mean: Mapping[str, float],
+    where: str,
+    limits: RemarkLimits | None,
+    *,
+    loop: bool,
+    completed: bool,
+) -> Iterator[str]:
+    """Remarks on figures of merit: tensions by the worst scenario, which `where` names, all else by the mean."""
+    limits, control = limits or RemarkLimits(), experiment.controller.limits
+    half = control.preload / 2
+    chatters = mean["chatter"] > limits.chatter * half
+    looked_at = chatters or not completed or experiment.plant != Experiment().plant
+    unstable = list(loop_remarks(experiment)) if loop and looked_at else []
+    yield from unstable
+    if worst["slack_share"] > 0:
+        advice = "" if unstable else ": increase the preload or reduce the speed"
+        yield f"a rope is slack in {100 * worst['slack_share']:.3g} % of the samples{where}{advice}"
+    if worst["peak_tension"] > limits.overload * control.tension_max:
+        peak, share = worst["peak_tension"], worst["peak_tension"] / control.tension_max
+        yield f"a rope is pulled by up to {peak:.4g} N, {share:.3g} times tension_max"
+    if mean["saturated_share"] > limits.saturated:
+        yield f"the force command is beyond its limit in {100 * mean['saturated_share']:.3g} % of the samples"
+    if mean["torque_saturated_share"] > limits.torque_saturated:
+        yield f"a motor torque is at its limit in {100 * mean['torque_saturated_share']:.3g} % of the samples"
+    if chatters:
+        yield (
+            f"it chatters: tensions jump by {mean['chatter']:.3g} N a sample, {100 * mean['chatter'] / half:.2g} % of "
+            "their mean"
+        )
+
+
+def loop_remarks(experiment: Experiment) -> Iterator[str]:
+    """Remark on a closed loop that is unstable at rest at mid-track, by its poles or by the rule for drum resonance.
+
+    Uses `linear_closed_loop` and `resonance_gains`, as `dualwinch linearise --loop closed` does.
+    """
+    middle = experiment.plant.track.length / 2
+    where = f"(dualwinch linearise --loop closed --x {middle:g})"
+    try:
+        radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
+    except NOT_COMPUTABLE:
+        radius = 0.0  # no steady state to linearise at
+    if radius > 1:
+        rate = np.log(radius) / experiment.simulation.sample_time
+        yield f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s {where}"
+    try:
+        worst = max(resonance_gains(experiment), key=lambda each: each.gain)
+    except NOT_COMPUTABLE:
+        return  # the rule does not apply to this law
+    if worst.verdict == "fails":
+        yield (
+            f"drum {worst.winch} may oscillate on its rope at {worst.frequency:.3g} Hz: the loop gain at this "
+            f"resonance is {worst.gain:.3g}, must be at most 1{_damping_advice(experiment, worst.winch)} {where}"
+        )
+
+
+def _damping_advice(experiment: Experiment, winch: int) -> str:
+    """What to set where the drum's speed is damped less than the wave impedance of its rope."""
+    key, matched = f"controller.winch_{winch}.damping", matched_damping(experiment, winch)
+    here = leaves(experiment).get(key)
+    if here is None or here >= 0.9 * matched:
+        return ""
+    return f"; {key} = {here:.3g}, where {matched:.3g} matches its rope"
+
+
+def amplitude_remarks(experiment: Experiment, amplitudes: Collection[float], advice: str = "") -> Iterator[str]:
+    """Remark on amplitudes of the speed error in m/s that make a loop at mid-track unstable, by describing functions.
+
+    There is no remark on laws without odd powers of the speed error, whose loop is the same at all amplitudes, nor on
+    loops that are already unstable at small amplitudes (`loop_remarks`). The remark ends with the advice.
+    """
+    middle = experiment.plant.track.length / 2
+    try:
+        points = amplitude_sweep(experiment, middle, amplitudes=(min(amplitudes) / 1e4, *amplitudes))
+    except NOT_COMPUTABLE:
+        return
+    unstable = [f"{100 * point.amplitude:g}" for point in points if not point.margins.stable]
+    if unstable and points[0].margins.stable:
+        yield (
+            f"unstable at speed errors of {' and '.join(unstable)} cm/s, though stable at small ones: a disturbance "
+            f"or a noisy sensor may bring it there (dualwinch linearise --loop open --x {middle:g})"
+            f"{advice and f'; {advice}'}"
+        )
+
+
+def delay_remarks(experiment: Experiment, least: float) -> Iterator[str]:
+    """Remark on a loop at rest at mid-track whose delay margin is smaller than the required one in s.
+
+    There is no remark on an unstable loop (`loop_remarks`).
+    """
+    middle = experiment.plant.track.length / 2
+    try:
+        point = loop_operating_point(experiment, middle, 0.0)
+        found = {each: margins(without_idle_states(loop_opened_at(point, each))) for each in LOOP_OPENINGS}
+    except NOT_COMPUTABLE:
+        return
+    opening, worst = min(found.items(), key=lambda each: each[1].delay)
+    if worst.delay < least and all(each.stable for each in found.values()):
+        yield (
+            f"the loop tolerates {1e3 * worst.delay:.2g} ms of further delay at {opening}, at rest at {middle:g} m; a "
+            f"sample takes {1e3 * experiment.simulation.sample_time:g} ms "
+            f"(dualwinch linearise --loop open --opening {opening} --x {middle:g})"
+        )
+
+
+LINEARISE = "dualwinch linearise"
+"""The command named in remarks on a loop."""
+
+
+def in_full(words: str, typed: str) -> str:
+    """A remark on a loop in which the command has the options that select the experiment."""
+    return words.replace(LINEARISE, f"{LINEARISE} {typed}".rstrip())

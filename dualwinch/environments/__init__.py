@@ -1,8 +1,0 @@
-"""Gymnasium environments for reinforcement learning. Needs the extra ``gymnasium``.
-
-Importing this package registers them; ``gymnasium.make("dualwinch.environments:dualwinch/Case4-v0")`` imports it.
-"""
-
-from dualwinch.environments.registration import register
-
-register()

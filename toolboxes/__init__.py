@@ -1,0 +1,1 @@
+"""Toolboxes: each a capability of its own above the kernel; any of them can be left out."""

@@ -1,0 +1,90 @@
+"""The command ``excite``: optimal experiment design for identification."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from dualwinch.cli.options import ExperimentOptions, Figure, Json, Priors, Whole, default_of, seconds_from, stated
+from dualwinch.cli.output import check_file, print_json, terminal, version_notes, write_figure, write_text
+from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolboxes.identification.cli.identify import prior_from
+
+
+def excite(
+    *,
+    fit: list[str],
+    given: ExperimentOptions = ExperimentOptions(),
+    ensemble: str | None = None,
+    prior: Priors = None,
+    duration: Annotated[str | None, default_of("excite", "duration", "{:g}s")] = None,
+    criterion: Annotated[Literal["D", "A"] | None, default_of("excite", "criterion")] = None,
+    track: float | None = None,
+    speed: float | None = None,
+    acceleration: float | None = None,
+    torque: float | None = None,
+    trials: Annotated[
+        Whole, default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time")
+    ] = None,
+    time: str | None = None,
+    seed: Annotated[Whole, default_of("excite", "seed")] = None,
+    out: Path | None = None,
+    plot: Figure = None,
+    json: Json = False,
+) -> None:
+    """Design the experiment that identifies parameters of a machine best (D- or A-optimal).
+
+    Motions through way-points, within limits of track, speed, tension and torque, are simulated in the closed loop;
+    the filter of `identify` gives the Fisher information of each log. Prints the expected standard deviations beside
+    those of the present motion.
+
+    Args:
+        fit: Keys to estimate, separated by commas; * stands for anything.
+        ensemble: Ensemble, such as `rig`; identifiable parameters that it draws are estimated, too.
+        duration: Length of the run, e.g. 60s, 2min.
+        criterion: D: volume of the estimates' confidence region; A: mean of their variances.
+        track: Farthest position in m (default: a metre before the end).
+        speed: Largest speed in m/s (default: the reference's).
+        acceleration: Largest acceleration in m/s^2 (default: that of half the ropes' largest net force).
+        torque: Largest torque of a motor in N m (default: any).
+        trials: Motions to simulate at least; the search completes the generation that reaches them.
+        time: Time of the search, e.g. 60s, 5min.
+        seed: Seed of the search.
+        out: File for the experiment with that motion, .toml.
+
+    Examples:
+        dualwinch excite --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4 --out exciting.toml
+        dualwinch excite --fit "plant.rope_*.modulus" --duration 30s --speed 1 --track 40 --time 2min
+        dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
+        dualwinch simulate --config exciting.toml --out run.parquet    # the run with that motion
+    """
+    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.toolboxes.identification.experiment_design import excite
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    search = DEFAULTS.excitation
+    length = seconds_from(duration, "--duration", search.min_duration, search.max_duration)
+    known = dict(map(prior_from, prior or []))
+    limit = seconds_from(time)
+    check_file(out, ".toml")
+    with ProgressLine("searching", command="excite", patient=True) as progress:
+        found = excite(
+            fit,
+            None if ensemble else given.experiment(),
+            ensemble=given.ensemble(ensemble) if ensemble else None,
+            priors=known,
+            track=track,
+            speed=speed,
+            acceleration=acceleration,
+            torque=torque,
+            trials=trials,
+            seconds=limit,
+            progress=progress,
+            **stated(duration=length, criterion=criterion, seed=seed),
+        )
+    if json:
+        print_json(found.to_record() | version_notes())
+    else:
+        terminal(soft_wrap=True).print(repr(found), highlight=False)
+    write_text(out, lambda: to_toml(found.experiment))
+    write_figure(plot, found.plot)

@@ -1,0 +1,168 @@
+"""The command ``identify``: parameters of a machine from its logs, as tables, files and a figure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from dualwinch.cli.options import (
+    WHOLE,
+    CheckpointingWorkerOptions,
+    ExperimentOptions,
+    Figure,
+    Json,
+    Priors,
+    Whole,
+    default_of,
+    share_from,
+    stated,
+)
+from dualwinch.cli.output import (
+    check_file,
+    print_idealisations,
+    print_json,
+    terminal,
+    version_notes,
+    write_figure,
+    write_json,
+    write_text,
+    wrote,
+)
+from dualwinch.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from dualwinch.toolboxes.identification.result import IdentificationResult
+
+
+def identify(
+    logs: list[Path],
+    *,
+    fit: list[str],
+    given: ExperimentOptions = ExperimentOptions(),
+    ensemble: str | None = None,
+    prior: Priors = None,
+    column: list[str] | None = None,
+    csv: str = "",
+    hold_out: Annotated[str | None, default_of("identify", "hold_out", "{:.0%}")] = None,
+    starts: Annotated[Whole, default_of("identify", "starts")] = None,
+    seed: Annotated[int, WHOLE] = 0,
+    profile: list[str] | None = None,
+    disturbance: Path | None = None,
+    unrecorded: Annotated[
+        str | None, default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}")
+    ] = None,
+    out: Path | None = None,
+    plot: Figure = None,
+    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
+    json: Json = False,
+) -> None:
+    """Estimate parameters of a machine from its logs, by maximum likelihood.
+
+    The torques of a log drive the plant, an extended Kalman filter predicts all readings one sample ahead, and the
+    parameters maximise the likelihood of its innovations. Prints estimates with standard deviations, unidentifiable
+    directions, and whiteness tests of the innovations.
+
+    Args:
+        logs: Logs of one machine: .csv, .txt, .parquet, .mat or .npz.
+        fit: Keys to estimate, separated by commas; * stands for anything; may be repeated.
+        ensemble: Ensemble, such as `rig`; parameters that it draws are estimated, too, with its distributions as
+            priors, where logs can identify them.
+        column: Column and unit of a reading, F1=load_cell_left:kN; may be repeated.
+        csv: Separator and decimal mark of CSV files, such as ';,'; default: detected in each file.
+        hold_out: Share at the end of each log that is held out and predicted.
+        starts: Searches from different starting points, to find distinct optima.
+        seed: Seed of these starts, and of the ensemble's draws.
+        profile: Keys whose profile likelihood is computed; may be repeated.
+        disturbance: File for the force on the vehicle, .csv or .parquet, for disturbance.force.file.
+        unrecorded: Largest RMS of unrecorded torque or force over the recorded one; above it a fit is refused as one of
+            another machine.
+        out: File for the machine, .toml; beside it go NAME-ensemble.toml and NAME.json.
+
+    Examples:
+        dualwinch simulate --case 4 --set simulation.readings=true --out run.parquet    # makes a log
+        dualwinch identify run.parquet --fit plant.vehicle.mass,plant.vehicle.drag_coefficient --case 4
+        dualwinch identify run.parquet --fit "plant.rope_*.modulus" --hold-out 20% --plot fit.png --out fitted.toml
+        dualwinch identify a.csv b.csv --ensemble rig --fit plant.vehicle.mass --column F1=load_cell_left:kN
+        dualwinch identify run.mat --fit plant.vehicle.mass,sensors.load_cell_zero_* --prior plant.vehicle.mass=1e4+-500
+        dualwinch identify run.parquet --fit plant.vehicle.mass --disturbance force.parquet
+        dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
+        dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
+    """
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.config.ensemble_file import ensemble_to_toml
+    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.simulation.results.file_formats import FORMATS
+    from dualwinch.toolboxes.identification.identify import identify
+
+    share = share_from(hold_out, "--hold-out", 0.2, zero=True)
+    most = share_from(unrecorded, "--unrecorded", 0.2, zero=True)
+    known = dict(map(prior_from, prior or []))
+    check_file(out, ".toml")
+    check_file(disturbance, *FORMATS)
+    with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
+        found = identify(
+            list(logs),
+            fit,
+            None if ensemble else given.experiment(),
+            ensemble=given.ensemble(ensemble) if ensemble else None,
+            priors=known,
+            columns=column or [],
+            csv=csv,
+            seed=seed,
+            profiles=profile or [],
+            forces=disturbance is not None,
+            workers=workers,
+            unrecorded=most,
+            progress=progress,
+            **stated(hold_out=share, starts=starts),
+        )
+    left_out = idealisations(found.experiment)
+    facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | version_notes()
+    if json:
+        print_json(facts)
+    else:
+        terminal(soft_wrap=True).print(repr(found), highlight=False)
+        print_idealisations(left_out)
+    if out:
+        write_text(out, lambda: to_toml(found.experiment))
+        drawn = out.with_name(f"{out.stem}-ensemble.toml")
+        write_text(drawn, lambda: ensemble_to_toml(found.ensemble(out.stem, seed)))
+        write_json(out.with_suffix(".json"), facts)
+    if disturbance:
+        for file in write_forces(disturbance, found):
+            wrote(file)
+    write_figure(plot, found.plot)
+
+
+def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
+    """Write the force on the vehicle in each log, for ``disturbance.force.file``.
+
+    Returns:
+        The files: one, or NAME-1, NAME-2, ... for several logs.
+    """
+    from dualwinch.simulation.results.file_formats import format_of
+
+    many = len(found.forces) > 1
+    files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
+    for path, force in zip(files, found.forces, strict=True):
+        format_of(path).write(force.content, path)
+    return files
+
+
+def prior_from(text: str) -> tuple[str, tuple[float, float]]:
+    """Parse ``key=mean±sd``, such as ``plant.vehicle.mass=1e4±500``, into key, mean and standard deviation.
+
+    Raises:
+        ConfigurationError: another form.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    parts = re.fullmatch(r"\s*([\w.]+)\s*=\s*(\S+?)\s*(?:±|\+-)\s*(\S+)\s*", text)
+    try:
+        if parts:
+            return parts[1], (float(parts[2]), float(parts[3]))
+    except ValueError:
+        pass
+    raise ConfigurationError(f"--prior {text}: must be KEY=MEAN±DEVIATION, e.g. plant.vehicle.mass=1e4±500")

@@ -1,0 +1,422 @@
+"""The prediction-error method: maximise the likelihood of the innovations from a start.
+
+L. Ljung, System Identification, 2nd ed., Section 7; N. R. Kristensen, H. Madsen and S. B. Jørgensen, Automatica 40
+(2004) 225, for filters with unrecorded disturbances.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
+from dualwinch.controllers.controller import Controller
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.workers import Workers, in_order, spread
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.loop.structure import parameters_of, zeros_of
+from dualwinch.simulation.progress import Progress, no_progress, part
+from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
+from dualwinch.toolboxes.identification.likelihood import (
+    Likelihood,
+    NewtonStep,
+    NoiseEstimator,
+    initial_measurement_noise,
+)
+from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.toolboxes.identification.predictor import (
+    READINGS,
+    NoiseCovariances,
+    described_disturbances,
+    parameter_names,
+    predicted_system,
+    predictor_structure,
+)
+from dualwinch.toolboxes.identification.resample import LogSection
+from dualwinch.toolboxes.identification.unknowns import SearchCoordinates, UnknownParameter, covariance_of, unwrapped
+
+Floats = NDArray[np.float64]
+
+Found = TypeVar("Found")
+
+
+class DivergedFilterError(ConfigurationError):
+    """Filters diverge at the start of a search."""
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """A maximum of the likelihood.
+
+    Attributes:
+        values: (p,) of the unknowns.
+        information: (p, p) of the logs alone, without priors.
+        noise: R and Q.
+        experiment: with these values.
+        deviance: minus twice the log-likelihood, up to a constant.
+        rough: the deviance after least squares, before Newton steps.
+        finished: whether Newton steps followed.
+        passes: number of passes through the logs so far.
+        converged: whether the last step found no likelier values.
+    """
+
+    values: Floats
+    information: Floats
+    noise: NoiseCovariances
+    experiment: Experiment
+    deviance: float
+    rough: float
+    finished: bool
+    passes: int
+    converged: bool
+
+
+def _with_values(experiment: Experiment, keys: Sequence[str], values: Floats) -> Experiment:
+    """The experiment with other values of the unknowns."""
+    return with_leaves(experiment, dict(zip(keys, values.tolist(), strict=True)))
+
+
+class PredictionErrorMethod:
+    """Maximum likelihood of the innovations of extended Kalman filters.
+
+    1. If the filters diverge at the start, increase process noise Q until they do not.
+    2. Rounds of least squares: with fixed gains of the filters, the whitened innovations are a least-squares problem
+       with exact derivatives. Solve it and filter again until values are near the optimum. In the first rounds,
+       parameters with a prior stay near it; afterwards Q (by maximum likelihood) and R (by expectation maximisation)
+       are estimated too.
+    3. Newton steps by differences of the likelihood, with updates of R, and of Q until these hardly lower the
+       deviance, until it stops falling and does not lie lower beyond a jump of the likelihood either.
+    """
+
+    def __init__(
+        self,
+        sections: Sequence[LogSection],
+        experiment: Experiment,
+        unknowns: Sequence[UnknownParameter],
+        options: EstimationOptions = DEFAULTS,
+        threads: int | None = None,
+    ) -> None:
+        """Set up for given sections and unknowns; compiles the filter."""
+        self.unknowns, self.options = tuple(unknowns), options
+        self.made_of = sections, experiment, self.unknowns, options
+        self._experiment, self._search, self._threads = experiment, options.search, threads
+        keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
+        zeros = zeros_of(self.structure, parameters_of(replace(experiment, controller=Controller())), varying=keys)
+        self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
+        self.filters = self.filters_of(sections)
+        columns = [parameter_names(self.structure).index(key) for key in keys]
+        self.with_values = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
+        self.likelihood = Likelihood(self.filters, self.with_values, columns, options.search)
+        self._noise = NoiseEstimator(self.filters, experiment, options.noise)
+
+    @property
+    def passes(self) -> int:
+        """Number of passes through the logs so far."""
+        return self.filters.passes
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the logs."""
+        return sum(len(section.readings) for section in self.filters.sections)
+
+    def filters_of(self, sections: Sequence[LogSection]) -> LogFilters:
+        """Filters over other sections."""
+        return LogFilters(self._predictor, self.structure, sections, self.options, self._threads)
+
+    def initial_noise(self) -> NoiseCovariances:
+        """Initial R and Q."""
+        readings = np.concatenate([section.readings for section in self.filters.sections])
+        variances = initial_measurement_noise(readings, self._experiment.sensors, self.options.noise)
+        process = described_disturbances(self._experiment, self.options.noise)
+        return NoiseCovariances(variances, process, self._experiment.plant.vehicle)
+
+    def coordinates(self, within: float = np.inf, itself: int | None = None) -> SearchCoordinates:
+        """Coordinates of the unknowns; arguments as in `SearchCoordinates`."""
+        return SearchCoordinates(self.unknowns, within, itself, self._search)
+
+    def information(self, values: Floats) -> Floats | None:
+        """(p, p) information of the logs at given values with the initial noise; ``None`` if filters diverge."""
+        noise = self.initial_noise()
+        filtered = self.likelihood.filtered(values, noise)
+        if not all_completed(filtered):
+            return None
+        normal = self.likelihood.normal(values, noise, filtered)
+        return normal[:-1, :-1] if np.isfinite(normal).all() else None
+
+    def deviance(self, values: Floats) -> float:
+        """Minus twice the log-likelihood at given values, with process noise from a rough search."""
+        experiment = self.with_values(values)
+        noise = self._noise.with_process_noise(experiment, self.initial_noise(), anywhere=True, roughly=True)
+        return float(self.filters.deviances([(experiment, noise)])[0])
+
+    def run(
+        self,
+        start: Floats,
+        progress: Progress = no_progress,
+        noise: NoiseCovariances | None = None,
+        *,
+        unless: Callable[[Experiment, NoiseCovariances, float], bool] | None = None,
+    ) -> ParameterEstimate:
+        """Search from a start.
+
+        It begins at (p,) values. R and Q are estimated unless given as `noise`. If `unless` holds for the experiment,
+        the noise and the deviance after least squares, there are no Newton steps.
+
+        Raises:
+            DivergedFilterError: the filter diverges: the log is of another machine.
+            ConfigurationError: a parameter without a prior has no effect at all.
+        """
+        estimated = noise is None
+        noise = noise or self.initial_noise()
+        if estimated and not all_completed(self.likelihood.filtered(start, noise)):
+            noise = self._noise.tolerable(self.with_values(start), noise)
+        if not all_completed(self.likelihood.filtered(start, noise)):
+            raise self._diverged()
+        if estimated and self.options.resampling.torque_rows and not self._has_speed:
+            noise = self._noise.with_torque_noise(self.with_values(start), noise)  # chatter is far from its least size
+        values, noise = self._least_squares_rounds(start, noise, estimated, progress)
+        coordinates = self.coordinates()
+        rough = float(self.likelihood.deviances([coordinates.of(values)], noise, coordinates)[0])
+        if unless and unless(self.with_values(values), noise, rough):
+            information = self.likelihood.normal(values, noise, self.likelihood.filtered(values, noise))[:-1, :-1]
+            deviance, finished, converged = rough, False, False
+        else:
+            step, noise, converged = self._newton_steps(values, noise, estimated, progress)
+            if step is None:
+                raise self._diverged()
+            values = unwrapped(coordinates.values(step.at), self.unknowns)
+            information, deviance, finished = step.information, step.deviance, True
+        return ParameterEstimate(
+            values=values,
+            information=information,
+            noise=noise,
+            experiment=self.with_values(values),
+            deviance=deviance,
+            rough=rough,
+            finished=finished,
+            passes=self.passes,
+            converged=converged,
+        )
+
+    def _diverged(self) -> DivergedFilterError:
+        name = self.filters.sections[0].name
+        return DivergedFilterError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
+
+    def _least_squares_rounds(
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
+    ) -> tuple[Floats, NoiseCovariances]:
+        """Values and noise near the optimum, by least squares with new gains in every round."""
+        search = self._search
+        cautious, anywhere = self.coordinates(search.cautious_deviations), self.coordinates()
+        filtered, last, before = self.likelihood.filtered(values, noise), np.zeros(len(values)), np.inf
+        deviances, found_in_rounds = list[float](), list[tuple[Floats, NoiseCovariances]]()
+        for number in range(search.max_rounds):
+            progress(number / (number + 6) / 2)  # some ten rounds are usual
+            coordinates = cautious if number < search.cautious_rounds else anywhere
+            found, information = self.likelihood.solve_with_gains(
+                values, noise, filtered, coordinates, search.least_squares_tolerance
+            )
+            if number == 0:
+                self._check_effects(information)
+            variances = np.diag(covariance_of(information, self.unknowns))
+            if not (variances > 0).all():  # derivatives that grew without limit, as when a rope slackens
+                break
+            deviation = np.sqrt(variances)
+            move = (unwrapped(found, self.unknowns) - values) / deviation
+            moved = float(np.max(np.abs(move), initial=0.0))
+            there = values + deviation * damped(move, last)
+            if estimated and number >= search.cautious_rounds:
+                experiment, first = self.with_values(there), number == search.cautious_rounds
+                noise = self._noise.with_sea(experiment, noise) if first else noise
+                noise = self._noise.with_process_noise(experiment, noise, anywhere=first, roughly=True)
+            there, filtered = self._backtracked(values, there, noise)
+            if not all_completed(filtered):
+                break
+            values, last = there, move
+            if number >= search.cautious_rounds:
+                deviances.append(deviance_of(filtered))
+                found_in_rounds.append((values, noise))
+                likeliest = int(np.argmin(deviances))
+                if likeliest < len(deviances) - search.patience:  # moves that lead nowhere: there is no such machine
+                    return found_in_rounds[likeliest]
+                if estimated and moved < search.noise_distance:  # not with Q at its least
+                    noise = self._noise.with_measurement_noise(self.with_values(values), noise, filtered)
+            if moved < search.newton_distance or (before < search.noise_distance and moved > before / 2):
+                break
+            before = moved
+        return values, noise
+
+    def _newton_steps(
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
+    ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
+        """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
+        search, coordinates = self._search, self.coordinates()
+        at, step, before = coordinates.of(values), None, None
+        settled = not (estimated and search.min_process_noise_steps)
+        for number in range(search.max_steps):
+            progress((1 + number / (number + 2)) / 2)  # a few steps are usual
+            if estimated:
+                experiment = self.with_values(coordinates.values(at))
+                if not settled:
+                    noise = self._noise.with_process_noise(experiment, noise)
+                    noise = self._noise.with_sea(experiment, noise)
+                filtered = self.filters.run(experiment, noise, gains=False)
+                noise = self._noise.with_measurement_noise(experiment, noise, filtered)
+            found = self.likelihood.step(at, noise, coordinates, before)
+            if found is None:
+                break
+            if step and number + 1 >= search.min_process_noise_steps:
+                by_noise = step.deviance - (found.deviance + found.fall)
+                settled = settled or by_noise < search.process_noise_tolerance
+            step = before = found
+            at = step.at
+            if settled and step.fall < search.tolerance:
+                likelier = self.likelihood.beyond_jumps(step, noise, coordinates)
+                if likelier is None:
+                    return step, noise, self._is_last(step)
+                at, before = likelier, None
+        else:  # where noise still changes a little, values may not
+            return step, noise, step is not None and not settled and self._is_last(step)
+        return step, noise, False
+
+    def _is_last(self, step: NewtonStep) -> bool:
+        """Whether a step lowers the deviance hardly, and a better one is not in sight."""
+        return step.fall < self._search.tolerance and step.expected_fall < self._search.retried_fall
+
+    @property
+    def _has_speed(self) -> bool:
+        """Whether any speed of the vehicle is recorded, which separates chatter from an unrecorded force."""
+        column = READINGS.index("v")
+        return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
+
+    def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
+        """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
+        for _ in range(self._search.max_shortenings):
+            filtered = self.likelihood.filtered(there, noise)
+            if all_completed(filtered):
+                break
+            there = (here + there) / 2
+        return there, self.likelihood.filtered(there, noise)
+
+    def _check_effects(self, information: Floats) -> None:
+        for unknown, own in zip(self.unknowns, np.diag(information).tolist(), strict=True):
+            if own == 0 and not unknown.prior:
+                raise ConfigurationError(
+                    f"--fit {unknown.key}: nothing in these logs depends on it: other values switch it off, or its "
+                    "sensor was not recorded"
+                )
+
+
+def damped(move: Floats, last: Floats) -> Floats:
+    """A move, shortened if it reverses the last one (Aitken's extrapolation).
+
+    New gains may move a fit from one side of its optimum to the other. If each move is r times the one before, their
+    sum is 1 / (1 - r) times this one.
+    """
+    ratio = float(move @ last) / max(float(last @ last), np.finfo(float).tiny)
+    return move / (1 - np.clip(ratio, -1.0, 0.0))
+
+
+@dataclass(frozen=True)
+class LocalOptimum:
+    """A local optimum at which one or more searches converged.
+
+    Attributes:
+        values: (p,) of the unknowns.
+        deviance: above that of the best optimum.
+        searches: number of searches that converged there.
+    """
+
+    values: tuple[float, ...]
+    deviance: float
+    searches: int
+
+
+def multistart(
+    method: PredictionErrorMethod,
+    first: ParameterEstimate,
+    drawn: int,
+    starts: int,
+    seed: int,
+    progress: Progress,
+    workers: Workers = None,
+) -> list[ParameterEstimate]:
+    """Estimates from several starts of the first `drawn` unknowns (`starts_of`), the likeliest first.
+
+    The first start led to `first`; all other unknowns have the same starts. An executor's workers search in parallel.
+    """
+    others = [unknown.start for unknown in method.unknowns[drawn:]]
+    further = [np.array([*own, *others]) for own in starts_of(method.unknowns[:drawn], starts, seed)[1:]]
+    searches = _searches(method, further, part(progress, 1 / starts, 1.0), workers)
+    found = [first, *(estimate for estimate in searches if isinstance(estimate, ParameterEstimate))]
+    return sorted(found, key=lambda estimate: estimate.deviance)
+
+
+def _searches(
+    method: PredictionErrorMethod, starts: Sequence[Floats], progress: Progress, workers: Workers
+) -> Iterator[ParameterEstimate | ConfigurationError]:
+    """The result of a search from each start; an error if the filter diverges there."""
+    if isinstance(workers, Executor):
+        tasks = ((_search, method.made_of, start) for start in starts)
+        for number, found in enumerate(in_order(spread(workers, on_worker, tasks))):
+            progress((number + 1) / len(starts))
+            if isinstance(found, ParameterEstimate):
+                method.filters.passes += found.passes
+            yield found
+        return
+    for number, start in enumerate(starts):
+        yield _search(method, start, part(progress, number / len(starts), (number + 1) / len(starts)))
+
+
+def _search(
+    method: PredictionErrorMethod, start: Floats, progress: Progress = no_progress
+) -> ParameterEstimate | ConfigurationError:
+    try:
+        return method.run(start, progress)
+    except ConfigurationError as error:
+        return error
+
+
+def on_worker(work: Callable[..., Found], made_of: tuple[Any, ...], *arguments: Any) -> Found:
+    """Some work with a method, made anew on one thread of a worker from that of `PredictionErrorMethod.made_of`."""
+    return work(PredictionErrorMethod(*made_of, threads=1), *arguments)
+
+
+def starts_of(unknowns: Sequence[UnknownParameter], count: int, seed: int) -> list[Floats]:
+    """Starts: the unknowns' own, then draws from their priors or, without a prior, between half and twice their own."""
+    drawn, starts = np.random.default_rng(seed), [np.array([unknown.start for unknown in unknowns])]
+    for _ in range(count - 1):
+        moved = [
+            drawn.normal(unknown.prior.mean, unknown.prior.deviation)
+            if unknown.prior
+            else unknown.start * 2 ** drawn.uniform(-1, 1)
+            if unknown.start
+            else drawn.uniform(-1, 1) * unknown.scale
+            for unknown in unknowns
+        ]
+        starts.append(np.clip(moved, [each.lower for each in unknowns], [each.upper for each in unknowns]))
+    return starts
+
+
+def distinct_optima(
+    estimates: Sequence[ParameterEstimate], covariance: Floats, distance: float
+) -> tuple[LocalOptimum, ...]:
+    """The distinct optima of estimates in order of likelihood, the first of which has the given (p, p) covariance.
+
+    Two are distinct if a parameter differs by more than `distance` standard deviations.
+    """
+    deviations, distinct = np.sqrt(np.diag(covariance)), list[LocalOptimum]()
+    for estimate in estimates:
+        for index, other in enumerate(distinct):
+            if np.max(np.abs(estimate.values - other.values) / deviations) <= distance:
+                distinct[index] = LocalOptimum(other.values, other.deviance, other.searches + 1)
+                break
+        else:
+            above = estimate.deviance - estimates[0].deviance
+            distinct.append(LocalOptimum(tuple(estimate.values.tolist()), above, 1))
+    return tuple(distinct)

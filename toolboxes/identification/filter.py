@@ -1,0 +1,189 @@
+"""Extended Kalman filters over all sections of the logs, in parallel: gains, innovations, smoothed disturbances."""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.codegen.drivers.outcome import Outcome
+from dualwinch.codegen.drivers.prediction import (
+    FilterCovariances,
+    FilterData,
+    FilterPass,
+    FixedGainPrediction,
+    Predictor,
+)
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.workers import map_all
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolboxes.identification.options import EstimationOptions
+from dualwinch.toolboxes.identification.predictor import (
+    DISTURBANCES,
+    NoiseCovariances,
+    initial_state,
+    parameter_names,
+    state_names,
+    state_template,
+)
+from dualwinch.toolboxes.identification.resample import LogSection
+
+Floats = NDArray[np.float64]
+
+Found = TypeVar("Found")
+
+
+class LogFilters:
+    """Extended Kalman filters, one per section; sections run in parallel.
+
+    Attributes:
+        sections: of the logs.
+        passes: number of passes through the logs so far.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        structure: Experiment,
+        sections: Sequence[LogSection],
+        options: EstimationOptions,
+        threads: int | None = None,
+    ) -> None:
+        """Set up with a compiled predictor of a structure; `threads`: default one per core."""
+        self.sections = tuple(sections)
+        self.passes = 0
+        self._predictor, self._structure, self._options, self._threads = predictor, structure, options, threads
+
+    def parameters(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
+        """The predictor's parameters, from an experiment and the disturbances' correlation times."""
+        values = leaves(experiment) | {f"time.{name}": each.time for name, each in noise.process.items()}
+        return np.array([float(values[name]) for name in parameter_names(self._structure)])
+
+    def run(
+        self,
+        experiment: Experiment,
+        noise: NoiseCovariances,
+        *,
+        robust: bool = True,
+        samples: int | None = None,
+        into: Sequence[FilterPass] = (),
+        **how: Any,
+    ) -> list[FilterPass]:
+        """Filter every section, or only its first `samples`.
+
+        A robust filter down-weights outliers (``options.search.outlier``). Passes given as `into` are overwritten.
+        Further arguments are `gains`, `rows` and `watched` of `codegen.drivers.prediction.Predictor.filter`.
+        """
+        known = [*into, *[None] * (len(self.sections) - len(into))]
+
+        def filtered(section: LogSection, into: FilterPass | None) -> FilterPass:
+            part = section.upto(samples) if samples else section
+            return self._filtered(experiment, noise, part, robust=robust, into=into, **how)
+
+        return self._each(filtered, known)
+
+    def _filtered(
+        self, experiment: Experiment, noise: NoiseCovariances, section: LogSection, *, robust: bool = True, **how: Any
+    ) -> FilterPass:
+        data, initial = self.data(experiment, noise, section)
+        covariances = FilterCovariances(initial, self.process_variances(experiment, noise), noise.measurement)
+        outlier = self._options.search.outlier if robust else np.inf
+        return self._predictor.filter(self.parameters(experiment, noise), data, covariances, outlier=outlier, **how)
+
+    def deviances(
+        self, candidates: Sequence[tuple[Experiment, NoiseCovariances]], samples: int | None = None
+    ) -> Floats:
+        """Minus twice the log-likelihood of all innovations, up to a constant, for each of several machines with noise.
+
+        Infinite if a filter diverges; `samples` as in `run`.
+        """
+
+        def deviance(candidate: tuple[Experiment, NoiseCovariances], section: LogSection) -> float:
+            filtered = self._filtered(*candidate, section.upto(samples) if samples else section, gains=False)
+            return 2 * filtered.negative_log_likelihood if all_completed([filtered]) else np.inf
+
+        pairs = list(product(candidates, self.sections))
+        self.passes += len(candidates)
+        found = map_all(lambda pair: deviance(*pair), pairs, self._threads)
+        return np.array(found).reshape(len(candidates), -1).sum(axis=1)
+
+    def predict(
+        self,
+        parameters: Floats,
+        experiment: Experiment,
+        noise: NoiseCovariances,
+        filtered: Sequence[FilterPass],
+        *,
+        rows: bool = False,
+    ) -> list[FixedGainPrediction]:
+        """Predict every section with given gains; experiment and noise determine the initial states.
+
+        Parameters are in the order of `parameters`; with `rows` the innovations are kept.
+        """
+
+        def predicted(section: LogSection, own: FilterPass) -> FixedGainPrediction:
+            data, _ = self.data(experiment, noise, section)
+            return self._predictor.predict(parameters, data, own, rows=rows)
+
+        return self._each(predicted, filtered)
+
+    def smooth(self, experiment: Experiment, noise: NoiseCovariances) -> list[tuple[Floats, Floats, Floats]]:
+        """Estimate the disturbances in every section from all its readings.
+
+        Returns:
+            For each section (samples, states) filtered states, (samples, disturbances) smoothed disturbances, and
+            (samples, disturbances, disturbances) their covariances.
+        """
+        passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
+        parameters = self.parameters(experiment, noise)
+
+        def smoothed(section: LogSection, own: FilterPass) -> tuple[Floats, Floats, Floats]:
+            data, _ = self.data(experiment, noise, section)
+            return np.asarray(own.states), *self._predictor.smooth(parameters, data, own)
+
+        return self._each(smoothed, passes)
+
+    def whitened_innovations(self, experiment: Experiment, noise: NoiseCovariances) -> list[Floats]:
+        """(samples, readings) whitened innovations of each section; NaN without a reading."""
+        filtered = self.run(experiment, noise, robust=False)
+        predictions = self.predict(self.parameters(experiment, noise), experiment, noise, filtered, rows=True)
+        return [each.innovations for each in predictions if each.innovations is not None]
+
+    def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
+        """A section with its initial state, and the covariance of the state."""
+        early = section.readings[: self._options.resampling.first_reading_samples]
+        first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
+        start, covariance = initial_state(
+            experiment,
+            self._structure,
+            first,
+            (float(section.torques[0, 0]), float(section.torques[0, 1])),
+            float(section.inputs[0, 0]),
+            noise.states,
+            self._options.initial_state,
+        )
+        return FilterData(section.inputs, section.readings, start), covariance
+
+    def process_variances(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
+        """(states,) variances that process noise adds to the states per sample."""
+        step, variances = experiment.simulation.sample_time, dict.fromkeys(leaves(state_template(self._structure)), 0.0)
+        for name, each in noise.states.items():
+            added = each.deviation**2 * -np.expm1(-2 * step / each.time)
+            variances |= {state: added for state in state_names(name) if state in variances}
+        return np.array(list(variances.values()))
+
+    def _each(self, work: Callable[[LogSection, Any], Found], along: Sequence[Any]) -> list[Found]:
+        """The results of some work on every section with its element of `along`, in parallel."""
+        self.passes += 1
+        return map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
+
+
+def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
+    """Whether no filter left the track or diverged."""
+    return all(run.outcome == Outcome.COMPLETED for run in runs)
+
+
+def deviance_of(filtered: Sequence[FilterPass]) -> float:
+    """Minus twice the log-likelihood of the innovations of all sections, up to a constant."""
+    return 2 * sum(each.negative_log_likelihood for each in filtered)

@@ -1,0 +1,225 @@
+"""Estimate a machine's parameters from logs in one call."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.model.arguments import instance, one_number, texts, whole_number
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import with_leaves
+from dualwinch.simulation.batch.workers import Workers, threads_of
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.progress import PhaseProgress, no_progress
+from dualwinch.simulation.results.result import Result
+from dualwinch.toolboxes.identification.diagnostics import (
+    check_fit,
+    check_log,
+    likelihood_profiles,
+    rms_innovations,
+    sandwich_factors,
+    unidentifiable_directions,
+    whiteness_tests,
+)
+from dualwinch.toolboxes.identification.estimate import ParameterEstimate, distinct_optima, multistart
+from dualwinch.toolboxes.identification.log import Log, column_map, gap_note, log_of, read_log
+from dualwinch.toolboxes.identification.model_choice import ModelChoice, marginal
+from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.toolboxes.identification.predictor import READINGS
+from dualwinch.toolboxes.identification.resample import LogSection, counting, sections_of
+from dualwinch.toolboxes.identification.result import IdentificationResult
+from dualwinch.toolboxes.identification.smoother import smoothed_force
+from dualwinch.toolboxes.identification.unknowns import (
+    Prior,
+    covariance_of,
+    estimable_keys,
+    problem_of,
+    unknown_parameters,
+)
+from dualwinch.toolboxes.identification.vortices import with_vortex_origin
+
+Floats = NDArray[np.float64]
+
+Source = Log | Result | str | PathLike[str]
+
+
+def identify(
+    logs: Source | Sequence[Source],
+    keys: str | Sequence[str],
+    experiment: Experiment | None = None,
+    *,
+    ensemble: str | PathLike[str] | Ensemble | None = None,
+    priors: Mapping[str, Prior | tuple[float, float]] | None = None,
+    columns: Sequence[str] = (),
+    csv: str = "",
+    hold_out: float = 0.0,
+    starts: int = 1,
+    seed: int = 0,
+    profiles: str | Sequence[str] = (),
+    forces: bool = False,
+    unrecorded: float | None = None,
+    options: EstimationOptions = DEFAULTS,
+    workers: Workers = None,
+    progress: PhaseProgress = no_progress,
+) -> IdentificationResult:
+    """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
+
+    1. Logged torques drive the plant; the filter predicts position, speed, tensions and drum angles one sample ahead.
+       Its state is augmented by unrecorded disturbances.
+    2. Parameters, measurement noise R and process noise Q maximise the likelihood
+       (`identification.estimate.PredictionErrorMethod`).
+    3. The curvature of the likelihood gives standard deviations and correlations; tests of the innovations show whether
+       the model is incomplete.
+
+    Args:
+        logs: of one machine, each with its own initial state: files (CSV, Parquet, MATLAB, NumPy), results with
+            ``simulation.readings``, or `Log`.
+        keys: parameters to estimate, such as ``plant.vehicle.mass`` or ``plant.rope_*.modulus``.
+        experiment: values of all other parameters, and start of the search; default: the ensemble's, or
+            ``Experiment()``.
+        ensemble: name or file of an ensemble, such as ``rig``: every parameter that it draws and a log determines is
+            estimated as well, with its distribution as a prior.
+        priors: key → mean and standard deviation of a normal prior.
+        columns: of files, such as ``F1=load_cell_left:kN``, if they have other names or units.
+        csv: separator and decimal mark of CSV files, such as ``;,``; default: detected in each file.
+        hold_out: share at the end of each log that is predicted, not fitted.
+        starts: number of searches from different starts; all but the first are drawn.
+        seed: of these draws.
+        profiles: estimated parameters for which to compute profile likelihoods.
+        forces: whether to estimate the unrecorded force on the vehicle: `forces` of the result, for
+            ``disturbance.force``.
+        unrecorded: ratio of unrecorded to recorded RMS torque or force above which a fit is refused: the log is of
+            another machine, or the model is incomplete; default: ``options.plausibility.max_unrecorded``.
+        options: of the method.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done.
+
+    Returns:
+        Estimates with deviations and correlations, unidentifiable directions, and tests of the innovations. It has a
+        table as text and in a notebook; its `experiment` and `ensemble` have the estimates.
+
+    Raises:
+        ConfigurationError: a file that cannot be read, a key or prior out of range, or a log that is implausible for
+            such a machine.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    began = perf_counter()
+    if not 0 <= one_number("hold_out", hold_out) < 1:
+        raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
+    if unrecorded is not None and not one_number("unrecorded", unrecorded) > 0:
+        raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
+    whole_number("starts", starts, 1)
+    whole_number("seed", seed)
+    instance("options", options, EstimationOptions)
+    experiment, names, known = problem_of(keys, experiment, ensemble, priors)
+    profiled = estimable_keys(texts("profiles", profiles), experiment, "--profile")
+    for key in profiled:
+        if key not in names:
+            raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
+    unknowns = unknown_parameters(names, experiment, known, options.search)
+    given = _logs(logs, columns, csv)
+    for log in given:
+        check_log(log, experiment, options.plausibility)
+    gap, least_rows = options.resampling.max_gap, options.resampling.min_rows
+    given = [with_vortex_origin(log.from_zero(), experiment, options) for log in given]
+    parts = [log.between_gaps(gap, least_rows) for log in given]
+    found = [part for each in parts for part in each]
+    split = [log.split(hold_out) for log in found] if hold_out else [(log, None) for log in found]
+    sections_of([end for _, end in split if end], experiment, options.resampling)  # refused before the fit
+
+    def of_first(fraction: float, phase: str = "", status: str = "") -> None:
+        progress(fraction / starts, phase, status)
+
+    choice = ModelChoice([log for log, _ in split], unknowns, options, threads_of(workers), of_first)
+    sections = sections_of(choice.logs, experiment, options.resampling)
+    plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
+    model = choice.of(experiment, plausible, sea=not forces)
+    method, n = model.method, len(unknowns)
+    estimates = [*multistart(method, model.estimate, n, starts, seed, progress, workers), *model.others]
+    estimates = sorted(estimates, key=lambda each: each.deviance)
+    best, fitted = estimates[0], method.filters.sections
+    excess = plausible(best)
+    torques, diagnostics = [section.torques for section in fitted], options.diagnostics
+    innovations = method.filters.whitened_innovations(best.experiment, best.noise)
+    kept = sections_of([log for _, log in split if log], model.experiment, method.options.resampling)
+    held_out = method.filters_of(kept).whitened_innovations(best.experiment, best.noise) if kept else []
+    information = marginal(best.information, method.unknowns, n)
+    whiteness = whiteness_tests(innovations, torques, diagnostics)
+    beside_encoders = [test for test in whiteness if test.name not in counting(experiment.sensors)]
+    white = all(test.white for test in beside_encoders or whiteness)
+    wider = np.ones(len(method.unknowns)) if white else sandwich_factors(method, best)
+    covariance = covariance_of(information, unknowns) * np.outer(wider[:n], wider[:n])
+    return IdentificationResult(
+        experiment=with_leaves(
+            experiment, {each.key: value for each, value in zip(method.unknowns, best.values.tolist(), strict=True)}
+        ),
+        unknowns=unknowns,
+        values=best.values[:n],
+        covariance=covariance,
+        unidentifiable=unidentifiable_directions(information, unknowns, diagnostics),
+        noise=_sensor_noise(fitted, best),
+        process_noise=best.noise.process_of(best.experiment.plant.vehicle),
+        whiteness=whiteness,
+        held_out=whiteness_tests(held_out, [section.torques for section in kept], diagnostics),
+        innovations=rms_innovations(innovations, experiment.simulation.sample_time, diagnostics),
+        logs=tuple(log.name for log in found),
+        duration=sum(log.duration for log in found),
+        passes=method.passes,
+        converged=best.converged,
+        optima=distinct_optima(
+            [replace(each, values=each.values[:n]) for each in estimates], covariance, diagnostics.optima_distance
+        ),
+        seconds=perf_counter() - began,
+        options=options,
+        profiles=likelihood_profiles(method, best, profiled, workers),
+        forces=tuple(smoothed_force(method, log, best) for log in found) if forces else (),
+        excess=(
+            *(note for log in given for note in log.notes),
+            *(gap_note(each) for each in parts if len(each) > 1),
+            *model.notes(experiment),
+            *excess,
+        ),
+        along=replace(model, estimate=best).along(n, wider),
+        widened=float(wider[:n].max(initial=1.0)),
+    )
+
+
+def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> list[Log]:
+    one = isinstance(logs, (Log, Result, str, PathLike))
+    sources = [logs] if one else list(logs) if isinstance(logs, Sequence) else [logs]
+    for source in sources:
+        instance("logs", source, Log, Result, PathLike, str)
+    if not sources:
+        raise ConfigurationError("logs: must be at least one")
+    _check_different(sources)
+    named = column_map(texts("columns", columns))
+    return [
+        source
+        if isinstance(source, Log)
+        else log_of(source)
+        if isinstance(source, Result)
+        else read_log(source, named, csv)
+        for source in sources
+    ]
+
+
+def _check_different(sources: Sequence[Source]) -> None:
+    """Raise `ConfigurationError` for a log given twice, which would count as two."""
+    files = [Path(source).resolve() if isinstance(source, (str, PathLike)) else source for source in sources]
+    for index, file in enumerate(files):
+        if any(file is other or (isinstance(file, Path) and file == other) for other in files[:index]):
+            raise ConfigurationError(f"{sources[index] if isinstance(file, Path) else 'logs'}: must be given once")
+
+
+def _sensor_noise(sections: Sequence[LogSection], estimate: ParameterEstimate) -> dict[str, float]:
+    """Standard deviation of the noise of every recorded sensor."""
+    read = np.any([np.isfinite(section.readings).any(axis=0) for section in sections], axis=0)
+    deviations = np.sqrt(estimate.noise.measurement).tolist()
+    return {name: deviation for name, deviation, here in zip(READINGS, deviations, read, strict=True) if here}

@@ -1,0 +1,604 @@
+"""Maximise the likelihood of the filters' innovations over noise covariances and parameters.
+
+R is estimated by expectation maximisation, Q by line searches of the likelihood.
+
+With fixed gains of the filters, the whitened innovations are a least-squares problem in the parameters with exact
+derivatives, which leads near the maximum. But gains and variances depend on the parameters, too: Newton steps by
+differences of the likelihood itself account for that. Differences are taken along hardly correlated directions of one
+standard deviation each, so that each has its own slope and curvature; directions in which least squares prove right are
+not differenced again.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, minimize_scalar
+
+from dualwinch.codegen.drivers.prediction import FilterPass
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.sensors import Sensors
+from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
+from dualwinch.toolboxes.identification.options import NoiseOptions, SearchOptions
+from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
+from dualwinch.toolboxes.identification.unknowns import SearchCoordinates
+
+Floats = NDArray[np.float64]
+
+NORMAL_MEDIAN = 0.6745
+"""Median of a standard normal variable's magnitude."""
+
+NEGLIGIBLE_FALL = 0.05
+"""Expected fall of half the deviance for which noise is not searched further."""
+
+LOAD_CELLS = ("F1", "F2")
+"""Sensors that are quiet only while torques are."""
+
+ESTIMATED = (("force",), ("torque_1", "torque_2"))
+"""Disturbances that no experiment describes, in groups with a common estimated deviation."""
+
+DESCRIBED = ("current", "normal_force_variation")
+"""Disturbances that an experiment describes; deviations and correlation times have priors around the described ones."""
+
+SIZE, TIME, TIME_ALONE = np.array([1.0, 0.0]), np.array([0.5, 1.0]), np.array([0.0, 1.0])
+"""Search directions for the logarithms of deviation and correlation time: the deviation; the time with a constant
+variance added per sample, which a log determines best; and the time alone."""
+
+
+def min_noise(options: NoiseOptions) -> Floats:
+    """(readings,) least standard deviations of the sensors' noise, as neither sensors nor model are perfect."""
+    finest = {
+        "x": options.min_position_noise,
+        "v": options.min_speed_noise,
+        "F1": options.min_tension_noise,
+        "F2": options.min_tension_noise,
+        "theta_1": options.min_angle_noise,
+        "theta_2": options.min_angle_noise,
+        "omega_1": options.min_drum_speed_noise,
+        "omega_2": options.min_drum_speed_noise,
+    }
+    return np.array([finest[name] for name in READINGS])
+
+
+def initial_measurement_noise(readings: Floats, sensors: Sensors, options: NoiseOptions) -> Floats:
+    """(readings,) initial variances of all sensors.
+
+    As described by the experiment, quantisation included; for sensors described as perfect, from differences between
+    the log's samples.
+    """
+    described = {
+        "x": math.hypot(sensors.position_noise, sensors.position_resolution / math.sqrt(12)),
+        "v": sensors.speed_noise,
+        "F1": sensors.tension_noise,
+        "F2": sensors.tension_noise,
+    }
+    deviations = noise_by_differences(readings, options)
+    for index, (name, finest) in enumerate(zip(READINGS, min_noise(options).tolist(), strict=True)):
+        if described.get(name, 0.0) > 0:
+            deviations[index] = max(described[name], finest)
+    return deviations**2
+
+
+def noise_by_differences(readings: Floats, options: NoiseOptions) -> Floats:
+    """(readings,) standard deviations of all sensors' noise, by third differences, which cancel most of a motion."""
+    own = [
+        _white_noise(values[np.isfinite(values)], options, options.quiet_share if name in LOAD_CELLS else 1.0)
+        for name, values in zip(READINGS, readings.T, strict=True)
+    ]
+    return np.maximum(own, min_noise(options))
+
+
+def _white_noise(values: Floats, options: NoiseOptions, quiet: float) -> float:
+    """Standard deviation of white noise by third differences; for a quantised sensor at least that of rounding."""
+    if len(values) < 10:
+        return 0.0
+    steps = np.abs(np.diff(values))
+    least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    jumps = np.abs(np.diff(values, 3))
+    if quiet < 1 and len(jumps) >= 2 * options.quiet_readings:
+        windows = np.array_split(jumps, len(jumps) // options.quiet_readings)
+        quietest = sorted(windows, key=lambda each: float(np.median(each)))
+        jumps = np.concatenate(quietest[: max(1, round(quiet * len(windows)))])
+    deviation = float(np.median(jumps)) / NORMAL_MEDIAN / math.sqrt(20)
+    counts = least > 0 and np.allclose(np.rint(steps / least), steps / least, atol=1e-3)
+    return max(deviation, least / math.sqrt(12)) if counts else deviation
+
+
+def _minimum_between(
+    cost: Callable[[float], float], ends: tuple[float, float], tolerance: float, evaluations: int
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by Brent's method; returns the minimum and its cost."""
+    options = {"xatol": tolerance, "maxiter": evaluations}
+    best: Any = minimize_scalar(cost, bounds=ends, method="bounded", options=options)
+    return float(best.x), float(best.fun)
+
+
+def minimum_nearby(
+    cost: Callable[[float], float],
+    here: tuple[float, float],
+    step: float,
+    ends: tuple[float, float],
+    tolerance: float,
+    evaluations: int,
+    *,
+    evaluate_last: bool = True,
+) -> tuple[float, float]:
+    """Minimise a cost between two ends by steps downhill, each twice the last, and parabolas.
+
+    A search that starts near a minimum, as most do, ends after two or three evaluations.
+
+    Args:
+        cost: the cost.
+        here: where to start, and its cost.
+        step: the first step.
+        ends: the range.
+        tolerance: distance of a parabola's minimum from the best point so far below which it is the last one.
+        evaluations: largest number of them.
+        evaluate_last: whether that last one is evaluated; without is faster, but unsafe where the cost is irregular.
+
+    Returns:
+        The minimum, and its cost.
+    """
+    known = dict([here])
+
+    def evaluated(at: float) -> float:
+        at = min(max(at, ends[0]), ends[1])
+        if at not in known:
+            known[at] = cost(at)
+        return at
+
+    def best() -> float:
+        return min(known, key=lambda at: known[at])
+
+    for way in (1.0, -1.0):
+        ahead, reach = here[0], step
+        while len(known) <= evaluations and evaluated(ahead + way * reach) == best() != ahead:
+            ahead, reach = best(), 2 * reach
+        if ahead != here[0]:
+            break
+    distance = math.inf
+    while len(known) <= evaluations and distance >= tolerance and min(known) < best() < max(known):  # not at an end
+        middle = best()
+        at, least = _vertex(known, middle)
+        if not evaluate_last and abs(at - middle) < tolerance:
+            return at, least
+        if evaluate_last and known[middle] - least < NEGLIGIBLE_FALL:
+            break
+        distance = abs(evaluated(at) - middle)
+    return best(), known[best()]
+
+
+def _vertex(known: dict[float, float], b: float) -> tuple[float, float]:
+    """Minimum of a parabola through the lowest of known points and its two neighbours; and its value."""
+    a, c = max(at for at in known if at < b), min(at for at in known if at > b)
+    of_a, of_b, of_c = known[a], known[b], known[c]
+    before, behind = (of_b - of_a) / (b - a), (of_c - of_b) / (c - b)
+    curvature = (behind - before) / (c - a)
+    if not curvature > 0:  # flat
+        return b, of_b
+    slope = before + curvature * (b - a)
+    return b - slope / (2 * curvature), of_b - slope**2 / (4 * curvature)
+
+
+class NoiseEstimator:
+    """Estimates R and Q for approximately known parameters."""
+
+    def __init__(self, filters: LogFilters, experiment: Experiment, options: NoiseOptions) -> None:
+        """Set up; the least deviations are those that the experiment describes."""
+        self._filters, self._options = filters, options
+        self._described = described_disturbances(experiment, options)
+        self._least = {name: each.deviation for name, each in self._described.items()}
+        self._samples = round(options.section_time / experiment.simulation.sample_time)
+
+    def tolerable(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """The least process noise of a grid with which no filter diverges; as given if there is none."""
+        wider = sorted(self._grid(noise), key=lambda each: each.process["torque_1"].deviation)
+        return next((each for each in wider if all_completed(self._filter(experiment, each, None))), noise)
+
+    def with_process_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, *, anywhere: bool = False, roughly: bool = False
+    ) -> NoiseCovariances:
+        """Estimate Q of the disturbances that no experiment describes, by maximum likelihood.
+
+        The search begins with the given Q or, if `anywhere`, with the best of a grid over the whole range. A rough one
+        uses the beginning of each section only.
+        """
+        samples = self._samples if roughly else None
+        if anywhere:
+            noise, here = self._likeliest(experiment, self._grid(noise), samples)
+        else:
+            here = self._cost(experiment, noise, samples)
+        for names in ESTIMATED:
+            noise, here = self._line_search(experiment, noise, names, samples, here)
+        return noise
+
+    def with_torque_noise(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate Q of the unrecorded torques only, roughly, over its whole range.
+
+        Errors of parameters that are not yet estimated well must not be attributed to an unrecorded force.
+        """
+        torques = ESTIMATED[1]
+        grid = [self._scaled(noise, torques, factor) for factor in self._factors]
+        best, cost = self._likeliest(experiment, grid, self._samples)
+        return self._line_search(experiment, best, torques, self._samples, cost)[0]
+
+    def with_sea(self, experiment: Experiment, noise: NoiseCovariances) -> NoiseCovariances:
+        """Estimate deviation and correlation time of described disturbances, by maximum likelihood.
+
+        Their priors are log-normal around the described values. Where noise still has these, searches go over the whole
+        range, else around the values it has.
+        """
+        options, reach = self._options, math.log(self._options.described_reach)
+        anywhere = options.whole_range or all(noise.process[name] == self._described[name] for name in DESCRIBED)
+        factors = (SIZE, options.described_factor), (TIME, options.described_time_factor)
+        searches = [(name, way, factor, reach) for name in DESCRIBED for way, factor in factors]
+        searches.append((VORTICES, TIME_ALONE, options.vortex_time_factor, 3 * math.log(options.vortex_time_factor)))
+
+        def whole(noise: NoiseCovariances) -> float:
+            return self._cost(experiment, noise, None) + self._negative_log_prior(experiment, noise)
+
+        here = None
+        for name, way, factor, reach in searches:
+            if factor == 1 or noise.process[name].deviation == 0:
+                continue
+
+            def moved(by: float, name: str = name, way: Floats = way, noise: Any = noise) -> NoiseCovariances:
+                process = noise.process[name].scaled(*np.exp(by * way).tolist())
+                return replace(noise, process={**noise.process, name: process})
+
+            def cost(by: float, moved: Callable[[float], NoiseCovariances] = moved) -> float:
+                return whole(moved(by))
+
+            accuracy = options.described_tolerance, options.max_described_evaluations
+            if anywhere:
+                best, here = _minimum_between(cost, (-reach, reach), *accuracy)
+            else:
+                step, start = math.log(options.described_step), (0.0, whole(noise) if here is None else here)
+                best, here = minimum_nearby(cost, start, step, (-reach, reach), *accuracy)
+            noise = moved(best) if best else noise
+        return noise
+
+    def _negative_log_prior(self, experiment: Experiment, noise: NoiseCovariances) -> float:
+        """Negative logarithm of the prior density of the described disturbances, up to a constant."""
+        process, options, total = noise.process_of(experiment.plant.vehicle), self._options, 0.0
+        of_sea = dict.fromkeys(DESCRIBED, (options.described_factor, options.described_time_factor))
+        factors = {**of_sea, VORTICES: (1.0, options.vortex_time_factor)}
+        for name, (of_size, of_time) in factors.items():
+            own, described = process[name], self._described[name]
+            pairs = (own.deviation, described.deviation, of_size), (own.time, described.time, of_time)
+            for value, usual, factor in pairs if own.deviation > 0 else ():
+                total += (math.log(value / usual) / math.log(factor)) ** 2 / 2 if factor > 1 else 0.0
+        return total
+
+    @property
+    def _factors(self) -> list[float]:
+        """Grid of factors on the least deviation, over its whole range."""
+        options = self._options
+        return (options.grid ** np.arange(np.ceil(np.log(options.range) / np.log(options.grid)))).tolist()
+
+    def _grid(self, noise: NoiseCovariances) -> list[NoiseCovariances]:
+        """Deviations of all groups on a grid over their range."""
+        return [
+            reduce(lambda found, pair: self._scaled(found, *pair), zip(ESTIMATED, chosen, strict=True), noise)
+            for chosen in product(self._factors, repeat=len(ESTIMATED))
+        ]
+
+    def _line_search(
+        self, experiment: Experiment, noise: NoiseCovariances, names: Sequence[str], samples: int | None, here: float
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest deviation of one group near the present one, whose cost is `here`; and the cost with it."""
+        options, now = self._options, np.log(noise.process[names[0]].deviation / self._least[names[0]])
+        reach, accuracy = np.log(options.grid), (options.line_tolerance, options.max_line_evaluations)
+        ends = float(max(now - reach, 0.0)), float(min(now + reach, np.log(options.range)))
+
+        def cost_of(factor: float) -> float:
+            return self._cost(experiment, self._scaled(noise, names, np.exp(factor)), samples)
+
+        if options.whole_range:
+            best, cost = _minimum_between(cost_of, ends, *accuracy)
+        else:
+            start = float(now), here
+            best, cost = minimum_nearby(cost_of, start, reach / 4, ends, *accuracy, evaluate_last=samples is None)
+        return self._scaled(noise, names, np.exp(best)) if best != now else noise, cost
+
+    def _scaled(self, noise: NoiseCovariances, names: Sequence[str], factor: float) -> NoiseCovariances:
+        """The noise with a group's deviation as a multiple of its least one."""
+        deviation = float(factor) * self._least[names[0]]
+        scaled = {name: replace(noise.process[name], deviation=deviation) for name in names}
+        return replace(noise, process={**noise.process, **scaled})
+
+    def _likeliest(
+        self, experiment: Experiment, noises: Sequence[NoiseCovariances], samples: int | None
+    ) -> tuple[NoiseCovariances, float]:
+        """The likeliest of several, and its cost; all of them in parallel."""
+        deviances = self._filters.deviances([(experiment, noise) for noise in noises], samples)
+        best = int(np.argmin(deviances))
+        return noises[best], min(float(deviances[best]) / 2, self._options.diverged_likelihood)
+
+    def _cost(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> float:
+        filtered = self._filter(experiment, noise, samples)
+        if not all_completed(filtered):
+            return self._options.diverged_likelihood
+        return sum(each.negative_log_likelihood for each in filtered)
+
+    def with_measurement_noise(
+        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
+    ) -> NoiseCovariances:
+        """Estimate R by expectation maximisation, starting from passes with the given noise."""
+        noise, changed = self._em_step(noise, filtered)
+        for _ in range(self._options.max_em_steps):
+            if changed < self._options.em_tolerance:
+                break
+            noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
+        return noise
+
+    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> tuple[NoiseCovariances, float]:
+        """One step of expectation maximisation, and the largest change of a variance's logarithm."""
+        counts = np.sum([each.counts for each in filtered], axis=0)
+        squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
+        before, factor = noise.measurement, self._options.max_em_factor
+        variances = np.where(counts > 0, squares / np.maximum(counts, 1), before)
+        variances = np.maximum(np.clip(variances, before / factor, before * factor), min_noise(self._options) ** 2)
+        return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
+
+    def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
+        return self._filters.run(experiment, noise, gains=False, samples=samples)
+
+
+@dataclass(frozen=True)
+class NewtonStep:
+    """A Newton step of the deviance: minus twice the log-likelihood, up to a constant.
+
+    Attributes:
+        at: (p,) coordinates after the step.
+        deviance: after the step.
+        fall: of the deviance.
+        expected_fall: of the deviance, by the quadratic model.
+        slopes: (p,) slopes of half the deviance along the directions, less those of least squares.
+        curvatures: (p,) second derivatives likewise; 1 is that of least squares.
+        directions: (p, p) these directions, one a row, in coordinates.
+        information: (p, p) before the step, of the logs alone, in units of the unknowns, with these curvatures.
+            Curvatures above 1 count as 1: mostly such a direction is curved, as that of an angle, and straight over
+            only a part of the deviation.
+    """
+
+    at: Floats
+    deviance: float
+    fall: float
+    expected_fall: float
+    slopes: Floats
+    curvatures: Floats
+    directions: Floats
+    information: Floats
+
+
+class Likelihood:
+    """The likelihood of logs and priors, over the unknowns in the coordinates of the search."""
+
+    def __init__(
+        self,
+        filters: LogFilters,
+        machine: Callable[[Floats], Experiment],
+        columns: Sequence[int],
+        options: SearchOptions,
+    ) -> None:
+        """Set up; `machine` makes an experiment from values, `columns` are their indices in the filters' parameters."""
+        self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
+        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
+
+    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
+        """Passes at given values: those of the last call if it was for the same, else new ones in the same arrays."""
+        parameters = self._filters.parameters(self._machine(values), noise)
+        last_parameters, last_noise, filtered = self._last
+        if last_noise is not noise or not np.array_equal(parameters, last_parameters):
+            filtered = self._filters.run(self._machine(values), noise, into=filtered)
+            self._last = parameters, noise, filtered
+        return filtered
+
+    def normal(
+        self, values: Floats, noise: NoiseCovariances, filtered: Sequence[FilterPass], start: Floats | None = None
+    ) -> Floats:
+        """(p + 1, p + 1) normal equations: sums of products of the derivatives by p unknowns and the innovations.
+
+        NaN if filters diverge. Initial states are those of the (p,) values, or of `start`.
+        """
+        experiment = self._machine(values if start is None else start)
+        parameters = self._filters.parameters(experiment, noise)
+        parameters[self._columns] = values
+        runs = self._filters.predict(parameters, experiment, noise, filtered)
+        normal = np.sum([run.normal for run in runs], axis=0)
+        return normal if all_completed(runs) else np.full_like(normal, np.nan)
+
+    def solve_with_gains(
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        filtered: Sequence[FilterPass],
+        coordinates: SearchCoordinates,
+        tolerance: float = 1e-8,
+    ) -> tuple[Floats, Floats]:
+        """Least squares of the whitened innovations with fixed gains, within bounds (trust region reflective).
+
+        Starts at (p,) values, and ends when the relative change of the sum of squares is below `tolerance`. Unknowns
+        without a prior get one with their scale as deviation, so that those the logs do not determine stay near their
+        starts.
+
+        Returns:
+            (p,) values, and (p, p) information of the logs.
+        """
+        last, free = dict[bytes, tuple[Floats, Floats, Floats]](), 1.0 - coordinates.known
+        rows = np.concatenate([coordinates.prior_rows, np.diag(free)])
+
+        def squares(at: Floats) -> tuple[Floats, Floats, Floats]:
+            key = at.tobytes()
+            if key not in last:
+                normal = self.normal(coordinates.values(at), noise, filtered, start=values)
+                residual, jacobian = self._square_root(normal, coordinates.jacobian(at))
+                residual = np.concatenate([residual, coordinates.prior_residuals(at), free * (at - coordinates.start)])
+                last[key] = residual, np.concatenate([jacobian, rows]), normal
+            return last[key]
+
+        solver: Any = least_squares  # its stub lacks the function that returns the Jacobian
+        found = solver(
+            lambda at: squares(at)[0],
+            coordinates.of(values),
+            lambda at: squares(at)[1],
+            bounds=coordinates.bounds,
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=10 * tolerance,
+            max_nfev=self._options.max_evaluations,
+        ).x
+        return coordinates.values(found), squares(found)[2][:-1, :-1]
+
+    def _square_root(self, normal: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+        """(p + 1,) residuals and their Jacobian in coordinates, with the same sum of squares as all innovations."""
+        p, largest = len(jacobian), self._options.diverged_sum
+        if not np.isfinite(normal).all() or normal[-1, -1] > largest:
+            return np.full(p + 1, np.sqrt(largest)), np.zeros((p + 1, p))
+        by = np.eye(p + 1)
+        by[:p, :p] = jacobian
+        eigenvalues, vectors = np.linalg.eigh(by.T @ normal @ by)
+        root = np.sqrt(np.maximum(eigenvalues, 0.0))[:, np.newaxis] * vectors.T
+        return root[:, -1], root[:, :-1]
+
+    def deviances(self, points: Sequence[Floats], noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats:
+        """Minus twice the logarithm, up to a constant, at each of several points; infinite if filters diverge."""
+        machines = [self._machine(coordinates.values(np.clip(point, *coordinates.bounds))) for point in points]
+        logs = self._filters.deviances([(machine, noise) for machine in machines]) if machines else np.zeros(0)
+        return logs + np.array([coordinates.prior_deviance(point) for point in points])
+
+    def step(
+        self,
+        at: Floats,
+        noise: NoiseCovariances,
+        coordinates: SearchCoordinates,
+        before: NewtonStep | None = None,
+        fixed: int | None = None,
+    ) -> NewtonStep | None:
+        """One Newton step towards the maximum of the likelihood; ``None`` if filters diverge at its start.
+
+        1. Least squares with the gains at this point give a gradient and an information matrix; its Cholesky factor
+           gives directions of one standard deviation each.
+        2. Differences of the likelihood along these correct slope and curvature, except in directions in which the
+           corrections of the step `before` were negligible.
+        3. The step is halved while it does not lower the deviance. If no length does, the step of least squares is
+           used instead.
+
+        It starts at (p,) coordinates, of which the one with the index `fixed` is kept.
+        """
+        values, jacobian = coordinates.values(at), coordinates.jacobian(at)
+        filtered = self.filtered(values, noise)
+        normal = self.normal(values, noise, filtered)
+        if not all_completed(filtered) or not np.isfinite(normal).all():
+            return None
+        rows = coordinates.prior_rows
+        prior = rows.T @ rows + np.diag(1.0 - coordinates.known)
+        gradient = jacobian.T @ normal[:-1, -1] + rows.T @ coordinates.prior_residuals(at)
+        known = jacobian.T @ normal[:-1, :-1] @ jacobian + prior
+        lower, upper = coordinates.bounds
+        free = np.flatnonzero((at > lower) & (at < upper) & (np.arange(len(at)) != fixed))
+        block = np.ix_(free, free)
+        try:
+            root = np.linalg.cholesky(known[block])
+        except np.linalg.LinAlgError:  # derivatives that grew without limit, as when a rope slackens
+            return None
+        directions = np.zeros_like(known)
+        directions[block] = np.linalg.inv(root)
+        least, most = self._options.min_difference, self._options.difference
+        reach = np.array([min(coordinates.room(at, way), coordinates.room(at, -way), most) for way in directions])
+        here = deviance_of(filtered) + coordinates.prior_deviance(at)
+        plain = directions @ gradient
+        deviances = partial(self.deviances, noise=noise, coordinates=coordinates)
+        slopes, curvatures = self._differences(at, here, directions, reach, plain, before, deviances)
+        # a kink of the likelihood, as when a rope slackens, makes differences useless: then least squares alone
+        move, there, expected = np.zeros_like(at), here, 0.0
+        for more, bent in ((slopes, curvatures), (np.zeros_like(slopes), np.ones_like(curvatures))):
+            way = np.where(reach > least, -(plain + more) / bent, 0.0) @ directions
+            way *= min(coordinates.room(at, way), 1.0)
+            hoped = float(np.where(reach > least, (plain + more) ** 2 / bent, 0.0).sum())
+            move, there = self._shortened(at, here, way, hoped, deviances)
+            if more is slopes or there < here:
+                expected = hoped
+            if there < here or expected < self._options.retried_fall:
+                break
+        back = np.linalg.inv(jacobian)
+        known[block] = (root * np.minimum(curvatures[free], 1.0)) @ root.T
+        information = back.T @ _positive_part(known - prior) @ back
+        at = np.clip(at + move, *coordinates.bounds)
+        return NewtonStep(at, there, here - there, expected, slopes, curvatures, directions, information)
+
+    def beyond_jumps(self, step: NewtonStep, noise: NoiseCovariances, coordinates: SearchCoordinates) -> Floats | None:
+        """Likelier (p,) coordinates some deviations away from where steps ended; ``None`` if there are none.
+
+        Where a drum without friction turns back, or a rope slackens, the likelihood jumps. Between two jumps lies an
+        optimum of its own, at which steps end. Curvatures much above that of least squares reveal such a direction;
+        along it, the likelihood is evaluated a few deviations away.
+        """
+        jumping = step.directions[step.curvatures > self._options.jump_curvature]
+        distances = [sign * by for by in range(1, self._options.jump_reach + 1) for sign in (1, -1)]
+        points = [step.at + by * way for way in jumping for by in distances if coordinates.room(step.at, by * way) >= 1]
+        if not points:
+            return None
+        deviances = self.deviances(points, noise, coordinates)
+        best = int(np.argmin(deviances))
+        return points[best] if deviances[best] < step.deviance - self._options.tolerance else None
+
+    def _shortened(
+        self, at: Floats, here: float, move: Floats, expected: float, deviances: Callable[[Sequence[Floats]], Floats]
+    ) -> tuple[Floats, float]:
+        """A move, halved until the deviance falls, or none; and the deviance after it.
+
+        It is not checked if the expected fall is negligible.
+        """
+        options = self._options
+        if expected < options.unchecked_fall:
+            return move, here - expected
+        for _ in range(options.max_retried_halvings if expected > options.retried_fall else options.max_halvings):
+            there = float(deviances([at + move])[0])
+            if there <= here:
+                return move, there
+            move = move / 2
+        return np.zeros_like(at), here
+
+    def _differences(
+        self,
+        at: Floats,
+        here: float,
+        directions: Floats,
+        reach: Floats,
+        plain: Floats,
+        before: NewtonStep | None,
+        deviances: Callable[[Sequence[Floats]], Floats],
+    ) -> tuple[Floats, Floats]:
+        """Along each direction the slope in excess of that of least squares, and the curvature."""
+        negligible = self._options.negligible_correction
+        last_slopes, last_curvatures = np.zeros(len(at)), np.ones(len(at))
+        wanted = (reach > self._options.min_difference) & directions.any(axis=1)
+        if before is not None:
+            last_slopes, last_curvatures = before.slopes, before.curvatures
+            wanted &= (np.abs(last_slopes) > negligible) | (np.abs(last_curvatures - 1) > negligible)
+        ahead, behind, ways = np.full(len(at), np.nan), np.full(len(at), np.nan), reach[:, np.newaxis] * directions
+        ahead[wanted] = deviances([*(at + ways[wanted])])
+        ahead[np.isinf(ahead)] = np.nan
+        slopes = (ahead - here) / (2 * reach) - reach / 2 - plain
+        wanted &= ~(np.abs(slopes) < negligible)
+        behind[wanted] = deviances([*(at - ways[wanted])])
+        behind[np.isinf(behind)] = np.nan
+        central, curvatures = (ahead - behind) / (4 * reach), (ahead + behind - 2 * here) / (2 * reach**2)
+        slopes = np.where(np.isfinite(slopes), slopes, last_slopes)
+        slopes = np.where(np.isfinite(central), central - plain, slopes)
+        least = self._options.min_curvature
+        curvatures = np.where(np.isfinite(central), np.maximum(curvatures, least), last_curvatures)
+        return slopes, curvatures
+
+
+def _positive_part(information: Floats) -> Floats:
+    """A symmetric matrix with its negative eigenvalues set to zero."""
+    eigenvalues, vectors = np.linalg.eigh(information)
+    return (vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T

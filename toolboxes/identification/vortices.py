@@ -1,0 +1,302 @@
+"""Estimate time origin, Strouhal number and amplitude of vortices from smoothed readings, by least squares."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from dualwinch.model.disturbance import vortex_frequency
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolboxes.identification.log import Log
+from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
+from dualwinch.toolboxes.identification.predictor import READINGS
+from dualwinch.toolboxes.identification.resample import resampled
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedMotion:
+    """Smoothed readings of a log where it moves, (rows,) each.
+
+    Attributes:
+        t: time in s.
+        x: position in m.
+        v, a: speed and acceleration in m/s and m/s².
+        net: net force of the ropes in N.
+        at_once: whether the machine moves at the first row.
+    """
+
+    t: Floats
+    x: Floats
+    v: Floats
+    a: Floats
+    net: Floats
+    at_once: bool
+
+    @property
+    def base(self) -> Floats:
+        """(rows, 2) regressors of the net force besides drag: acceleration and direction."""
+        return np.column_stack([self.a, np.sign(self.v)])
+
+    @property
+    def one_way(self) -> Floats:
+        """(rows, n) 1 in the rows of each of n moves in one direction without a stop, else 0."""
+        begins = np.r_[True, (np.diff(np.sign(self.v)) != 0) | (np.diff(self.t) > 1.5 * np.median(np.diff(self.t)))]
+        return np.equal.outer(np.cumsum(begins) - 1, np.arange(begins.sum())).astype(float)
+
+
+def smoothed_motion(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> SmoothedMotion | None:
+    """Position and net force smoothed by a Gaussian, position differentiated twice; ``None``: too little motion.
+
+    Without a position the mean of the drums is used, without load cells the pulls by the torques: inertia and friction
+    of the drums, the difference, are proportional to acceleration and direction, too.
+    """
+    search, step, sides = options.vortices, experiment.simulation.sample_time, experiment.plant.sides
+    inputs, readings = resampled(log, experiment, options.resampling)
+    width = search.smoothing / step
+
+    def known(name: str) -> Floats:
+        values = readings[:, READINGS.index(name)]
+        there = np.flatnonzero(np.isfinite(values))
+        return np.interp(np.arange(len(values)), there, values[there])
+
+    if "x" in log.readings:
+        x = known("x")
+    else:
+        drums = [side for side in sides if f"theta_{side.number}" in log.readings]
+        ways = [side.direction * side.winch.drum_radius * known(f"theta_{side.number}") for side in drums]
+        x = np.asarray(np.mean(ways, axis=0), float)
+    if {"F1", "F2"} <= set(log.readings):
+        net = known("F1") - known("F2")
+    else:
+        pulls = [side.direction * side.winch.gear_ratio / side.winch.drum_radius for side in sides]
+        net = inputs[:, 1:3] @ pulls
+    half = math.ceil(search.reach * width)
+    rows = slice(None, None, max(1, int(search.spacing / step)))
+    if len(inputs) <= 2 * half:
+        return None
+    kernels = _gaussian(np.arange(-half, half + 1.0), width)
+
+    def smooth(values: Floats, order: int = 0) -> Floats:
+        return sliding_window_view(values, 2 * half + 1)[rows] @ kernels[order] / step**order
+
+    v = smooth(x, 1)
+    moving = np.abs(v) > options.resampling.standstill_speed
+    if moving.sum() < search.min_rows:
+        return None
+    a, net, t, x = smooth(x, 2), smooth(net), inputs[half : len(inputs) - half, 0][rows], smooth(x)
+    return SmoothedMotion(t[moving], x[moving], v[moving], a[moving], net[moving], bool(moving[0]))
+
+
+def _gaussian(distance: Floats, width: float) -> tuple[Floats, Floats, Floats]:
+    """Weights of values at distances ahead for their mean, and for its first and second derivative."""
+    weights = np.exp(-((distance / width) ** 2) / 2)
+    weights /= weights.sum()
+    return weights, weights * distance / width**2, weights * (distance**2 / width**4 - 1 / width**2)
+
+
+def joined(motions: Sequence[SmoothedMotion]) -> SmoothedMotion:
+    """Motions concatenated."""
+    names = ("t", "x", "v", "a", "net")
+    t, x, v, a, net = (np.concatenate([getattr(each, name) for each in motions]) for name in names)
+    return SmoothedMotion(t, x, v, a, net, motions[0].at_once)
+
+
+def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOptions = DEFAULTS) -> Log:
+    """A log with its time counted from the origin of its vortices' phase, if it begins in motion and shows them.
+
+    The phase is proportional to the time since the run began (paper Section 4.3), which a log cut from it lacks.
+
+    1. Regress the net force of the ropes on acceleration, direction, and drag with vortices (`smoothed_motion`), for
+       each Strouhal number and origin of a grid (separable least squares).
+    2. Choose the likeliest number with the described one as a prior: in a short log, number and origin can compensate
+       each other.
+    3. Use its best origin if the residuals are clearly smaller than with the log's first row as origin, and not larger
+       than with integrated phases, which need no origin.
+    """
+    search, resampling = options.vortices, options.resampling
+    if experiment.disturbance.integrated_phase:
+        return log
+    parts = log.between_gaps(resampling.max_gap, resampling.min_rows)
+    motions = [each for part in parts if (each := smoothed_motion(part, experiment, options))]
+    if not motions or not motions[0].at_once:
+        return log
+    rows = slice(search.max_rows)
+    motion = joined(motions)
+    v, t = motion.v[rows], motion.t[rows] - log.t[0]
+    q, _ = np.linalg.qr(motion.base[rows])
+    net = motion.net[rows] - q @ (q.T @ motion.net[rows])
+    most, given = float(np.max(np.abs(v))), experiment.disturbance
+    left, origins = list[float](), list[float]()
+    shares = np.linspace(1 - search.strouhal_share, 1 + search.strouhal_share, search.strouhal_points)
+    at_first_row = np.inf
+    for share in shares.tolist():
+        # phase per speed and time
+        turn = float(vortex_frequency(1.0, replace(given, strouhal=share * given.strouhal), experiment.plant.vehicle))
+        before = np.arange(0.0, search.max_time_before, search.phase_step / (turn * most))
+        drag = v * np.abs(v) * (1 - given.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
+        drag = drag - (drag @ q) @ q.T
+        squares = net @ net - (drag @ net) ** 2 / np.einsum("ij,ij->i", drag, drag)
+        best = int(np.argmin(squares))
+        left.append(float(squares[best]))
+        origins.append(float(before[best]))
+        at_first_row = min(at_first_row, float(squares[0]))
+    prior = ((shares - 1) / options.search.strouhal_share) ** 2
+    chosen = int(np.argmin(len(net) / search.rows_per_residual * np.log(left) + prior))
+    if left[chosen] > search.origin_ratio * at_first_row:
+        return log
+    reach = search.strouhal_share * given.strouhal
+    first = SmoothedMotion(*(values[rows] if np.ndim(values) else values for values in vars(motion).values()))
+    integrated = _regression([first], experiment, reach, options, integrated=True)
+    if integrated.deviance < len(net) / search.rows_per_residual * np.log(left[chosen]):
+        return log
+    origin = origins[chosen]
+    note = f"{log.name}: begins under way; its vortices are those of a run that began {origin:.3g} s before"
+    return replace(log, t=log.t + origin, notes=(*log.notes, note))
+
+
+@dataclass(frozen=True, eq=False)
+class VortexRegression:
+    """Regression of the ropes' net force in logs on the resistance of the vehicle, including vortices.
+
+    Regressors are acceleration, direction, drag, and drag times the sine of the vortices' phase, for each Strouhal
+    number of a grid around the described one. An integrated phase is unknown at the beginning of each move in one
+    direction: then there are the sine and the cosine, with separate coefficients for each move.
+
+    Attributes:
+        integrated: whether the phase is integrated.
+        numbers: (n,) Strouhal numbers.
+        left: (n,) residual sum of squares with each.
+        ratios: (n,) amplitudes of the vortices, over the drag.
+        described: residual sum of squares with the described Strouhal number, or without vortices if none are
+            described.
+        rows: number of independent rows of the regression.
+        further: number of coefficients in addition to those for a phase that is not integrated.
+    """
+
+    integrated: bool
+    numbers: Floats
+    left: Floats
+    ratios: Floats
+    described: float
+    rows: float
+    further: int
+
+    @property
+    def deviance(self) -> float:
+        """Deviance of the best number, plus the fall that further coefficients cause by chance."""
+        return self.rows * float(np.log(self.left.min())) + self.further
+
+
+def vortex_regression(
+    logs: Sequence[Log],
+    experiment: Experiment,
+    reach: float,
+    options: EstimationOptions = DEFAULTS,
+    *,
+    integrated: bool | None = None,
+) -> VortexRegression | None:
+    """The regression, within `reach` of the described Strouhal number; ``None`` if the logs can show no vortices.
+
+    The phase is `integrated` or not; default: as the experiment describes.
+    """
+    motions = [each for log in logs if (each := smoothed_motion(log, experiment, options))]
+    if not motions or not experiment.disturbance.strouhal:
+        return None
+    integrated = experiment.disturbance.integrated_phase if integrated is None else integrated
+    return _regression(motions, experiment, reach, options, integrated=integrated)
+
+
+def _regression(
+    motions: Sequence[SmoothedMotion],
+    experiment: Experiment,
+    reach: float,
+    options: EstimationOptions,
+    *,
+    integrated: bool,
+) -> VortexRegression:
+    """The regression of `vortex_regression` from smoothed readings."""
+    search, given, motion = options.vortices, experiment.disturbance, joined(motions)
+    v, net, base, drag = motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
+    per_number = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
+    turn = per_number * (motion.x if integrated else v * motion.t)  # phase by number
+    ways = motion.one_way if integrated else np.ones((len(v), 1))
+
+    def vortices(number: float) -> Floats:
+        waves = [np.sin(number * turn), *([np.cos(number * turn)] if integrated else [])]
+        return np.column_stack([ways * (drag * wave)[:, np.newaxis] for wave in waves])
+
+    count = 2 + int(reach * np.max(np.abs(turn)) / search.phase_step)
+    numbers = np.linspace(max(given.strouhal - reach, 0.0), given.strouhal + reach, 2 * count + 1)
+    left, ratios = np.full(len(numbers), np.inf), np.zeros(len(numbers))
+    for index, number in enumerate(numbers):
+        found, left[index] = _least_squares(np.column_stack([base, drag, vortices(number)]), net)
+        size = np.sqrt(2 * np.mean((vortices(number) @ found[3:] / drag) ** 2)) if integrated else -found[3]
+        ratios[index] = size / found[2] if found[2] > 0 else 0.0
+    known = [drag, vortices(given.strouhal)] if given.vortex and integrated == given.integrated_phase else [drag]
+    _, described = _least_squares(np.column_stack([base, *known]), net)
+    rows, further = len(net) / search.rows_per_residual, len(ways.T) * (1 + integrated) - 1
+    return VortexRegression(integrated, numbers, left, ratios, described, rows, further)
+
+
+def _least_squares(rows: Floats, values: Floats) -> tuple[Floats, float]:
+    """Coefficients, and the residual sum of squares."""
+    found = np.asarray(np.linalg.lstsq(rows, values)[0], float)
+    return found, float(np.sum((values - rows @ found) ** 2))
+
+
+def vortex_starts(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> list[tuple[float, float]]:
+    """Strouhal numbers and amplitudes of vortices at which logs are likely, the likeliest first.
+
+    These are the minima of the residual sum of squares with a positive amplitude, of which longer logs have more,
+    without those clearly above the least.
+    """
+    found = vortex_regression(logs, experiment, reach, options)
+    if found is None:
+        return []
+    left, ratios, most = found.left, found.ratios, options.vortices.near_best_ratio * found.left.min()
+    lowest = np.r_[False, (left[1:-1] < left[:-2]) & (left[1:-1] <= left[2:]), False] & (ratios > 0)
+    likely = np.flatnonzero(lowest & (left < most))
+    return [(float(found.numbers[each]), float(ratios[each])) for each in likely[np.argsort(left[likely])]]
+
+
+def likelier_regression(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> VortexRegression | None:
+    """The regression with the described kind of phase, or with the other kind if that is clearly likelier."""
+    given = experiment.disturbance.integrated_phase
+    own, other = (vortex_regression(logs, experiment, reach, options, integrated=each) for each in (given, not given))
+    if own and other and other.deviance < own.deviance - options.vortices.min_phase_deviance_fall:
+        return other
+    return own
+
+
+def likelier_phase(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> bool:
+    """Whether vortices have an integrated phase (E4) rather than one that follows from speed and time.
+
+    As the experiment describes, unless logs clearly contradict it.
+    """
+    found = likelier_regression(logs, experiment, reach, options)
+    return found.integrated if found else experiment.disturbance.integrated_phase
+
+
+def shows_other_vortices(
+    logs: Sequence[Log], experiment: Experiment, reach: float, options: EstimationOptions = DEFAULTS
+) -> bool:
+    """Whether vortices that are not described, or of another Strouhal number or kind of phase, fit logs better."""
+    search, given = options.vortices, experiment.disturbance
+    found = likelier_regression(logs, experiment, reach, options)
+    if found is None or found.left.min() > search.better_ratio * found.described:
+        return False
+    number = float(found.numbers[np.argmin(found.left)])
+    if not given.vortex or found.integrated != given.integrated_phase:
+        return True
+    return abs(number - given.strouhal) > search.same_strouhal * given.strouhal

@@ -1,0 +1,337 @@
+"""Robustness margins of gains, compared with the paper's: the size of each imperfection at which they break."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from dualwinch.codegen.drivers.batch import compile_batch
+from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, reset
+from dualwinch.config.experiment_file import given_keys
+from dualwinch.controllers.controller import Controller
+from dualwinch.controllers.paper_controller import has_paper_gains, paper_controller
+from dualwinch.model.arguments import instance, whole_number
+from dualwinch.model.errors import ConfigurationError
+from dualwinch.model.quantities.tree import leaves
+from dualwinch.simulation.batch.rollout import BatchResult, ParameterScenarioGrid, run_grid
+from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
+from dualwinch.simulation.ensembles.ensemble import Ensemble
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.prepare import prepare
+from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.simulation.settings import current, override
+from dualwinch.toolboxes.stress.imperfections import (
+    ALL,
+    METHOD,
+    Imperfection,
+    ScaledEnsemble,
+    all_together,
+    imperfections,
+    union,
+)
+from dualwinch.toolboxes.stress.limits import (
+    RobustnessLimit,
+    ViolatedLimit,
+    constraints_of,
+    failures,
+    is_no_measure,
+    limits_of,
+    violated_limits,
+    where_paper_is_no_measure,
+)
+from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
+from dualwinch.toolboxes.stress.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.problem import TuningProblem
+
+NO_BASE = "none"
+"""Stands for the experiment itself, without any ensemble."""
+
+SCENARIOS = 20
+"""Default number of scenarios per size."""
+
+KEPT_KEYS = ("controller.", "metrics", "plant.")
+"""Prefixes of keys that an experiment keeps even if the ensemble sets the same values."""
+
+STRESS_ENSEMBLE, BASE_ENSEMBLE = "rig", "sea"
+"""Ensemble with the imperfections for tuned gains; base for gains that were tuned in that ensemble."""
+
+
+def stress(
+    experiment: Experiment,
+    *,
+    ensemble: str | PathLike[str] | Ensemble = "rig",
+    base: str | PathLike[str] | Ensemble | None = "sea",
+    settings: Mapping[str, Any] | None = None,
+    constraints: Sequence[str] | None = None,
+    study_constraints: Sequence[str] | Mapping[str, float | None] = (),
+    scenarios: int = SCENARIOS,
+    seed: int = 0,
+    name: str = "given",
+    workers: Workers = None,
+    progress: Progress = no_progress,
+) -> RobustnessResult:
+    """Compute the robustness margins of an experiment's gains and of the paper's, by bisection.
+
+    An imperfection is a value that the ensemble draws or sets and the base does not. Each is scaled, alone and all
+    together, from a thousandth to a hundred times its size in the ensemble, with the same scenarios at every size. The
+    robustness margin is the smallest size at which the worst scenario violates a constraint.
+
+    Args:
+        experiment: with the controller, and with values of plant, sea and sensors that the ensembles do not set.
+        ensemble: name or file of the ensemble with the imperfections, on top of the base; or one of your own.
+        base: name or file of the ensemble without the imperfections; or one of your own; ``None``: the experiment
+            itself.
+        settings: dotted key → nominal value in base and ensemble.
+        constraints: such as ``worst.peak_tension<=6000`` or ``mean.chatter<=0.25*paper``, a factor on the value with
+            the paper's gains in the base; default: `study_constraints`, and on other metrics: no slack rope, no peak
+            beyond the limit, and at most four times the paper's mean square error.
+        study_constraints: constraints of the study in which the gains were tuned; in a dictionary, each with its bound
+            there as a number, for machines where the paper's gains are no measure.
+        scenarios: number per size.
+        seed: of the draws.
+        name: of the gains in the result.
+        workers: number of threads of this machine, or an executor; default: one thread per core.
+        progress: called repeatedly with the share of the work that is done.
+
+    Returns:
+        The robustness margins, with a table as text and in a notebook, and `plot`.
+
+    Raises:
+        ConfigurationError: an invalid key, value, ensemble or constraint, or no imperfection.
+        DualwinchError: no compiler, or no usable cache folder.
+        KeyboardInterrupt: interrupted.
+    """
+    instance("experiment", experiment, Experiment)
+    benign, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
+    own = experiment.controller
+    controllers = {PAPER: paper_controller(own)}
+    if not has_paper_gains(own):
+        if name == PAPER:
+            raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
+        controllers[name] = own
+    return breakdowns(
+        controllers,
+        benign,
+        harsh,
+        constraints_of(constraints, list(study_constraints), harsh.experiment),
+        bounds=study_constraints if isinstance(study_constraints, Mapping) else {},
+        scenarios=scenarios,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def check_stress(problem: TuningProblem) -> None:
+    """Check that there is an imperfection for which a problem's gains are not tuned.
+
+    Raises:
+        ConfigurationError: there is none, or gains are drawn.
+    """
+    base, ensemble = base_and_ensemble(problem.experiment, STRESS_ENSEMBLE, _base_of(problem))
+    try:
+        imperfections(base, union(base, ensemble))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--stress: {error}") from error
+
+
+def stress_tuned(
+    problem: TuningProblem,
+    best: Experiment,
+    *,
+    scenarios: int | None = None,
+    name: str = "given",
+    workers: Workers = None,
+    progress: Progress = no_progress,
+) -> RobustnessResult:
+    """`stress` for the best of a tuning problem, with its ensemble as the base, and with its constraints."""
+    return stress(
+        best,
+        ensemble=STRESS_ENSEMBLE,
+        base=_base_of(problem),
+        study_constraints=[constraint.text for constraint in problem.constraints],
+        scenarios=scenarios or SCENARIOS,
+        seed=problem.seed,
+        name=name,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def _base_of(problem: TuningProblem) -> Ensemble | str | None:
+    """The ensemble in which the gains were tuned, or its base if it has the imperfections itself."""
+    tuned_in = problem.ensemble
+    return BASE_ENSEMBLE if tuned_in and tuned_in.name == STRESS_ENSEMBLE else tuned_in
+
+
+def base_and_ensemble(
+    experiment: Experiment,
+    ensemble: str | PathLike[str] | Ensemble,
+    base: str | PathLike[str] | Ensemble | None,
+    settings: Mapping[str, Any] | None = None,
+) -> tuple[Ensemble, Ensemble]:
+    """Base and ensemble of `stress`, with the controller and the metrics of an experiment.
+
+    Raises:
+        ConfigurationError: an invalid key, value or ensemble.
+    """
+    values = dict(settings or {})
+    benign = _ensemble(base, _without(ensemble, experiment), values)
+    return benign, _ensemble(ensemble, benign.experiment, values)
+
+
+def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -> Experiment:
+    """An experiment without the values of the ensemble in which its gains were tuned: these are to be added again.
+
+    Its plant and its method of integration stay: gains for heavy winches do not apply to light ones.
+    """
+    if isinstance(ensemble, Ensemble):
+        asked, given = ensemble.experiment, leaves(ensemble.experiment).keys()
+    else:
+        asked = load_ensemble(ensemble, experiment).experiment
+        given = {current(key) for key in given_keys(find_ensemble(ensemble))}
+    usual, theirs, ours = leaves(Experiment()), leaves(asked), leaves(experiment)
+    taken = {key for key in theirs.keys() & given if usual.get(key) != theirs[key] == ours.get(key)}
+    return override(
+        experiment, {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)}
+    )
+
+
+def _ensemble(
+    asked: str | PathLike[str] | Ensemble | None, experiment: Experiment, values: Mapping[str, Any]
+) -> Ensemble:
+    """An ensemble with the controller and the metrics of an experiment."""
+    if asked is None or asked == NO_BASE:
+        return reset(Ensemble(NO_BASE, "", experiment, {}), values)
+    if isinstance(asked, Ensemble):
+        return reset(asked.controlled_as(experiment), values)
+    return reset(load_ensemble(asked, experiment), values)
+
+
+class ScaledRunner:
+    """Runs scenarios of scaled imperfections, and reports the share that is done of the `expected` number of sizes."""
+
+    def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
+        self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
+        self._done = 0
+
+    def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
+        """Compile the code for scenarios of given sizes, in parallel: that takes longer than all their runs."""
+        first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
+        loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
+        map_all(compile_batch, list(loops), threads_of(self._workers))
+
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
+        """Run the scenarios of each of several sizes, given by scaled key; an empty one is the base."""
+        scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
+        for row, each in enumerate(sizes):
+            scenarios[row] = self._scaling.scenarios(controller, each)
+
+        def report(share: float, before: int = self._done) -> None:
+            self._progress((before + share * len(sizes)) / self._expected)
+
+        runs = run_grid(scenarios, workers=self._workers, progress=report)
+        if runs.interrupted:
+            raise KeyboardInterrupt
+        self._done += len(sizes)
+        return [runs.take(row, axis=0) for row in range(len(sizes))]
+
+
+HALVINGS = int(math.log2(STEPS))
+"""Rounds of a bisection after its powers of ten."""
+
+
+def breakdowns(
+    controllers: Mapping[str, Controller],
+    base: Ensemble,
+    ensemble: Ensemble,
+    constraints: Sequence[Constraint],
+    *,
+    bounds: Mapping[str, float | None] | None = None,
+    scenarios: int,
+    seed: int,
+    workers: Workers = None,
+    progress: Progress = no_progress,
+) -> RobustnessResult:
+    """Compute the robustness margins of several controllers for each imperfection, by bisection.
+
+    Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
+    violated. Scenarios are the same, with the same quantiles of every distribution, at every size and for all
+    controllers, among them the paper's gains (`PAPER`); everything else is the base's, except its own controller.
+    Factors in constraints are on the value with the paper's gains in the base. `bounds` are numbers of the study, by
+    the constraint's text, for use where these are no measure. Other arguments are as in `stress`.
+
+    Raises:
+        ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not suit the plant.
+    """
+    whole_number("scenarios", scenarios, 1)
+    whole_number("seed", seed)
+    ensemble = union(base, ensemble)
+    scaling = ScaledEnsemble(
+        base, ensemble, imperfections(base, ensemble), scenarios, seed, tuple(controllers.values())
+    )
+    for name, controller in controllers.items():
+        try:
+            prepare(scaling.scenario(0, controller, {}).experiment)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{name}: {error}") from error
+    single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
+    reaches = single | ({all_together(scaling.single): joint_range(scaling, single)} if len(single) > 1 else {})
+    sizes = sum(len(reach.steps) + HALVINGS for reach in reaches.values())
+    runner = ScaledRunner(scaling, len(controllers) * (1 + sizes), workers, progress)
+
+    def sizes_of(imperfection: Imperfection, step: int) -> dict[str, float]:
+        return sizes_at(step, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
+
+    tried = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
+    runner.compile(controllers.values(), [{}, *tried])
+    plain = {name: runner.run(controller, [{}])[0] for name, controller in controllers.items()}
+    limits = {name: limits_of(constraints, plain[PAPER], {name: runs}) for name, runs in plain.items()}
+    lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
+    held = {name: runs for name, runs in plain.items() if not lost[name]}
+    left_out: tuple[Constraint, ...] = ()
+    if is_no_measure(lost[PAPER]) and len(controllers) > 1:  # others are judged by multiples of their own values
+        judged, left_out = where_paper_is_no_measure(constraints, bounds or {})
+        limits |= {name: limits_of(judged, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}
+    else:  # all by the same bounds
+        limits |= dict.fromkeys(held, limits_of(constraints, plain[PAPER], held))
+    found = {
+        name: _margins(runner, controller, limits[name], reaches, sizes_of)
+        for name, controller in controllers.items()
+        if not lost[name]
+    }
+    rows = [
+        ImperfectionResult(imperfection, reach, {name: margins[imperfection] for name, margins in found.items()})
+        for imperfection, reach in reaches.items()
+    ]
+    progress(1.0)
+    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows), left_out)
+
+
+def _margins(
+    runner: ScaledRunner,
+    controller: Controller,
+    limits: Sequence[RobustnessLimit],
+    reaches: Mapping[Imperfection, SizeRange],
+    sizes_of: Callable[[Imperfection, int], dict[str, float]],
+) -> dict[Imperfection, RobustnessMargin]:
+    """Bisect for all imperfections at once: each round is one batch."""
+    searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
+    found: dict[tuple[Imperfection, int], tuple[ViolatedLimit, ...]] = {}
+    while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
+        sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
+        for (imperfection, step), runs in zip(wanted, runner.run(controller, sizes), strict=True):
+            found[imperfection, step] = violated_limits(limits, runs)
+            searches[imperfection].tried[step] = bool(found[imperfection, step])
+    return {
+        imperfection: RobustnessMargin(
+            size=None if search.breakdown is None else size(search.breakdown),
+            held=0.0 if search.held is None else size(search.held),
+            violated=() if search.breakdown is None else found[imperfection, search.breakdown],
+            monotone=search.monotone,
+        )
+        for imperfection, search in searches.items()
+    }
