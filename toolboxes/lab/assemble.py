@@ -112,7 +112,7 @@ ENGINE = HERE / "engine" / "engine.js"
 
 STYLES = (VENDOR / "uPlot.min.css", PAGE / "style.css")
 UNPACKER = VENDOR / "fzstd.min.js"
-LIBRARIES = (VENDOR / "uPlot.min.js", VENDOR / "parquet.min.js", UNPACKER)
+LIBRARIES = (VENDOR / "uPlot.min.js", VENDOR / "parquet.min.js", VENDOR / "toml.min.js", UNPACKER)
 
 
 def assemble(

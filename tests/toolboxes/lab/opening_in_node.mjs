@@ -1,8 +1,10 @@
 // Opens texts from standard input with the page's modules; writes a line of JSON for each.
 import {readFileSync} from "node:fs";
 import {pathToFileURL} from "node:url";
+import {runInThisContext} from "node:vm";
 
-const [page, content] = process.argv.slice(2);
+const [page, library, content] = process.argv.slice(2);
+runInThisContext(readFileSync(library, "utf8")); // a global, as in the page
 const {readToml} = await import(pathToFileURL(`${page}/toml.js`));
 const {fromFile, fromHash, tomlOf} = await import(pathToFileURL(`${page}/share.js`));
 const {structureOf} = await import(pathToFileURL(`${page}/experiment.js`));
