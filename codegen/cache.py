@@ -67,14 +67,14 @@ def cache_folder() -> Path:
     Raises:
         CacheError: it cannot be created or read.
     """
-    given = os.environ.get("DUALWINCH_CACHE_DIR")
-    folder = Path(given or user_cache_path("dualwinch")).absolute() / NAME
+    stated_folder = os.environ.get("DUALWINCH_CACHE_DIR")
+    folder = Path(stated_folder or user_cache_path("dualwinch")).absolute() / NAME
     try:
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         reason = _untrusted_parent(folder) or _untrusted(folder) or _useless(folder)
         return _substitute(reason) if reason else folder
     except OSError as error:
-        no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not given  # services with HOME=/dev/null
+        no_home = error.errno in {errno.ENOTDIR, errno.ENOENT} and not stated_folder  # services with HOME=/dev/null
         if no_home or error.errno in {errno.EROFS, errno.EACCES, errno.EPERM}:
             return _substitute(f"{folder}: {error.strerror}")
         raise CacheError(f"cannot use the cache folder {folder}: {error.strerror}; {HINT}") from error
@@ -157,8 +157,8 @@ def _substitute(reason: str) -> Path:
     """A temporary folder of this process, deleted at its end."""
     folder = tempfile.TemporaryDirectory(prefix=f"{NAME}-", ignore_cleanup_errors=True)
     _substitutes.append(folder)
-    if further := _untrusted_parent(Path(folder.name)) or _useless(Path(folder.name)):
-        raise CacheError(f"no folder for compiled libraries: {reason}, and {further}; {HINT}")
+    if fault := _untrusted_parent(Path(folder.name)) or _useless(Path(folder.name)):
+        raise CacheError(f"no folder for compiled libraries: {reason}, and {fault}; {HINT}")
     warnings.warn(
         f"compiled libraries are not kept: {reason}; they are built anew in {folder.name}", CacheWarning, stacklevel=3
     )
@@ -202,16 +202,16 @@ def cache_limits() -> CacheLimits:
     Raises:
         CacheError: one is no number, or negative.
     """
-    given: dict[str, float] = {}
+    limits: dict[str, float] = {}
     for key, name in (("megabytes", "DUALWINCH_CACHE_MB"), ("days", "DUALWINCH_CACHE_DAYS")):
         if text := os.environ.get(name):
             try:
-                given[key] = float(text)
+                limits[key] = float(text)
             except ValueError:
-                given[key] = -1.0
-            if not given[key] >= 0:
+                limits[key] = -1.0
+            if not limits[key] >= 0:
                 raise CacheError(f"{name} = {text!r}: must be a number >= 0")
-    return CacheLimits(**given)
+    return CacheLimits(**limits)
 
 
 _used: set[Path] = set()
@@ -250,13 +250,13 @@ def library(source: Source, compiler: Compiler, extra_flags: tuple[str, ...] = (
     folder, limits = cache_folder(), cache_limits()
     build = compiler.identity, *extra_flags
     recipe = recipe and fingerprint(recipe, *build)
-    found = _look_up_recipe(folder, recipe) if recipe else None
-    if found is None and recipe:
+    path = _look_up_recipe(folder, recipe) if recipe else None
+    if path is None and recipe:
         with _alone(folder, recipe):
-            found = _look_up_recipe(folder, recipe) or _made(folder, source, compiler, extra_flags, limits, recipe)
-    found = found or _made(folder, source, compiler, extra_flags, limits)
-    _used.add(found)
-    return found
+            path = _look_up_recipe(folder, recipe) or _made(folder, source, compiler, extra_flags, limits, recipe)
+    path = path or _made(folder, source, compiler, extra_flags, limits)
+    _used.add(path)
+    return path
 
 
 def _made(
@@ -271,16 +271,16 @@ def _made(
     began = time.monotonic()
     text = source if isinstance(source, str) else source()
     key = fingerprint(text, compiler.identity, *extra_flags)
-    found = _look_up(folder, key)
-    if found is None:
-        found = _build(folder, key, text, compiler, extra_flags)
+    path = _look_up(folder, key)
+    if path is None:
+        path = _build(folder, key, text, compiler, extra_flags)
         _builds.append((began, time.monotonic()))
-        _used.add(found)
+        _used.add(path)
         _sweep(folder, limits)
     if recipe:
         with contextlib.suppress(OSError):
             (folder / f"{recipe}-{key}.recipe").touch(mode=0o600)
-    return found
+    return path
 
 
 @contextlib.contextmanager
@@ -336,12 +336,12 @@ def loaded(
     Raises:
         CompileError, CacheError: as in `library`.
     """
-    found = ctypes.CDLL(str(library(source, compiler, extra_flags, recipe)))
+    native_library = ctypes.CDLL(str(library(source, compiler, extra_flags, recipe)))
     for name, signature in signatures.items():
         arguments, _, returned = signature.partition(" -> ")
-        function = getattr(found, name)
+        function = getattr(native_library, name)
         function.argtypes, function.restype = [ARGUMENTS[letter] for letter in arguments], RETURNED[returned]
-    return found
+    return native_library
 
 
 def _digest(file: Path) -> str:
@@ -369,8 +369,8 @@ def _look_up(folder: Path, key: str) -> Path | None:
 def _look_up_recipe(folder: Path, recipe: str) -> Path | None:
     for file in _beginning_with(folder, f"{recipe}-"):
         with contextlib.suppress(FileNotFoundError):  # another process may delete it
-            if RECIPE.fullmatch(file.name) and own(file) and (found := _look_up(folder, file.stem.partition("-")[2])):
-                return found
+            if RECIPE.fullmatch(file.name) and own(file) and (path := _look_up(folder, file.stem.partition("-")[2])):
+                return path
     return None
 
 
@@ -392,32 +392,32 @@ def _build(folder: Path, key: str, source: str, compiler: Compiler, extra_flags:
 
 def libraries(folder: Path) -> list[Path]:
     """The compiled libraries in the cache folder, the most recently used first."""
-    found: list[tuple[float, Path]] = []
+    dated_paths: list[tuple[float, Path]] = []
     for file in folder.iterdir():
         with contextlib.suppress(FileNotFoundError):  # another process may delete it
             if LIBRARY.fullmatch(file.name) and own(file):
-                found.append((file.lstat().st_mtime, file))
-    return [file for _, file in sorted(found, reverse=True)]
+                dated_paths.append((file.lstat().st_mtime, file))
+    return [file for _, file in sorted(dated_paths, reverse=True)]
 
 
 def _sweep(folder: Path, limits: CacheLimits) -> None:
     """Delete remains of killed builds, and libraries beyond the limits."""
     now = time.time()
     with contextlib.suppress(OSError):
-        for left in folder.iterdir():
-            if now - left.lstat().st_mtime <= ABANDONED_AFTER:
+        for entry in folder.iterdir():
+            if now - entry.lstat().st_mtime <= ABANDONED_AFTER:
                 continue
-            if (UNFINISHED.fullmatch(left.name) or LOCK.fullmatch(left.name)) and own(left):
-                left.unlink()
-            elif BUILD.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
-                shutil.rmtree(left)
+            if (UNFINISHED.fullmatch(entry.name) or LOCK.fullmatch(entry.name)) and own(entry):
+                entry.unlink()
+            elif BUILD.fullmatch(entry.name) and entry.is_dir() and not entry.is_symlink():
+                shutil.rmtree(entry)
     size = 0
     for file in libraries(folder):
         with contextlib.suppress(OSError):  # another process may delete it, or have it loaded
             facts = file.lstat()
             size, age = size + facts.st_size, now - facts.st_mtime
-            beyond = size > 1e6 * limits.megabytes or age > 86400 * limits.days
-            if beyond and file not in _used and age > BEING_LOADED:
+            expired = size > 1e6 * limits.megabytes or age > 86400 * limits.days
+            if expired and file not in _used and age > BEING_LOADED:
                 file.unlink()
                 size -= facts.st_size
     keys = {file.name.partition("-")[0] for file in libraries(folder)}

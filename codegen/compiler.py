@@ -44,8 +44,8 @@ EXACT: ContextVar[bool | None] = ContextVar("exact", default=None)
 
 def exactly() -> bool:
     """Whether compilers are `Compiler.exact` in the present context."""
-    wanted = EXACT.get()
-    return os.environ.get("DUALWINCH_EXACT") == "1" if wanted is None else wanted
+    exact = EXACT.get()
+    return os.environ.get("DUALWINCH_EXACT") == "1" if exact is None else exact
 
 
 SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
@@ -123,26 +123,28 @@ class Compiler:
             (Path(folder) / "unit.c").write_text(source, encoding="utf-8")
             command = [*self.command, *flags, "unit.c", "-o", f"unit{target.suffix}", "-lm"]
             try:
-                done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+                process = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
             except OSError as error:
                 raise CompileError(f"cannot run the C compiler {self.command[0]}: {error.strerror}") from error
-            if done.returncode == 0:
+            if process.returncode == 0:
                 if not (Path(folder) / f"unit{target.suffix}").exists():
                     raise CompileError(
                         f"{' '.join(self.command)} made no library: it is no C compiler (DUALWINCH_CC or CC)"
                     )
                 (Path(folder) / f"unit{target.suffix}").replace(target)  # by-products are deleted with the folder
-        if done.returncode != 0:
-            complaint = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
-            raise CompileError(f"{' '.join(self.command)} failed with exit code {done.returncode}: {complaint}")
+        if process.returncode != 0:
+            complaint = next(
+                (line for line in process.stderr.splitlines() if "error" in line), process.stderr.strip()[:200]
+            )
+            raise CompileError(f"{' '.join(self.command)} failed with exit code {process.returncode}: {complaint}")
 
 
 @cache
 def _macros(command: tuple[str, ...], flags: tuple[str, ...]) -> frozenset[str]:
     """Names of the macros that a compiler defines with some flags."""
-    asked = [*command, *flags, "-dM", "-E", "-x", "c", os.devnull]
+    words = [*command, *flags, "-dM", "-E", "-x", "c", os.devnull]
     try:
-        answer = subprocess.run(asked, capture_output=True, text=True, timeout=30, check=False)
+        answer = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return frozenset()
     return frozenset(re.findall(r"^#define (\w+)", answer.stdout, re.MULTILINE))
@@ -184,10 +186,10 @@ def _ask_version(command: tuple[str, ...]) -> str | None:
 
 
 def _zig() -> Compiler | None:
-    found = importlib.util.find_spec("ziglang")
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec("ziglang")
+    if spec is None or not spec.submodule_search_locations:
         return None
-    zig = Path(found.submodule_search_locations[0]) / ("zig.exe" if os.name == "nt" else "zig")
+    zig = Path(spec.submodule_search_locations[0]) / ("zig.exe" if os.name == "nt" else "zig")
     try:
         return Compiler("zig", (str(zig), "cc"), f"ziglang {version('ziglang')}")
     except PackageNotFoundError:
@@ -205,8 +207,8 @@ def find_compiler(wanted: str | None = None) -> Compiler:
         CompilerNotFoundError: there is none, or `wanted` is no C compiler.
     """
     wanted = wanted or os.environ.get("DUALWINCH_CC") or os.environ.get("CC")
-    found = _find(wanted, os.environ.get("PATH", ""))
-    return replace(found, exact=True) if exactly() else found
+    compiler = _find(wanted, os.environ.get("PATH", ""))
+    return replace(compiler, exact=True) if exactly() else compiler
 
 
 def with_compiler(build: Callable[Arguments, Built]) -> Callable[Arguments, Built]:
@@ -228,14 +230,14 @@ def _find(wanted: str | None, path: str) -> Compiler:
         try:
             command = tuple(shlex.split(wanted))
         except ValueError as error:  # an unclosed quotation mark
-            said = str(error).lower()
-            raise CompilerNotFoundError(f"{wanted!r} is no command (DUALWINCH_CC or CC): {said}") from error
+            message = str(error).lower()
+            raise CompilerNotFoundError(f"{wanted!r} is no command (DUALWINCH_CC or CC): {message}") from error
         version_line = None if wanted == "zig" else _ask_version(command)
         named = Compiler(Path(command[0]).stem, command, version_line) if version_line else None
-        found = _zig() if wanted == "zig" else named
-        if found is None:
+        candidate = _zig() if wanted == "zig" else named
+        if candidate is None:
             raise CompilerNotFoundError(f"{wanted!r} is no working C compiler (DUALWINCH_CC or CC); {NO_COMPILER}")
-        return found
+        return candidate
     for name in ("gcc", "clang", "cc"):
         where = shutil.which(name, path=path)
         version_line = _ask_version((where,)) if where else None

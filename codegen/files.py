@@ -41,8 +41,8 @@ def atomic(path: Path) -> Iterator[Path]:
 
 def _number_in(message: str) -> int:
     """The error number that a library gives in its message alone; 0: none."""
-    found = re.search(r"\[errno (\d+)\]", message, re.IGNORECASE)
-    return int(found[1]) if found else 0
+    match = re.search(r"\[errno (\d+)\]", message, re.IGNORECASE)
+    return int(match[1]) if match else 0
 
 
 def write_whole(path: Path, text: str, errors: str = "strict") -> None:

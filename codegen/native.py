@@ -96,14 +96,14 @@ class CompiledFunction:
         inputs, outputs = (
             (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays.values())) for arrays in sides
         )
-        given = {name: _unshaped(array, self.inputs[name]) for name, array in sides[0].items()}
-        found = {name: _unshaped(array, self.outputs[name]) for name, array in sides[1].items()}
+        input_arrays = {name: _unshaped(array, self.inputs[name]) for name, array in sides[0].items()}
+        output_arrays = {name: _unshaped(array, self.outputs[name]) for name, array in sides[1].items()}
         # addresses need no conversion; the attribute keeps their arrays alive
         raw = RAW(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
         arguments = tuple(ctypes.addressof(array) for array in (inputs, steps, outputs))
         call = partial(raw, *arguments, count)
         call.arrays = inputs, steps, outputs, sides, self._call  # pyright: ignore[reportAttributeAccessIssue]
-        return BoundFunction(given, found, call, (self, batch))
+        return BoundFunction(input_arrays, output_arrays, call, (self, batch))
 
     def _with(self, constants: dict[str, ArrayLike]) -> ca.Function:
         """The function with some inputs constant."""
@@ -132,8 +132,8 @@ class CompiledFunction:
             TypeError: missing, unknown or repeated arguments.
             ValueError: a wrong shape, or batches that do not broadcast.
         """
-        given = self._bound(arguments, named)
-        arrays = [_shaped(name, given[name], shape) for name, shape in self.inputs.items()]
+        inputs = self._bound(arguments, named)
+        arrays = [_shaped(name, inputs[name], shape) for name, shape in self.inputs.items()]
         batch = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
         count = math.prod(batch)
         columns = [
@@ -155,16 +155,16 @@ class CompiledFunction:
         names = list(self.inputs)
         if len(arguments) > len(names):
             raise TypeError(f"{self.name}() takes {len(names)} arguments ({', '.join(names)}), {len(arguments)} given")
-        given = dict(zip(names, arguments, strict=False))
+        values = dict(zip(names, arguments, strict=False))
         for name in named:
-            if name not in self.inputs or name in given:
-                what = "twice the argument" if name in given else "no argument"
+            if name not in self.inputs or name in values:
+                what = "twice the argument" if name in values else "no argument"
                 raise TypeError(f"{self.name}() takes {what} '{name}'; its arguments are {', '.join(names)}")
-        given |= named
-        missing = [name for name in names if name not in given]
-        if missing and not partly:
-            raise TypeError(f"{self.name}() misses {', '.join(missing)}")
-        return given
+        values |= named
+        absent = [name for name in names if name not in values]
+        if absent and not partly:
+            raise TypeError(f"{self.name}() misses {', '.join(absent)}")
+        return values
 
 
 def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
@@ -176,8 +176,8 @@ def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Floats:
         return array
     if columns != 1 and array.shape[-2:] == shape:
         return np.swapaxes(array, -1, -2).reshape(*array.shape[:-2], rows * columns)
-    wanted = f"(..., {rows})" if columns == 1 else f"(..., {rows}, {columns})"
-    raise ValueError(f"{name}: shape {array.shape} must be {wanted}")
+    shape_text = f"(..., {rows})" if columns == 1 else f"(..., {rows}, {columns})"
+    raise ValueError(f"{name}: shape {array.shape} must be {shape_text}")
 
 
 def _unshaped(result: Floats, shape: tuple[int, int]) -> Floats:
@@ -212,12 +212,14 @@ def compile(  # noqa: A001
     if not (function.n_in() and function.n_out()):
         raise CodegenError(f"{function.name()}: must have an input and an output")
     made_of = recipe((function,), "native", PART)
-    found = loaded(lambda: _source(function), compiler or find_compiler(), (*NON_FINITE, *flags), made_of, run="pppn")
+    native_library = loaded(
+        lambda: _source(function), compiler or find_compiler(), (*NON_FINITE, *flags), made_of, run="pppn"
+    )
     return CompiledFunction(
         name=function.name(),
         inputs={name: (function.size1_in(name), function.size2_in(name)) for name in function.name_in()},
         outputs={name: (function.size1_out(name), function.size2_out(name)) for name in function.name_out()},
-        _call=found.run,
+        _call=native_library.run,
         _made_of=(function, compiler, flags),
     )
 
@@ -231,9 +233,9 @@ def _bound_again(
 ) -> BoundFunction:
     """A function bound to new arrays with copies of the numbers of `inputs` and `outputs`."""
     bound = function.bind(batch)
-    for own, others in ((bound.inputs, inputs), (bound.outputs, outputs)):
-        for name, array in own.items():
-            array[...] = others[name]
+    for bound_arrays, arrays in ((bound.inputs, inputs), (bound.outputs, outputs)):
+        for name, array in bound_arrays.items():
+            array[...] = arrays[name]
     return bound
 
 
@@ -245,11 +247,11 @@ def _source(function: ca.Function) -> str:
         called = function.expand()
     except RuntimeError:
         kind, called = ca.MX, function
-    given = [kind.sym(name, function.numel_in(index)) for index, name in enumerate(ins)]
-    shaped = [ca.reshape(symbol, *function.size_in(index)) for index, symbol in enumerate(given)]
+    symbols = [kind.sym(name, function.numel_in(index)) for index, name in enumerate(ins)]
+    shaped = [ca.reshape(symbol, *function.size_in(index)) for index, symbol in enumerate(symbols)]
     results = [ca.vec(ca.densify(result)) for result in called.call(shaped)]
     name = f"{function.name()}_"  # avoids names of the C library and `run`
-    definition = c_source([ca.Function(name, given, results, ins, outs, {"cse": True})], part=PART)
+    definition = c_source([ca.Function(name, symbols, results, ins, outs, {"cse": True})], part=PART)
     arguments = [f"inputs[{index}] + k * steps[{index}]" for index in range(len(ins))]
     arguments += [f"outputs[{index}] + k * {result.numel()}" for index, result in enumerate(results)]
     return f"""{definition}

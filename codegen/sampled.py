@@ -38,8 +38,8 @@ class Sampled:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All functions there are."""
-        there = (function for function in (self.one_step, self.fast_sample) if function)
-        return (self.sample, self.observe, self.move, *there)
+        optional = (function for function in (self.one_step, self.fast_sample) if function)
+        return (self.sample, self.observe, self.move, *optional)
 
     @property
     def sizes(self) -> dict[str, int]:

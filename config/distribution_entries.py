@@ -53,14 +53,14 @@ def drawn_from(key: str, entry: Any, experiment: Experiment) -> Drawn:
         raise ConfigurationError(f"{key}: {error}") from error
     if isinstance(distribution, Choice):
         distribution = _checked(leaf, distribution, relative="of" in entry)
-    drawn = Drawn(distribution, relative="of" in entry, together=entry.get("together"))
-    numbers = all(type(end) in {int, float} for end in drawn.distribution.ends)
-    if drawn.relative and not numbers:
+    quantity = Drawn(distribution, relative="of" in entry, together=entry.get("together"))
+    numbers = all(type(end) in {int, float} for end in quantity.distribution.ends)
+    if quantity.relative and not numbers:
         raise ConfigurationError(f'{key}: of = "nominal": needs a distribution of numbers')
-    if leaf.kind is not float and (drawn.relative or isinstance(distribution, (Uniform, LogUniform, Normal))):
+    if leaf.kind is not float and (quantity.relative or isinstance(distribution, (Uniform, LogUniform, Normal))):
         raise ConfigurationError(f"{key}: is no decimal number, must be a choice, e.g. {{ choice = [...] }}")
-    check_range(key, drawn, experiment)
-    return drawn
+    check_range(key, quantity, experiment)
+    return quantity
 
 
 def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
@@ -79,10 +79,12 @@ def _check_leaf(leaf: Leaf, experiment: Experiment) -> None:
 def _distribution(entry: Any) -> Distribution:
     """A distribution from the content of its entry."""
     if not isinstance(entry, dict) or sum(shape in entry for shape in (*SHAPES, "kind")) != 1:
-        wanted = 'must be one distribution, e.g. { uniform = [0.9, 1.1], of = "nominal" }'
+        requirement = 'must be one distribution, e.g. { uniform = [0.9, 1.1], of = "nominal" }'
         words = entry if isinstance(entry, dict) else ()
         strange = next((word for word in words if word not in {*SHAPES, *OPTIONS, "within", "kind"}), None)
-        raise ConfigurationError(wanted if strange is None else f"{wanted}; {unknown('word', strange, SHAPES)}")
+        raise ConfigurationError(
+            requirement if strange is None else f"{requirement}; {unknown('word', strange, SHAPES)}"
+        )
     part: Any = DISTRIBUTIONS.find(entry["kind"]) if "kind" in entry else None
     allowed = (*(tuple(field.name for field in fields(part)) if part else (*SHAPES, "within")), *OPTIONS)
     for word in entry:
@@ -97,18 +99,18 @@ def _distribution(entry: Any) -> Distribution:
 
 def _of_kind(part: Any, entry: Mapping[str, Any]) -> Distribution:
     """A distribution from its kind and numbers."""
-    hints, given = get_type_hints(part, include_extras=True), {}
+    hints, arguments = get_type_hints(part, include_extras=True), {}
     for field in fields(part):
         if field.name in entry:
-            given[field.name] = _number(field.name, hints[field.name], entry[field.name])
+            arguments[field.name] = _number(field.name, hints[field.name], entry[field.name])
         elif field.default is MISSING and field.default_factory is MISSING:
             raise ConfigurationError(f"kind = \"{part.kind}\": needs '{field.name}' beside it")
-    made = part(**given)
-    for rule in getattr(made, "rules", ()):
-        if not rule.holds(made):
+    distribution = part(**arguments)
+    for rule in getattr(distribution, "rules", ()):
+        if not rule.holds(distribution):
             name = rule.fields[0]
-            raise ConfigurationError(f"{name} = {getattr(made, name):g}: {rule.wanted(made, '')}")
-    return made
+            raise ConfigurationError(f"{name} = {getattr(distribution, name):g}: {rule.wanted(distribution, '')}")
+    return distribution
 
 
 def _number(name: str, hint: Any, value: Any) -> Any:

@@ -38,13 +38,13 @@ def find_ensemble(name: str | PathLike[str]) -> Path:
     Raises:
         ConfigurationError: neither.
     """
-    known = built_in_ensembles()
-    if str(name) in known:
-        return known[str(name)]
+    built_in = built_in_ensembles()
+    if str(name) in built_in:
+        return built_in[str(name)]
     path = path_of("file", name)
     if path.suffix or path.exists():
         return path
-    raise ConfigurationError(unknown("ensemble", name, known, " (or the path of a TOML file)"))
+    raise ConfigurationError(unknown("ensemble", name, built_in, " (or the path of a TOML file)"))
 
 
 def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> Ensemble:
@@ -113,16 +113,16 @@ def reset(ensemble: Ensemble, values: Mapping[str, Any]) -> Ensemble:
             nominal value, or a distribution that would leave its key's range.
     """
     for key in values:
-        drawn = ensemble.distributions.get(current(key))
-        if drawn is not None and not drawn.relative:
+        distribution = ensemble.distributions.get(current(key))
+        if distribution is not None and not distribution.relative:
             raise ConfigurationError(
                 f"{key}: is drawn in the ensemble '{ensemble.name}', whatever its nominal value; edit the file"
             )
     experiment = override(ensemble.experiment, values)
     if experiment is ensemble.experiment:
         return ensemble
-    for key, drawn in ensemble.distributions.items():
-        check_range(key, drawn, experiment)
+    for key, distribution in ensemble.distributions.items():
+        check_range(key, distribution, experiment)
     return replace(ensemble, experiment=experiment)
 
 
@@ -134,7 +134,7 @@ def ensemble_to_toml(ensemble: Ensemble) -> str:
     """
     lines = ["[ensemble]", f"name = {toml_value(ensemble.name)}", f"description = {toml_value(ensemble.description)}"]
     lines += ["", "[distributions]"]
-    lines += [f"{key} = {entry_of(key, drawn)}" for key, drawn in ensemble.distributions.items()]
+    lines += [f"{key} = {entry_of(key, distribution)}" for key, distribution in ensemble.distributions.items()]
     return "\n".join(lines) + "\n\n" + to_toml(ensemble.experiment)
 
 
@@ -147,10 +147,10 @@ def _check_heading(key: str, value: Any) -> None:
 
 def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted key and entry of every distribution, from tables of any nesting."""
-    known = known_keys()
+    keys = known_keys()
     for name, value in table.items():
         key = prefix + name
-        if key in known or not (isinstance(value, dict) and value) or is_entry(value):
+        if key in keys or not (isinstance(value, dict) and value) or is_entry(value):
             yield key, value
         else:
             yield from _entries(value, f"{key}.")

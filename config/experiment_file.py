@@ -93,7 +93,7 @@ def assigned(assignments: Sequence[str]) -> dict[str, Any]:
         ConfigurationError: no key or no ``=``, a value that no key can have, a pattern that matches no key, or a key
             that is given twice, with different values.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     before: dict[str, tuple[int, Any]] = {}  # present key → number of keys that its last assignment was for, and value
     for pattern, value in map(parse_assignment, assignments):
         keys = [key for key in known_keys() if fnmatchcase(key, pattern)] if "*" in pattern else [pattern]
@@ -106,8 +106,8 @@ def assigned(assignments: Sequence[str]) -> dict[str, Any]:
                 hint = "give one value" if "*" not in pattern else f"give an exception after {pattern}"
                 raise ConfigurationError(f"{key}: is given twice, as {both}; {hint}")
             before[current(key)] = len(keys), value
-        found |= dict.fromkeys(keys, value)
-    return found
+        values |= dict.fromkeys(keys, value)
+    return values
 
 
 def from_table(
@@ -117,10 +117,10 @@ def from_table(
     with source.located("metrics"):
         table = with_metric_kinds(table, tuple(base.metrics))
     for key in empty_tables({name: value for name, value in table.items() if not name.startswith("metrics")}):
-        known = {name.rpartition(".")[0] for name in known_keys()}
-        if not any(f"{name}.".startswith(f"{key}.") for name in known):
+        tables = {name.rpartition(".")[0] for name in known_keys()}
+        if not any(f"{name}.".startswith(f"{key}.") for name in tables):
             with source.located(key):
-                raise ConfigurationError(unknown("table", key, sorted(known)))
+                raise ConfigurationError(unknown("table", key, sorted(tables)))
     values, settings = from_folder(dict(flattened(table)), source.folder), dict(settings or {})
     alone, _ = with_settings(base, values, source.located)  # first alone, so that errors name the file's line
     if "reference.kind" not in settings:
@@ -138,16 +138,20 @@ def with_metric_kinds(table: Mapping[str, Any], known: tuple[Metric, ...] = ()) 
     if "metrics" not in table:
         return table
     kinds = {kind.replace("-", "_"): kind for kind in (*METRICS, *(metric.kind for metric in known))}
-    given: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, numbers in _metric_entries(table["metrics"]):
         part = name.replace("-", "_")
         if part not in kinds:
             METRICS.find(name)
-        if part in given:
+        if part in entries:
             raise ConfigurationError(f"metrics: '{name}' is given twice")
-        given[part] = numbers
-    rest = {key: value for key, value in table.items() if key != "metrics"}
-    return rest | {"metrics": [kinds[part] for part in given]} | {f"metrics.{part}": given[part] for part in given}
+        entries[part] = numbers
+    remainder = {key: value for key, value in table.items() if key != "metrics"}
+    return (
+        remainder
+        | {"metrics": [kinds[part] for part in entries]}
+        | {f"metrics.{part}": entries[part] for part in entries}
+    )
 
 
 def _metric_entries(metrics: Any) -> list[tuple[str, Mapping[str, Any]]]:
@@ -157,19 +161,19 @@ def _metric_entries(metrics: Any) -> list[tuple[str, Mapping[str, Any]]]:
             if not isinstance(numbers, Mapping):
                 raise ConfigurationError(f"metrics.{name} = {toml_value(numbers)}: must be a table, [metrics.{name}]")
         return list(metrics.items())
-    wanted = 'must be a list such as ["overshoot"], or tables such as [metrics.overshoot]'
+    requirement = 'must be a list such as ["overshoot"], or tables such as [metrics.overshoot]'
     if isinstance(metrics, str):
         metrics = [metrics]
     if not isinstance(metrics, list):
-        raise ConfigurationError(f"metrics = {toml_value(metrics)}: {wanted}")
-    found: list[tuple[str, Mapping[str, Any]]] = []
+        raise ConfigurationError(f"metrics = {toml_value(metrics)}: {requirement}")
+    entries: list[tuple[str, Mapping[str, Any]]] = []
     for item in metrics:
         kind = item.get("kind") if isinstance(item, Mapping) else item
         if not isinstance(kind, str):
-            raise ConfigurationError(f"metrics: {item!r}: {wanted}")
+            raise ConfigurationError(f"metrics: {item!r}: {requirement}")
         numbers = item if isinstance(item, Mapping) else {}
-        found.append((kind, {key: value for key, value in numbers.items() if key != "kind"}))
-    return found
+        entries.append((kind, {key: value for key, value in numbers.items() if key != "kind"}))
+    return entries
 
 
 WIDEST = 60
@@ -210,25 +214,27 @@ def own_keys(path: Path) -> frozenset[str]:
 
 def own_parts_to_toml(experiment: Experiment) -> str:
     """Tables of the user's registered parts that an experiment does not contain, with their defaults."""
-    there = {key.rpartition(".")[0] for key in describe_parts(experiment)}
-    there |= {leaf.key.rpartition(".")[0] for owner, leaf in every_leaf(Experiment) if built_in(owner)}
+    tables = {key.rpartition(".")[0] for key in describe_parts(experiment)}
+    tables |= {leaf.key.rpartition(".")[0] for owner, leaf in every_leaf(Experiment) if built_in(owner)}
     lines: list[str] = []
     for key, leaf in describe_choices(experiment).items():
         several = Mark.PARTS in leaf.marks
         for kind in leaf.choices:
             other = with_leaves(experiment, {key: (kind,) if several else kind})
-            own = {name: leaf for name, leaf in describe_parts(other).items() if name.rpartition(".")[0] not in there}
+            leaves_of_parts = {
+                name: leaf for name, leaf in describe_parts(other).items() if name.rpartition(".")[0] not in tables
+            }
             if several and kind not in leaves(experiment)[key]:
-                lines += ["", *(f"# {line}" for line in _tables(other, {key: leaf, **own})[1:])]
-            elif own:
-                lines += ["", f'# where {key} = "{kind}":', *_tables(other, own)[1:]]
-                there |= {name.rpartition(".")[0] for name in own}
+                lines += ["", *(f"# {line}" for line in _tables(other, {key: leaf, **leaves_of_parts})[1:])]
+            elif leaves_of_parts:
+                lines += ["", f'# where {key} = "{kind}":', *_tables(other, leaves_of_parts)[1:]]
+                tables |= {name.rpartition(".")[0] for name in leaves_of_parts}
     return "".join(f"{line}\n" for line in lines)
 
 
 def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collection[str] | None = None) -> list[str]:
     """Lines of the described keys of an experiment, table by table."""
-    values, taken, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment)
+    values, borrowed, unused = leaves(experiment), _taken_from_elsewhere(experiment), _unused(experiment)
     tables: dict[str, list[tuple[str, str]]] = {}
     headings: dict[str, Quantity] = {}
     lines: list[str] = []
@@ -242,7 +248,7 @@ def _tables(experiment: Experiment, described: Mapping[str, Leaf], given: Collec
             continue
         entry = f"{name} = {toml_value(value)}"
         if value is None:
-            entry = f"# {name} = {toml_value(taken[key]) if key in taken else ''}".rstrip()
+            entry = f"# {name} = {toml_value(borrowed[key]) if key in borrowed else ''}".rstrip()
         mark = ""
         if given is not None and key not in given and key not in unused:
             papers = "aper" in leaf.quantity.source or "Table" in leaf.quantity.source
@@ -272,9 +278,9 @@ def _unused(experiment: Experiment) -> set[str]:
     kind = experiment.reference.kind
     if kind in {"uniform", "profile"}:
         return set()
-    others = {name for other, names in KEYS_OF_KIND.items() for name in names if other != kind}
+    foreign_names = {name for other, names in KEYS_OF_KIND.items() for name in names if other != kind}
     of_all = {"speed", "acceleration", "jerk_limit"} if kind == "file" else set[str]()
-    return {"simulation.duration", *(f"reference.{name}" for name in others | of_all)}
+    return {"simulation.duration", *(f"reference.{name}" for name in foreign_names | of_all)}
 
 
 def _comment(leaf: Leaf) -> str:

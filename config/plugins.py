@@ -53,8 +53,8 @@ def register(part: PartType) -> PartType:
         ConfigurationError: the class cannot be a part, or its kind or one of its keys is taken by another.
     """
     if not (isinstance(part, type) and issubclass(part, Part)):
-        shown = part.__name__ if isinstance(part, type) else repr(part)
-        raise ConfigurationError(f"{shown}: must be a class that subclasses {_bases()}")
+        name = part.__name__ if isinstance(part, type) else repr(part)
+        raise ConfigurationError(f"{name}: must be a class that subclasses {_bases()}")
     if part.registry is None:
         raise ConfigurationError(f"{named(part)}: must subclass {_bases()}")
 
@@ -64,10 +64,12 @@ def register(part: PartType) -> PartType:
 
     with part.registry.adding(part):
         leaves = list(every_leaf(Experiment))
-        own = {leaf.key: leaf for owner, leaf in leaves if owner is part}
-        if own:
+        part_leaves = {leaf.key: leaf for owner, leaf in leaves if owner is part}
+        if part_leaves:
             check_defaults(part)
-        check_keys(part, own, ((owner, leaf) for owner, leaf in leaves if owner is not part and not excluded(owner)))
+        check_keys(
+            part, part_leaves, ((owner, leaf) for owner, leaf in leaves if owner is not part and not excluded(owner))
+        )
     return part
 
 
@@ -149,9 +151,9 @@ def _from_file(path: Path) -> ModuleType:
         loader = _Source(path)
     except OSError as error:
         raise ConfigurationError(f"plugin {path}: cannot be read ({error.strerror})") from error
-    known = sys.modules.get(name)
-    if known is not None and loader.is_source_of(known):
-        return known
+    loaded_module = sys.modules.get(name)
+    if loaded_module is not None and loader.is_source_of(loaded_module):
+        return loaded_module
     module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(path)))
     module.__file__ = str(path)
     sys.modules[name] = module
@@ -197,8 +199,8 @@ def load_entry_points() -> None:
 
 
 def _load(entry: EntryPoint) -> None:
-    found = entry.load()
-    parts = list(parts_of(found)) if isinstance(found, ModuleType) else [found]
+    content = entry.load()
+    parts = list(parts_of(content)) if isinstance(content, ModuleType) else [content]
     if not parts:
         raise ConfigurationError("defines no part")
     for part in parts:

@@ -69,8 +69,8 @@ def read_source(path: str | PathLike[str]) -> Source:
 def head_comment(text: str, name: str) -> str:
     """The value of a name in the comments at the head of a TOML text, such as ``# ensemble: sea``; empty if absent."""
     for line in takewhile(lambda line: line.startswith("#"), text.splitlines()):
-        said, _, words = line.lstrip("# ").partition(":")
-        if said == name:
+        label, _, words = line.lstrip("# ").partition(":")
+        if label == name:
             return words.strip()
     return ""
 
@@ -147,8 +147,8 @@ def toml_value(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(toml_value, value))}]"
     if isinstance(value, str):
-        whole = value.encode("utf-8", errors="replace").decode("utf-8")  # TOML cannot hold lone surrogates
-        return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
+        text = value.encode("utf-8", errors="replace").decode("utf-8")  # TOML cannot hold lone surrogates
+        return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value)
 
 

@@ -104,8 +104,10 @@ def initial_controller_state(controller: Controller, x: Scalar = 0.0) -> Control
         law=started(controller.law),
         coordination=started(controller.coordination),
     )
-    known, values = describe_parts(state), leaves(state)
-    return with_leaves(state, {key: x + values[key] for key, leaf in known.items() if Mark.POSITION in leaf.marks})
+    descriptions, values = describe_parts(state), leaves(state)
+    return with_leaves(
+        state, {key: x + values[key] for key, leaf in descriptions.items() if Mark.POSITION in leaf.marks}
+    )
 
 
 def controller_step(
@@ -147,21 +149,21 @@ def own_signals(output: ControllerOutput) -> dict[str, tuple[Scalar, Quantity]]:
     Raises:
         ConfigurationError: two parts have signals of one name, or the name is taken.
     """
-    found: dict[str, tuple[Scalar, Quantity]] = {}
-    for given, passed_on in (
+    signals: dict[str, tuple[Scalar, Quantity]] = {}
+    for output_of_part, passed_on in (
         (output.position, PositionOutput),
         (output.estimate, Estimate),
         (output.winches, CoordinationOutput),
     ):
-        common, known = describe(passed_on), describe_parts(given)
-        for name, value in leaves(given).items():
-            if name in found:
+        common, descriptions = describe(passed_on), describe_parts(output_of_part)
+        for name, value in leaves(output_of_part).items():
+            if name in signals:
                 raise ConfigurationError(f"signal '{name}': two parts of the controller give it; rename one of them")
             if name == SATURATED:
                 raise ConfigurationError(f"signal '{name}': the name is taken by an output of every controller")
             if name not in common:
-                found[name] = value, known[name].quantity
-    return found
+                signals[name] = value, descriptions[name].quantity
+    return signals
 
 
 def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
@@ -183,12 +185,12 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
     sample_time = ca.SX.sym("sample_time")
     times = controller.preview
     ahead = {"ahead": ca.SX.sym("ahead", 3, len(times))} if times else {}
-    known = {time: Setpoint(*ca.vertsplit(ahead["ahead"][:, index])) for index, time in enumerate(times)}
+    setpoints = {time: Setpoint(*ca.vertsplit(ahead["ahead"][:, index])) for index, time in enumerate(times)}
     inputs = {"state": state, "measurement": measurement, "setpoint": setpoint, "sample_time": sample_time} | ahead
     next_state, output = controller_step(
         with_leaves(start, dict(zip(leaves(start), ca.vertsplit(state), strict=True))),
         Measurement(*ca.vertsplit(measurement)),
-        Previewed(*ca.vertsplit(setpoint), known=known),
+        Previewed(*ca.vertsplit(setpoint), known=setpoints),
         controller,
         nominal,
         sample_time,

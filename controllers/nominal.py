@@ -33,8 +33,8 @@ def nominal_plant(nominal: Nominal, plant: Plant, preload: float = PRELOAD) -> P
 
     A rope of another law is replaced by its tangent at half the preload in N, in the middle of the track.
     """
-    plant, given = specified_plant(plant), {key: value for key, value in vars(nominal).items() if value is not None}
-    vehicle = replace(plant.vehicle, **given | ({"added_mass": 0.0} if "mass" in given else {}))
+    plant, overrides = specified_plant(plant), {key: value for key, value in vars(nominal).items() if value is not None}
+    vehicle = replace(plant.vehicle, **overrides | ({"added_mass": 0.0} if "mass" in overrides else {}))
     length = plant.track.length / 2 + plant.track.rope_offset
     rope_1, rope_2 = (tangent_rope(rope, preload / 2, length) for rope in (plant.rope_1, plant.rope_2))
     return replace(plant, vehicle=vehicle, rope_1=rope_1, rope_2=rope_2)

@@ -38,8 +38,8 @@ def paper_controller(own: Controller | None = None) -> Controller:
     limits = paper.limits
     if _strength(own.limits) != _strength(limits):
         limits = replace(own.limits, reserve=limits.reserve)
-    known = leaves(own)
-    damping = {key: known[key] for key in DAMPINGS if key in known}
+    values = leaves(own)
+    damping = {key: values[key] for key in DAMPINGS if key in values}
     return _damped_throughout(replace(with_leaves(paper, damping), nominal=own.nominal, limits=limits))
 
 
@@ -53,10 +53,10 @@ def has_paper_gains(own: Controller) -> bool:
 
 def adapted(paper: Controller) -> str:
     """Elements that `paper_controller` took from the machine's own controller, in words; empty without any."""
-    known, words = leaves(paper), []
+    values, words = leaves(paper), []
     if paper.nominal != Nominal():
         words.append("nominal model")
-    if any(known.get(key) for key in DAMPINGS):
+    if any(values.get(key) for key in DAMPINGS):
         words.append("damping of drums")
     if _strength(paper.limits) != _strength(Limits()):
         words += ["tension limits", "preload"]
@@ -65,8 +65,8 @@ def adapted(paper: Controller) -> str:
 
 def _damped_throughout(controller: Controller) -> Controller:
     """A controller whose damping of the drums, if any, acts on ropes of any length."""
-    known = leaves(controller)
-    damped = (key.partition(".")[0] for key in DAMPINGS if known.get(key))
+    values = leaves(controller)
+    damped = (key.partition(".")[0] for key in DAMPINGS if values.get(key))
     return with_leaves(controller, {f"{winch}.fade": UNFADED for winch in damped})
 
 

@@ -110,18 +110,18 @@ class Motor(Actuator):
 
     def step(self, state: MotorState, demand: Demand, sample_time: Scalar) -> tuple[MotorState, Scalar]:
         """Torque at the next sample, and its mean until then."""
-        missing = demand.torque - state.torque
+        shortfall = demand.torque - state.torque
         if self.rate_limit is None:
-            left, passed = _decay(sample_time / self.time_constant)
+            decay, passed = _decay(sample_time / self.time_constant)
             mean_left = passed * self.time_constant / sample_time
-            return MotorState(demand.torque - left * missing), demand.torque - mean_left * missing
-        size, sign = absolute(missing), where(missing < 0, -1.0, 1.0)
+            return MotorState(demand.torque - decay * shortfall), demand.torque - mean_left * shortfall
+        size, sign = absolute(shortfall), where(shortfall < 0, -1.0, 1.0)
         # at the rate limit first, until the lag alone is slower
         limited = clip(size / self.rate_limit - self.time_constant, 0.0, sample_time)
         then = size - self.rate_limit * limited
-        left, passed = _decay((sample_time - limited) / self.time_constant)
+        decay, passed = _decay((sample_time - limited) / self.time_constant)
         missed = limited * (size + then) / 2 + then * self.time_constant * passed  # integral of what is missing
-        return MotorState(demand.torque - sign * left * then), demand.torque - sign * missed / sample_time
+        return MotorState(demand.torque - sign * decay * then), demand.torque - sign * missed / sample_time
 
 
 def _decay(time: Scalar) -> tuple[Scalar, Scalar]:
@@ -138,12 +138,12 @@ def drive(
     Raises:
         ConfigurationError: the actuator's step is invalid (`model.quantities.steps`).
     """
-    found = []
+    steps = []
     commands = asked.tau_1, asked.tau_2
     for side, drum, state, torque in zip(plant.sides, motion.shafts, states, commands, strict=True):
         demand = Demand(torque, *(side.winch.gear_ratio * value for value in drum))
-        found.append(stepped_to_number(actuator, state, "torque", demand, sample_time))
-    (state_1, torque_1), (state_2, torque_2) = found
+        steps.append(stepped_to_number(actuator, state, "torque", demand, sample_time))
+    (state_1, torque_1), (state_2, torque_2) = steps
     return (state_1, state_2), Torques(torque_1, torque_2)
 
 

@@ -21,9 +21,11 @@ def instance(name: str, value: Any, *kinds: type, hint: str = "", optional: bool
     None is allowed where `optional`. The hint follows the allowed types in the message.
     """
     if not isinstance(value, kinds) and not (optional and value is None):
-        *others, last = (WORDS.get(kind) or f"a{'n' * (kind.__name__[0] in 'AEIOU')} {kind.__name__}" for kind in kinds)
-        wanted = f"{', '.join(others)} or {last}" if others else last
-        raise ConfigurationError(f"{name}: must be {wanted}{hint}, not {type(value).__name__}")
+        *alternatives, last = (
+            WORDS.get(kind) or f"a{'n' * (kind.__name__[0] in 'AEIOU')} {kind.__name__}" for kind in kinds
+        )
+        types = f"{', '.join(alternatives)} or {last}" if alternatives else last
+        raise ConfigurationError(f"{name}: must be {types}{hint}, not {type(value).__name__}")
 
 
 def path_of(name: str, value: Any) -> Path:
@@ -70,9 +72,9 @@ def number_array(name: str, values: Any, wanted: str = "a number or an array of 
         ConfigurationError: an element is no number.
     """
     try:
-        found = np.asarray(values)
-        if found.dtype.kind in "biufO" and not any(value is None for value in found.flat):
-            return found.astype(np.float64)
+        array = np.asarray(values)
+        if array.dtype.kind in "biufO" and not any(value is None for value in array.flat):
+            return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
     raise ConfigurationError(f"{name}: must be {wanted}, not {type(values).__name__}")
@@ -84,8 +86,8 @@ def whole_number(name: str, value: Any, least: int = 0, most: int | None = None)
     Raises:
         ConfigurationError: it is no whole number, or out of range.
     """
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not (whole and least <= value and (most is None or value <= most)):
+    is_integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not (is_integer and least <= value and (most is None or value <= most)):
         allowed = f">= {least}" if most is None else f"from {least} to {most}"
         raise ConfigurationError(f"{name} = {shown(value)}: must be a whole number {allowed}")
     return int(value)

@@ -67,8 +67,8 @@ class Disturbance:
 
 def given_signals(disturbance: Disturbance) -> dict[str, tuple[Signal, str]]:
     """The given signals of a disturbance: name → signal and its SI unit."""
-    own = [slot for slot in slots(Disturbance, "") if slot.hint is Signal]
-    return {slot.field: (getattr(disturbance, slot.field), slot.find(Quantity).unit) for slot in own}
+    fields = [slot for slot in slots(Disturbance, "") if slot.hint is Signal]
+    return {slot.field: (getattr(disturbance, slot.field), slot.find(Quantity).unit) for slot in fields}
 
 
 def vortex_frequency(v: Scalar, disturbance: Disturbance, vehicle: Vehicle) -> Scalar:

@@ -25,5 +25,5 @@ def bristle_rate(deflection: Scalar, speed: Scalar, limit: Scalar, step: Scalar)
     Euler): stable for every step, always within the limits, and exact in the steady state. The deflection is that at
     its beginning; the speed is in units of the deflection per second.
     """
-    sliding, most = absolute(speed), maximum(limit, LEAST_LIMIT)
-    return (speed * most - sliding * deflection) / (most + sliding * step)
+    sliding, bound = absolute(speed), maximum(limit, LEAST_LIMIT)
+    return (speed * bound - sliding * deflection) / (bound + sliding * step)

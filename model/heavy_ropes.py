@@ -188,9 +188,9 @@ def steady_rope(
     n = rope.segments if waves else 1
     speeds, positions, depth = [speed] * (n + 1), [way] * (n + 1), 0.0
     for _ in range(PASSES if is_heavy(rope) else 1):
-        along = drag_along(rope, speeds, length, track, density)
-        pulls = [tension - along[0]]
-        for near, far in pairwise(along):
+        tangential_drag = drag_along(rope, speeds, length, track, density)
+        pulls = [tension - tangential_drag[0]]
+        for near, far in pairwise(tangential_drag):
             pulls.append(pulls[-1] - near - far)
         surplus, growth = 0.0, 0.0
         if present(rope.submerged_weight):
@@ -200,8 +200,9 @@ def steady_rope(
             surplus, growth = longer * length, longer if present(track.roller_spacing) else -longer
         for node in reversed(range(n)):
             damping = rope.tangent(pulls[node], length)[1]
-            seen = pulls[node] - damping * growth * speed  # the sag's share of the rate does not strain the damper
-            stretch, slope = rope.steady_stretch(seen, length, -speed)
+            # the sag's share of the rate does not strain the damper
+            elastic_pull = pulls[node] - damping * growth * speed
+            stretch, slope = rope.steady_stretch(elastic_pull, length, -speed)
             positions[node] = positions[node + 1] + (stretch - surplus) / n
             speeds[node] = speeds[node + 1] - (slope - growth) * speed / n
     inner = Waves(vector(positions[1:-1]), vector(speeds[1:-1])) if waves else NO_STATE
@@ -299,22 +300,22 @@ def rope_pull(
     for stretch, rate in zip(stretches, rates, strict=True):
         pull = rope.pull(stretch + surplus, rate + surplus_rate, length, inverse_length) + rubbing
         tensions.append(one_sided(stretch + surplus, pull) if slack else pull)
-    along = drag_along(rope, speeds, length, track, density)
+    tangential_drag = drag_along(rope, speeds, length, track, density)
     waves, sag = NO_STATE, NO_STATE
     if isinstance(state.waves, Waves):
         lightest = 1 / maximum(rope.shortest_mass, SHORTEST_ROPE)
         ease = n / rope.mass_per_length * minimum(inverse_length, lightest)  # 1/lumped_mass
-        forces = [tensions[k] - tensions[k + 1] - along[k] - along[k + 1] for k in range(n - 1)]
+        forces = [tensions[k] - tensions[k + 1] - tangential_drag[k] - tangential_drag[k + 1] for k in range(n - 1)]
         waves = Waves(state.waves.speed, vector([force * ease for force in forces]))
     if isinstance(state.sag, Sag):
         rate, mean = state.sag.rate, sum(tensions) / n
         across = 16 / 35 * 0.5 * density * rope.cross_drag * rope.diameter * absolute(rate) * rate
         lifting = 16 / 3 * mean * steep
-        moved = 8 / 15 * transverse_mass(rope)
-        sag = Sag(rate, (2 / 3 * rope.submerged_weight - lifting - across) / moved)
+        modal_mass = 8 / 15 * transverse_mass(rope)
+        sag = Sag(rate, (2 / 3 * rope.submerged_weight - lifting - across) / modal_mass)
     return RopePull(
-        at_drum=tensions[0] + along[0],
-        at_vehicle=tensions[-1] - along[-1],
+        at_drum=tensions[0] + tangential_drag[0],
+        at_vehicle=tensions[-1] - tangential_drag[-1],
         segments=tuple(tensions),
         rate=RopeState(waves, sag, hysteresis),
     )

@@ -29,8 +29,8 @@ def plus(a: Matrix, b: Matrix) -> Matrix:
 
 def times(*factors: Matrix) -> Matrix:
     """Product of matrices, from the left."""
-    product, *others = factors
-    for factor in others:
+    product, *factors_right = factors
+    for factor in factors_right:
         columns = transpose(factor)
         product = tuple(tuple(dot(row, column) for column in columns) for row in product)
     return product
@@ -45,7 +45,7 @@ def diagonal(*values: Scalar) -> Matrix:
 
 def solve(a: Matrix, b: Matrix) -> Matrix:
     """Solution of ``a x = b`` by Gauss–Jordan elimination without pivoting: no leading minor of `a` may be zero."""
-    rows = [[*left, *right] for left, right in zip(a, b, strict=True)]
+    rows = [[*coefficients, *right] for coefficients, right in zip(a, b, strict=True)]
     n = len(rows)
     for k in range(n):
         rows[k] = [value / rows[k][k] for value in rows[k]]
@@ -84,7 +84,7 @@ def solved(factors: tuple[Matrix, tuple[Scalar, ...]], b: Sequence[Scalar]) -> t
     lower, inverses = factors
     x: list[Scalar] = []
     for value, row in zip(b, lower, strict=True):
-        x.append(value - sum(factor * known for factor, known in zip(row, x, strict=True)))
+        x.append(value - sum(factor * component for factor, component in zip(row, x, strict=True)))
     x = [value * inverse for value, inverse in zip(x, inverses, strict=True)]
     for i in reversed(range(len(x))):
         x[i] = x[i] - sum(lower[k][i] * x[k] for k in range(i + 1, len(x)))
@@ -100,12 +100,12 @@ def riccati(a: Matrix, g: Matrix, h: Matrix, doublings: int) -> Matrix:
     transition matrix A over a sample. It is that of the Riccati recursion after 2^doublings samples. There is no
     pivoting: scale the states to similar magnitudes. A solution from parameters alone is computed once per run.
     """
-    given = a, g, h
-    symbolic = any(isinstance(value, ca.SX) for matrix in given for row in matrix for value in row)
+    matrices = a, g, h
+    symbolic = any(isinstance(value, ca.SX) for matrix in matrices for row in matrix for value in row)
     doubled = _doubled_symbols if symbolic else _doubled
     for _ in range(doublings):
-        given = doubled(*given)
-    return given[-1]
+        matrices = doubled(*matrices)
+    return matrices[-1]
 
 
 def _doubled(a: Matrix, g: Matrix, h: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -118,8 +118,8 @@ def _doubled(a: Matrix, g: Matrix, h: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 def _doubled_symbols(*matrices: Matrix) -> list[Matrix]:
     """`_doubled` by a CasADi function, whose expansion is a hundred times as fast as single scalar operations."""
     n = len(matrices[0])
-    found = _doubling(n).call([ca.vertcat(*(value for row in matrix for value in row)) for matrix in matrices])
-    return [_rows(ca.vertsplit(result), n) for result in found]
+    blocks = _doubling(n).call([ca.vertcat(*(value for row in matrix for value in row)) for matrix in matrices])
+    return [_rows(ca.vertsplit(result), n) for result in blocks]
 
 
 @built_once

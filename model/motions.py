@@ -36,14 +36,14 @@ class Setpoint:
 
 def piece_at(t: Scalar, pieces: Sequence[tuple[Scalar, Setpoint]], last: Setpoint) -> Setpoint:
     """The first piece with an end at or after t, else `last`, which has no end."""
-    found = last
+    setpoint = last
     for end, piece in reversed(pieces):
-        found = Setpoint(
-            x=where(t <= end, piece.x, found.x),
-            v=where(t <= end, piece.v, found.v),
-            a=where(t <= end, piece.a, found.a),
+        setpoint = Setpoint(
+            x=where(t <= end, piece.x, setpoint.x),
+            v=where(t <= end, piece.v, setpoint.v),
+            a=where(t <= end, piece.a, setpoint.a),
         )
-    return found
+    return setpoint
 
 
 @dataclass(frozen=True)
@@ -73,21 +73,21 @@ class Previewed(Setpoint):
             ConfigurationError: the time is not in a preview.
         """
         if by not in self.known:
-            asked = ", ".join(f"{time:g}" for time in self.known) or "none"
-            raise ConfigurationError(f"setpoint.ahead({by}): must be a time of the part's preview, {asked}")
+            times = ", ".join(f"{time:g}" for time in self.known) or "none"
+            raise ConfigurationError(f"setpoint.ahead({by}): must be a time of the part's preview, {times}")
         return self.known[by]
 
 
 def previewed(setpoint: Setpoint, times: Sequence[float], departures: Departures | None = None) -> Previewed:
     """A setpoint with those at some times ahead in s; without departures at constant acceleration."""
-    known = {}
+    setpoints = {}
     for index, time in enumerate(times):
         point = setpoint.ahead(time)
         if departures is not None:
             by = departures.x[index], departures.v[index], departures.a[index]
             point = Setpoint(point.x + by[0], point.v + by[1], point.a + by[2])
-        known[time] = point
-    return Previewed(setpoint.x, setpoint.v, setpoint.a, known)
+        setpoints[time] = point
+    return Previewed(setpoint.x, setpoint.v, setpoint.a, setpoints)
 
 
 def least_duration(speed: Scalar, jerk_limit: Scalar) -> Scalar:
@@ -107,16 +107,16 @@ def speed_up(t: Scalar, duration: Scalar, speed: Scalar, jerk_limit: Scalar | No
     # ramp * (duration - ramp) * jerk_limit = speed, solved without cancellation
     spare = maximum(duration**2 - 4 * speed / jerk_limit, 0.0)
     ramp = 2 * speed / jerk_limit / (duration + sqrt(spare))
-    acceleration, after, left = jerk_limit * ramp, t - ramp, duration - t
+    acceleration, after, remaining_time = jerk_limit * ramp, t - ramp, duration - t
     rising = Setpoint(jerk_limit * t**3 / 6, jerk_limit * t**2 / 2, jerk_limit * t)
     gained = jerk_limit * ramp**2 / 2
     steady = Setpoint(
         gained * ramp / 3 + gained * after + acceleration * after**2 / 2, gained + acceleration * after, acceleration
     )
     falling = Setpoint(
-        speed * duration / 2 - speed * left + jerk_limit * left**3 / 6,
-        speed - jerk_limit * left**2 / 2,
-        jerk_limit * left,
+        speed * duration / 2 - speed * remaining_time + jerk_limit * remaining_time**3 / 6,
+        speed - jerk_limit * remaining_time**2 / 2,
+        jerk_limit * remaining_time,
     )
     return piece_at(t, ((ramp, rising), (duration - ramp, steady)), falling)
 
@@ -200,17 +200,17 @@ def top_speed(distance: float, limits: MoveLimits) -> float:
 @lru_cache(maxsize=64)
 def moves(points: tuple[float, ...], pauses: tuple[float, ...], limits: MoveLimits) -> tuple[Move, ...]:
     """Moves from 0 m to each point in m in turn, with a pause in s at each; equal successive points make no move."""
-    found, t = [], 0.0
+    sequence, t = [], 0.0
     for (start, end), pause in zip(pairwise((0.0, *points)), pauses or (0.0,) * len(points), strict=True):
         if end != start:
             distance = abs(end - start)
             speed = top_speed(distance, limits)
             ramp = gaining_time(speed, limits)
             cruise = max(distance / speed - ramp, 0.0) if speed == limits.speed else 0.0  # else round-off
-            found.append(Move(start, end, t, ramp, cruise, math.copysign(speed, end - start)))
-            t = found[-1].finish
+            sequence.append(Move(start, end, t, ramp, cruise, math.copysign(speed, end - start)))
+            t = sequence[-1].finish
         t += pause
-    return tuple(found)
+    return tuple(sequence)
 
 
 def way_point_motion(t: Scalar, found: tuple[Move, ...], jerk: float | None) -> Setpoint:
@@ -281,7 +281,7 @@ class RecordedMotion:
         largest = np.abs(speeds).max()
         same = (np.abs(np.diff(speeds)) <= EQUAL * largest) & (np.abs(speeds[1:]) > MOVING * largest)
         ends = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(int), [0]))))
-        stretches = [(float(self.t[first]), float(self.t[last + 1])) for first, last in ends.reshape(-1, 2)]
+        stretches = [(float(self.t[start]), float(self.t[last + 1])) for start, last in ends.reshape(-1, 2)]
         return max(stretches, key=lambda stretch: stretch[1] - stretch[0], default=None)
 
 
@@ -320,8 +320,8 @@ def recorded_motion(
     Raises:
         ConfigurationError: a unit is missing or of another quantity, or columns contradict each other.
     """
-    found = {
+    columns = {
         si: recording.column(index, unit, si) for index, (unit, si) in enumerate(zip(units, derivatives, strict=True))
     }
-    _check_recorded(recording, found, dict(zip(derivatives, recording.names, strict=True)))
-    return RecordedMotion(recording.t, found["m"], found.get("m/s"), found.get("m/s^2"))
+    _check_recorded(recording, columns, dict(zip(derivatives, recording.names, strict=True)))
+    return RecordedMotion(recording.t, columns["m"], columns.get("m/s"), columns.get("m/s^2"))

@@ -104,9 +104,9 @@ class PlantState:
     @property
     def shafts(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
         """Angle in rad and speed in rad/s of both motors over their gear ratios: the drums' where gears are rigid."""
-        own = zip(self.motors, self.drums, strict=True)
-        first, second = ((motor.theta, motor.omega) if isinstance(motor, Rotor) else drum for motor, drum in own)
-        return first, second
+        shafts = zip(self.motors, self.drums, strict=True)
+        shaft_1, shaft_2 = ((motor.theta, motor.omega) if isinstance(motor, Rotor) else drum for motor, drum in shafts)
+        return shaft_1, shaft_2
 
     @property
     def drums(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
@@ -156,10 +156,10 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 
 
     `step` as in `derivative`.
     """
-    lengths, found = rope_lengths(state.x, plant.track), []
+    lengths, pulls = rope_lengths(state.x, plant.track), []
     inverse_lengths = reciprocals(*lengths)
     ropes = zip(plant.sides, state.drums, state.ropes, lengths, inverse_lengths, strict=True)
-    for side, (theta, omega), own, length, inverse_length in ropes:
+    for side, (theta, omega), nodes, length, inverse_length in ropes:
         drum, (longer, creeping) = winding(theta, side.winch), crept(t, side.creep)
         ends = RopeEnds(
             wound=drum.rope,
@@ -170,8 +170,8 @@ def rope_pulls(state: PlantState, plant: Plant, t: Scalar = NEW, step: Scalar = 
             inverse_length=inverse_length,
         )
         water = {"density": plant.vehicle.water_density}
-        found.append(rope_pull(side.rope, own, ends, plant.track, **water, slack=plant.rope_slack, step=step))
-    return found[0], found[1]
+        pulls.append(rope_pull(side.rope, nodes, ends, plant.track, **water, slack=plant.rope_slack, step=step))
+    return pulls[0], pulls[1]
 
 
 def tensions(state: PlantState, plant: Plant, t: Scalar = NEW) -> tuple[Scalar, Scalar]:
@@ -226,16 +226,16 @@ class InnerSignals:
 
 def inner_signals(state: PlantState, pulls: tuple[RopePull, RopePull], plant: Plant) -> dict[str, Scalar]:
     """The `InnerSignals` of a plant: name → value."""
-    found: dict[str, Scalar] = {}
+    signals: dict[str, Scalar] = {}
     of_sides = zip(plant.sides, pulls, state.ropes, state.motors, state.drums, strict=True)
     for side, pull, rope, motor, drum in of_sides:
         if is_heavy(side.rope):
-            found[f"F{side.number}_vehicle"] = pull.at_vehicle
+            signals[f"F{side.number}_vehicle"] = pull.at_vehicle
         if isinstance(rope.sag, Sag):
-            found[f"sag_{side.number}"] = rope.sag.depth
+            signals[f"sag_{side.number}"] = rope.sag.depth
         if isinstance(motor, Rotor):
-            found[f"gear_{side.number}"] = gear_torque(*drum, motor, side.winch)
-    return found
+            signals[f"gear_{side.number}"] = gear_torque(*drum, motor, side.winch)
+    return signals
 
 
 def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, Scalar]:
@@ -244,17 +244,17 @@ def inner_forces(state: PlantState, plant: Plant, t: Scalar = NEW) -> dict[str, 
     The keys are those of positions in the plant's state: of a drum for the tension of the segment next to it, of a node
     for that of the segment beyond it, of a rotor for the torque its gearbox transmits, divided by the drum radius.
     """
-    found: dict[str, Scalar] = {}
+    forces: dict[str, Scalar] = {}
     of_sides = zip(plant.sides, rope_pulls(state, plant, t), state.motors, state.drums, strict=True)
     for (number, _, winch, *_), pull, motor, drum in of_sides:
-        first, *others = pull.segments
-        found[f"theta_{number}"] = first
-        if others:
-            ends = elements(vector(others))
-            found |= {f"rope_{number}.waves.position{end}": tension for end, tension in ends.items()}
+        end_segment, *segments = pull.segments
+        forces[f"theta_{number}"] = end_segment
+        if segments:
+            ends = elements(vector(segments))
+            forces |= {f"rope_{number}.waves.position{end}": tension for end, tension in ends.items()}
         if isinstance(motor, Rotor):
-            found[f"motor_{number}.theta"] = gear_torque(*drum, motor, winch) / winch.drum_radius
-    return found
+            forces[f"motor_{number}.theta"] = gear_torque(*drum, motor, winch) / winch.drum_radius
+    return forces
 
 
 def rope_resistance(x: Scalar, v: Scalar, plant: Plant) -> Scalar:
@@ -280,8 +280,8 @@ def derivative(
     forces are those at its end. A step of 0 gives the derivative itself.
     """
     pulls, lengths = rope_pulls(state, plant, t, step), rope_lengths(state.x, plant.track)
-    given = torques.tau_1, torques.tau_2
-    of_sides = zip(plant.sides, state.drums, state.motors, pulls, given, lengths, strict=True)
+    motor_torques = torques.tau_1, torques.tau_2
+    of_sides = zip(plant.sides, state.drums, state.motors, pulls, motor_torques, lengths, strict=True)
     (alpha_1, motor_1), (alpha_2, motor_2) = (
         winch_rates(theta, omega, motor, pull.at_drum, torque, side.winch, rope_on_drum(side.rope, length, plant.track))
         for side, (theta, omega), motor, pull, torque, length in of_sides

@@ -70,24 +70,24 @@ TIMES, OTHER_TIMES = "t", "time"
 def chosen(file: Path, names: Sequence[str | None], table: Sequence[TableColumn]) -> list[TableColumn]:
     """The columns by header or name; ``None`` stands for the only remaining one."""
     named = {name: _named(file, name, table) for name in names if name is not None}
-    others = [column for column in table if not any(column is each for each in named.values())]
-    if None in names and len(others) != 1:
-        listed = ", ".join(column.name for column in others[:6]) + (", ..." if len(others) > 6 else "")
+    unnamed = [column for column in table if not any(column is each for each in named.values())]
+    if None in names and len(unnamed) != 1:
+        listed = ", ".join(column.name for column in unnamed[:6]) + (", ..." if len(unnamed) > 6 else "")
         raise ConfigurationError(f"{file}: column: must be named; there is {listed or 'none but the times'}")
-    return [others[0] if name is None else named[name] for name in names]
+    return [unnamed[0] if name is None else named[name] for name in names]
 
 
 def _named(file: Path, name: str, table: Sequence[TableColumn]) -> TableColumn:
-    found = named_columns(table, name) or (named_columns(table, OTHER_TIMES) if name == TIMES else [])
-    if not found:
+    columns = named_columns(table, name) or (named_columns(table, OTHER_TIMES) if name == TIMES else [])
+    if not columns:
         every = [column.name for column in table if column.name]
-        alike = [column for column in every if column.lower() == name.lower()]
-        raise ConfigurationError(f"{file}: {unknown('column', name, alike or every)}")
-    if len(found) > 1:
-        headers = list(dict.fromkeys(column.header for column in found))
+        spellings = [column for column in every if column.lower() == name.lower()]
+        raise ConfigurationError(f"{file}: {unknown('column', name, spellings or every)}")
+    if len(columns) > 1:
+        headers = list(dict.fromkeys(column.header for column in columns))
         which = f"; name one: {', '.join(headers)}" if len(headers) > 1 else ""
         raise ConfigurationError(f"{file}: has more than one column '{name}'{which}")
-    return found[0]
+    return columns[0]
 
 
 def read_parquet(path: Path) -> list[TableColumn]:
@@ -101,20 +101,20 @@ def read_parquet(path: Path) -> list[TableColumn]:
     from pyarrow import parquet
 
     try:
-        found, table = list[TableColumn](), parquet.read_table(path)
+        columns, table = list[TableColumn](), parquet.read_table(path)
     except pa.ArrowInvalid as error:
         raise ConfigurationError(f"{path}: not a Parquet file: {str(error).splitlines()[0]}") from error
     for field, values in zip(table.schema, table.columns, strict=True):
         unit, stamps = (field.metadata or {}).get(b"unit", b"").decode(), pa.types.is_timestamp(field.type)
-        name, own = (field.name, unit) if unit else split_header(field.name)
+        name, header_unit = (field.name, unit) if unit else split_header(field.name)
         if stamps:
             values = values.cast(pa.timestamp("ns", field.type.tz)).cast(pa.int64())  # noqa: PLW2901
         elif not (pa.types.is_integer(field.type) or pa.types.is_floating(field.type)):
-            found.append(TableColumn(field.name, name, own, np.zeros(0), content=str(field.type)))
+            columns.append(TableColumn(field.name, name, header_unit, np.zeros(0), content=str(field.type)))
             continue
         numbers = np.array(values.to_numpy(), float) * (1e-9 if stamps else 1.0)
-        found.append(TableColumn.of_numbers(field.name, name, own, numbers, stamps=stamps))
-    return found
+        columns.append(TableColumn.of_numbers(field.name, name, header_unit, numbers, stamps=stamps))
+    return columns
 
 
 READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".csv": read_csv, ".parquet": read_parquet}
@@ -171,13 +171,13 @@ class Recording:
         Raises:
             ConfigurationError: no unit, contradicting units, or a unit of another quantity.
         """
-        said = self.units[index]
-        stated = said if unit is None else unit
+        unit_of_column = self.units[index]
+        stated = unit_of_column if unit is None else unit
         about = f"{self.origin.file}: column '{self.names[index]}'" if self.origin.file else self.names[index]
         if stated is None:
             raise ConfigurationError(f'{about}: has no unit; say which: unit = "{si}"')
-        if said is not None and stated != said:
-            raise ConfigurationError(f'{about}: unit "{stated}": must be "{said}", as the file says')
+        if unit_of_column is not None and stated != unit_of_column:
+            raise ConfigurationError(f'{about}: unit "{stated}": must be "{unit_of_column}", as the file says')
         try:
             return factor(stated, si) * self.columns[index]
         except ConfigurationError as error:
@@ -219,9 +219,9 @@ def _of_file(origin: Origin, file: str) -> Recording:
 
 
 def _check_ascending(times: Floats, place: Callable[[int], str]) -> None:
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        index = int(late[0]) + 1
+    descents = np.flatnonzero(np.diff(times) <= 0)
+    if len(descents):
+        index = int(descents[0]) + 1
         before = f"must be > {times[index - 1]:.15g}, the time before it"
         raise ConfigurationError(f"{place(index)} = {times[index]:.15g}: {before}")
 

@@ -98,8 +98,8 @@ class Reference:
         if self.kind != "file" or self.file is None:
             keep(self, "recording", None)
             return
-        further = tuple(name for name in (self.speed_column, self.acceleration_column) if name is not None)
-        origin = Origin(self.file, self.time_column, self.time_unit, (self.column, *further))
+        rate_columns = tuple(name for name in (self.speed_column, self.acceleration_column) if name is not None)
+        origin = Origin(self.file, self.time_column, self.time_unit, (self.column, *rate_columns))
         recording = recorded(origin, self.recording, self.digest)
         keep(self, "recording", recording)
         keep(self, "digest", recording.digest)
@@ -165,8 +165,10 @@ def steady_window(reference: Reference, duration: float) -> tuple[float, float]:
     of constant speed, or the whole run without one.
     """
     if reference.kind in {"way-points", "file"}:
-        known = longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise
-        start, end = known or (0.0, duration)
+        cruise = (
+            longest_cruise(reference.moves) if reference.kind == "way-points" else reference.recorded.longest_cruise
+        )
+        start, end = cruise or (0.0, duration)
         return (start, min(end, duration)) if start < duration else (0.0, duration)
     if reference.kind == "uniform":
         return 0.8 * duration, duration
@@ -185,8 +187,8 @@ def setpoint(t: Scalar, reference: Reference) -> Setpoint:
         if jerk_limit is None:
             return cruise
         start = least_duration(speed, jerk_limit)
-        late = Setpoint(cruise.x - speed * start / 2, cruise.v, cruise.a)
-        return piece_at(t, ((start, speed_up(t, start, speed, jerk_limit)),), late)
+        cruise_from_start = Setpoint(cruise.x - speed * start / 2, cruise.v, cruise.a)
+        return piece_at(t, ((start, speed_up(t, start, speed, jerk_limit)),), cruise_from_start)
     t_1, t_2, t_3 = reference.accelerate_until, reference.cruise_until, reference.brake_until
     x_1 = speed * t_1 / 2
     x_2 = x_1 + speed * (t_2 - t_1)
@@ -206,9 +208,9 @@ def departures(t: Scalar, times: Sequence[float], reference: Reference) -> Depar
     Each is a list with elements of the type of t. Beyond the end of a run the motion continues: at rest where it has
     ended, else at its speed.
     """
-    now, found = setpoint(t, reference), []
+    now, deviations = setpoint(t, reference), []
     for by in times:
         then, expected = setpoint(t + by, reference), now.ahead(by)
-        found.append((then.x - expected.x, then.v - expected.v, then.a - expected.a))
-    x, v, a = zip(*found, strict=True) if found else ((), (), ())
+        deviations.append((then.x - expected.x, then.v - expected.v, then.a - expected.a))
+    x, v, a = zip(*deviations, strict=True) if deviations else ((), (), ())
     return Departures(list(x), list(v), list(a))

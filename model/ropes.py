@@ -93,8 +93,8 @@ class Creep:
 
 def crept(t: Scalar, creep: Creep) -> tuple[Scalar, Scalar]:
     """Permanent elongation in m at the time t in s since the beginning of the run, and its rate in m/s."""
-    left = creep.elongation * exp(-t / creep.time)
-    return creep.elongation - left, left / creep.time
+    remainder = creep.elongation * exp(-t / creep.time)
+    return creep.elongation - remainder, remainder / creep.time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,19 +235,19 @@ def one_sided(stretch: Scalar, pull: Scalar) -> Scalar:
 
 def _called(function: ca.Function, rope: RopeLaw, *values: Scalar) -> list[Scalar]:
     """Outputs of a function for some values and a rope's parameters; floats for floats."""
-    found = function.call([*values, *numbers(rope).values()])
-    return [float(value) if isinstance(value, ca.DM) else value for value in found]
+    outputs = function.call([*values, *numbers(rope).values()])
+    return [float(value) if isinstance(value, ca.DM) else value for value in outputs]
 
 
 @built_once
 def _slopes(rope: RopeLaw) -> ca.Function:
     """``(stretch, stretch_rate, length, *numbers) -> tension`` and its slopes over the first three."""
     symbols = {name: ca.SX.sym(name) for name in numbers(rope)}
-    given = [ca.SX.sym(name) for name in ("stretch", "stretch_rate", "length")]
+    inputs = [ca.SX.sym(name) for name in ("stretch", "stretch_rate", "length")]
     with over_symbols(f"{rope.kind}: its tension"):
-        tension = ca.SX(with_leaves(rope, symbols).tension(*given))
-    slopes = [ca.densify(ca.jacobian(tension, variable)) for variable in given]
-    return ca.Function("tension", [*given, *symbols.values()], [ca.densify(tension), *slopes])
+        tension = ca.SX(with_leaves(rope, symbols).tension(*inputs))
+    slopes = [ca.densify(ca.jacobian(tension, variable)) for variable in inputs]
+    return ca.Function("tension", [*inputs, *symbols.values()], [ca.densify(tension), *slopes])
 
 
 @built_once
@@ -259,15 +259,15 @@ def _resting(rope: RopeLaw) -> ca.Function:
     """
     symbols = [ca.SX.sym(name) for name in numbers(rope)]
     tension, length = ca.SX.sym("tension"), ca.SX.sym("length")
-    least, strain, most = map(ca.SX, STRAINS)
+    lower, strain, upper = map(ca.SX, STRAINS)
     for _ in range(NEWTON_STEPS):
         stretch = exp(strain) * length
         pull, spring, *_ = _slopes(rope).call([stretch, 0, length, *symbols])
-        least, most = where(pull < tension, strain, least), where(pull < tension, most, strain)
+        lower, upper = where(pull < tension, strain, lower), where(pull < tension, upper, strain)
         exponent = maximum(stretch * spring, TINY) / maximum(pull, TINY)
         newton = strain + log(maximum(tension, TINY) / maximum(pull, TINY)) / exponent
-        inside = both(pull > 0, both(newton >= least, newton <= most))
-        strain = where(inside, newton, (least + most) / 2)
+        inside = both(pull > 0, both(newton >= lower, newton <= upper))
+        strain = where(inside, newton, (lower + upper) / 2)
     return ca.Function("resting", [tension, length, *symbols], [exp(strain) * length])
 
 

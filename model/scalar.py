@@ -32,8 +32,8 @@ def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
         return value if float(condition) else otherwise
     if isinstance(condition, bool) and isinstance(value, (int, float)) and isinstance(otherwise, (int, float)):
         return float(value if condition else otherwise)
-    chosen = ca.if_else(condition, value, otherwise)
-    return float(chosen) if isinstance(chosen, ca.DM) else chosen
+    selection = ca.if_else(condition, value, otherwise)
+    return float(selection) if isinstance(selection, ca.DM) else selection
 
 
 def both(first: Scalar, second: Scalar) -> Scalar:

@@ -29,18 +29,18 @@ EARLY = 1e-9
 
 def _seconds(t: Iterable[Any]) -> Iterable[Any]:
     """Times unchanged; dates as seconds since the first one, time spans in seconds."""
-    given = np.asarray(t if isinstance(t, np.ndarray) else list(t))
-    if given.dtype == object and all(isinstance(each, datetime | timedelta) for each in given):
-        start = given[0] if isinstance(given[0], datetime) else timedelta()
+    times = np.asarray(t if isinstance(t, np.ndarray) else list(t))
+    if times.dtype == object and all(isinstance(each, datetime | timedelta) for each in times):
+        start = times[0] if isinstance(times[0], datetime) else timedelta()
         try:
-            return [(each - start).total_seconds() for each in given]
+            return [(each - start).total_seconds() for each in times]
         except TypeError:
             raise ConfigurationError(
                 "times: must be all of one kind: spans of time, dates with a time zone, or dates without one"
             ) from None
-    if given.dtype.kind in "mM":
-        return (given - given[0] if given.dtype.kind == "M" else given) / np.timedelta64(1, "s")
-    return given
+    if times.dtype.kind in "mM":
+        return (times - times[0] if times.dtype.kind == "M" else times) / np.timedelta64(1, "s")
+    return times
 
 
 def _numbers(name: str, given: Iterable[Any]) -> Floats:
@@ -147,9 +147,9 @@ class Signal:
         Raises:
             ConfigurationError: fewer than two values, unequal lengths, or an element that is no finite number.
         """
-        for name, given in (("t", t), ("values", values)):
-            if not isinstance(given, Iterable):
-                raise ConfigurationError(f"{name}: must be numbers, not {type(given).__name__}")
+        for name, array in (("t", t), ("values", values)):
+            if not isinstance(array, Iterable):
+                raise ConfigurationError(f"{name}: must be numbers, not {type(array).__name__}")
         times = Numbers(_numbers("times", _seconds(t)).tolist())
         numbers = Numbers(_numbers("values", values).tolist())
         if not times:
@@ -171,12 +171,12 @@ class Signal:
             return np.zeros(len(t))
         times, values = self.recording.t, self.scale * self.recording.column(0, self.unit, si)
         if self.interpolation == "linear":
-            found = np.interp(t, times, values)
+            samples = np.interp(t, times, values)
         else:
-            found = values[np.searchsorted(times, t + EARLY, side="right").clip(1) - 1]
+            samples = values[np.searchsorted(times, t + EARLY, side="right").clip(1) - 1]
         if self.beyond == "zero":
-            found[(t < times[0] - EARLY) | (t > times[-1] + EARLY)] = 0.0
-        return found
+            samples[(t < times[0] - EARLY) | (t > times[-1] + EARLY)] = 0.0
+        return samples
 
     def check(self, si: str, last: float) -> None:
         """Raise `ConfigurationError` for a signal without values in an SI unit, or none up to the time `last` in s."""

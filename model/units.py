@@ -45,14 +45,14 @@ def factor(unit: str, si: str) -> float:
         ConfigurationError: the unit is not one of that quantity; the message lists those that are.
     """
     plain = _plain(unit)
-    found = KNOWN_UNITS[si].get(plain.removeprefix("-"))
-    if found is None:
+    factor_to_si = KNOWN_UNITS[si].get(plain.removeprefix("-"))
+    if factor_to_si is None:
         listed = ", ".join(UNITS[si])
-        alike = [known for known in UNITS[si] if _plain(known).lower() == plain.lower()]
-        alike = alike or difflib.get_close_matches(unit, UNITS[si], n=1, cutoff=0.6)
-        hint = f"; did you mean '{alike[0]}'?" if alike else ""
+        spellings = [unit_name for unit_name in UNITS[si] if _plain(unit_name).lower() == plain.lower()]
+        spellings = spellings or difflib.get_close_matches(unit, UNITS[si], n=1, cutoff=0.6)
+        hint = f"; did you mean '{spellings[0]}'?" if spellings else ""
         raise ConfigurationError(f'unit "{unit}": must be one of {listed}{hint}')
-    return -found if plain.startswith("-") else found
+    return -factor_to_si if plain.startswith("-") else factor_to_si
 
 
 def is_unit(text: str, si: str | None = None) -> bool:

@@ -297,14 +297,14 @@ def winding(theta: Scalar, winch: Winch) -> Winding:
     """Rope on a winch's drum around the angle theta in rad."""
     layer = winch.layer_thickness / (TURN * winch.layer_laps)
     angle = theta + winch.eccentricity_angle
-    across, along = winch.eccentricity * sin(angle), winch.eccentricity * cos(angle)
+    sine_offset, cosine_offset = winch.eccentricity * sin(angle), winch.eccentricity * cos(angle)
     return Winding(
         base=base_radius(winch),
         theta=theta,
-        beyond=layer / 2 * theta**2 + (across - winch.eccentricity * sin(winch.eccentricity_angle)),
-        excess=layer * theta + along,
-        growth=layer - across,
-        bend=-along,
+        beyond=layer / 2 * theta**2 + (sine_offset - winch.eccentricity * sin(winch.eccentricity_angle)),
+        excess=layer * theta + cosine_offset,
+        growth=layer - sine_offset,
+        bend=-cosine_offset,
     )
 
 

@@ -109,19 +109,19 @@ class Batch:
         Returns:
             `Outcome` of each (LANES,), samples stepped (LANES,), rows (LANES, kept, columns), NaN after an early end.
         """
-        kept = kept_rows(samples, stride)
-        rows = np.full((LANES, kept, self.columns), np.nan)
-        outcome, done = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+        row_count = kept_rows(samples, stride)
+        rows = np.full((LANES, row_count, self.columns), np.nan)
+        outcome, counts = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
         distinct = list(dict.fromkeys(signals))
         records = np.array([source.records[list(self.read)] for source in distinct])
         sources = self.fill.prepared(records, np.array([distinct.index(lane) for lane in signals]))
         receiving = self.fill.address, ctypes.byref(sources)
         recorder = self._recorder() if stride else None
-        writing = recorder and ctypes.byref(recorder), stride, rows, kept
-        self._call(parameters, *receiving, state, samples, *writing, watched, most, outcome, done)
+        writing = recorder and ctypes.byref(recorder), stride, rows, row_count
+        self._call(parameters, *receiving, state, samples, *writing, watched, most, outcome, counts)
         for lane in np.flatnonzero(outcome != Outcome.COMPLETED):
-            rows[lane, kept_rows(done[lane], stride) :] = np.nan
-        return outcome, done, rows
+            rows[lane, kept_rows(counts[lane], stride) :] = np.nan
+        return outcome, counts, rows
 
     def _recorder(self) -> Recorder:
         """What a block of runs needs to keep rows."""
@@ -144,12 +144,12 @@ def compile_batch(system: Sampled, *, rows: bool = False, compiler: Compiler | N
         rows: whether it can keep rows; their code is compiled beside that of the rollout.
         compiler: default: that of `find_compiler`.
     """
-    chosen = compiler or find_compiler()
+    c_compiler = compiler or find_compiler()
     if not rows:
-        return _compile_batch(system, chosen)
+        return _compile_batch(system, c_compiler)
     with ThreadPoolExecutor(1) as beside:
-        recording = beside.submit(_compile_rows, system, chosen)
-        return replace(_compile_batch(system, chosen), recording=recording.result())
+        recording = beside.submit(_compile_rows, system, c_compiler)
+        return replace(_compile_batch(system, c_compiler), recording=recording.result())
 
 
 @GRAPHS.cached

@@ -62,10 +62,12 @@ class Rollout:
         Returns:
             Outcome, number of samples stepped, rows (kept rows, columns).
         """
-        rows, done = np.empty((kept_rows(len(exogenous), stride), self.columns)), ctypes.c_int64()
-        kept = rows if stride else None
-        outcome = self._call(parameters, exogenous, state, len(exogenous), max(stride, 1), kept, ctypes.byref(done))
-        return Outcome(outcome), done.value, rows[: kept_rows(done.value, stride)]
+        rows, count = np.empty((kept_rows(len(exogenous), stride), self.columns)), ctypes.c_int64()
+        row_buffer = rows if stride else None
+        outcome = self._call(
+            parameters, exogenous, state, len(exogenous), max(stride, 1), row_buffer, ctypes.byref(count)
+        )
+        return Outcome(outcome), count.value, rows[: kept_rows(count.value, stride)]
 
 
 @with_compiler
@@ -83,9 +85,9 @@ def compile_rollout(system: Sampled, compiler: Compiler | None = None, generator
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
     """
-    chosen = compiler or find_compiler()
-    own = CONTRACTED if chosen.is_clang else CONTRACTED + SCHEDULED
-    flags = own if generator == "dualwinch" else CASADI_FLAGS
+    c_compiler = compiler or find_compiler()
+    contracted = CONTRACTED if c_compiler.is_clang else CONTRACTED + SCHEDULED
+    flags = contracted if generator == "dualwinch" else CASADI_FLAGS
     made_of = recipe(system.functions, "rollout", system.parts, generator)
-    driver = loaded(lambda: rollout_source(system, generator), chosen, flags, made_of, rollout="pppnnpp -> int")
+    driver = loaded(lambda: rollout_source(system, generator), c_compiler, flags, made_of, rollout="pppnnpp -> int")
     return Rollout(system.observe.numel_out("row"), driver.rollout)

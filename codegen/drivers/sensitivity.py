@@ -69,9 +69,9 @@ def _along(move: ca.Function, varied: Varied) -> ca.Function:
     inputs = {name: ca.SX.sym(name, move.size1_in(name)) for name in move.name_in()}
     seeds = {f"{name}_tangent": ca.SX.sym(f"{name}_tangent", inputs[name].numel()) for name in ("motion", "hold")}
     seeds["direction"] = ca.SX.sym("direction", len(varied.parameters))
-    moved = move.call(inputs)["next_motion"]
+    next_motion = move.call(inputs)["next_motion"]
     by = ca.vertcat(inputs["motion"], inputs["hold"], inputs["parameters"][list(varied.parameters)])
-    tangent = ca.jtimes(moved, by, ca.vertcat(*seeds.values()))
+    tangent = ca.jtimes(next_motion, by, ca.vertcat(*seeds.values()))
     inputs |= seeds
     outputs = [ca.densify(tangent)]
     return ca.Function("along_move", [*inputs.values()], outputs, [*inputs], ["next_motion_tangent"], {"cse": True})
@@ -93,15 +93,15 @@ def jacobian_products(smooth: Sampled, varied: Varied) -> dict[str, JacobianProd
         **by_parameters,
         "exogenous": Tangents("signal_tangent", varied.signals),
     }
-    found = {"SAMPLE_PRODUCT": jacobian_product(smooth.sample, at_sample, ["discrete", "hold"])}
+    products = {"SAMPLE_PRODUCT": jacobian_product(smooth.sample, at_sample, ["discrete", "hold"])}
     if smooth.one_step:
-        still = found["SAMPLE_PRODUCT"].still
+        still = products["SAMPLE_PRODUCT"].still
         moving = [element for element in range(smooth.one_step.size1_in("hold")) if ("hold", element) not in still]
         between = {"motion": Tangents("motion_tangent"), "hold": Tangents("hold_tangent", moving, packed=False)}
-        found["ONE_STEP_PRODUCT"] = jacobian_product(smooth.one_step, between | by_parameters, ["next_motion"])
+        products["ONE_STEP_PRODUCT"] = jacobian_product(smooth.one_step, between | by_parameters, ["next_motion"])
     if varied.columns:
-        found["OBSERVE_PRODUCT"] = jacobian_product(_observe(smooth, varied), at_sample, ["row"])
-    return found
+        products["OBSERVE_PRODUCT"] = jacobian_product(_observe(smooth, varied), at_sample, ["row"])
+    return products
 
 
 def sensitivity_source(
@@ -119,13 +119,13 @@ def sensitivity_source(
     functions = [function for function in system.functions if function is not system.observe]
     run = hoisted_all([*functions, *((_observe(system, varied),) if varied.columns else ())])
     derive, sloped = hoisted_together(tuple(product.slopes for product in products.values()))
-    along = _along(smooth.move, varied)
+    directional = _along(smooth.move, varied)
     motion, signals = range(system.sizes["MOTION"]), all_read(sloped, "exogenous")
     packed = {"state": sorted({*motion, *all_read(sloped, "state")}), "exogenous": signals}
     layout = LaneLayout(compiler.pairs, shared=("parameters", "derived"), packed=packed)
     lanes = {slopes.name(): layout for slopes in sloped}
-    lanes[along.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
-    definitions = c_source([*run, *sloped, along], Style(compares=True), lanes)
+    lanes[directional.name()] = LaneLayout(compiler.pairs, shared=smooth.move.name_in(), apart="DIRECTIONS")
+    definitions = c_source([*run, *sloped, directional], Style(compares=True), lanes)
     defines = [f"#define {name} {' '.join(product.statements())}" for name, product in products.items()]
     listed = macros_of_lists(READ_STATE=packed["state"], READ_EXOGENOUS=signals)
     text = f'EXPORT const char {DERIVE}[] = "{derive.serialize()}";'
@@ -190,18 +190,20 @@ class Sensitivity:
                 left as they are. Default: a new array.
         """
         samples, columns, width = len(exogenous), len(self.varied.columns), self.varied.directions
-        kept, done = kept_rows(samples, stride), ctypes.c_int64()
-        first, rows, row_tangents = (np.empty((kept, *shape)) for shape in ((), (columns,), (columns, width)))
-        arrays = first, np.empty((kept, width)) if into is None else into, rows, row_tangents
-        moved = np.empty((samples, len(self.varied.signals), width)) if signals is None else signals
+        row_count, count = kept_rows(samples, stride), ctypes.c_int64()
+        initial_row, rows, row_tangents = (
+            np.empty((row_count, *shape)) for shape in ((), (columns,), (columns, width))
+        )
+        arrays = initial_row, np.empty((row_count, width)) if into is None else into, rows, row_tangents
+        signal_tangents = np.empty((samples, len(self.varied.signals), width)) if signals is None else signals
         outcome = self._call(
             parameters,
             np.array(self._derive(parameters), order="C"),
-            *(directions, exogenous, moved, state, tangent, samples, max(stride, 1)),
+            *(directions, exogenous, signal_tangents, state, tangent, samples, max(stride, 1)),
             *(array if stride else None for array in arrays),
-            ctypes.byref(done),
+            ctypes.byref(count),
         )
-        return Kept(Outcome(outcome), done.value, *(array[: kept_rows(done.value, stride)] for array in arrays))
+        return Kept(Outcome(outcome), count.value, *(array[: kept_rows(count.value, stride)] for array in arrays))
 
 
 @with_compiler
@@ -221,16 +223,16 @@ def compile_sensitivity(
     Raises:
         CompilerNotFoundError, CompileError, CacheError: as in `compile_rollout`.
     """
-    chosen = compiler or find_compiler()
+    c_compiler = compiler or find_compiler()
 
     def source() -> str:
         with BUILDING:
-            return sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, chosen)
+            return sensitivity_source(system, smooth, jacobian_products(smooth, varied), varied, c_compiler)
 
     driver = loaded(
         source,
-        chosen,
-        _flags(chosen),
+        c_compiler,
+        _flags(c_compiler),
         recipe((*system.functions, *smooth.functions), "sensitivity", system.parts, smooth.parts, varied),
         sensitivity="pppppppnnppppp -> int",
     )

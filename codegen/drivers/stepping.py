@@ -103,12 +103,14 @@ def compile_stepping(commanded: Commanded, *, exact: bool, compiler: Compiler | 
             elementary functions of a relative error up to 1e-9.
         compiler: default: that of `find_compiler`.
     """
-    chosen = compiler or find_compiler()
-    flags = lane_flags(chosen) if not exact else () if chosen.is_clang else SCHEDULED
+    c_compiler = compiler or find_compiler()
+    flags = lane_flags(c_compiler) if not exact else () if c_compiler.is_clang else SCHEDULED
     signatures = {"prepare": "pp", "look": "pnn", "odd_command": "p -> n", "step": "pnnnp -> n"}
     functions = *commanded.system.functions, commanded.sense
     made_of = recipe(functions, "stepping", commanded.system.parts, commanded.commands, exact)
-    driver = loaded(lambda: stepping_source(commanded, chosen, exact=exact), chosen, flags, made_of, **signatures)
+    driver = loaded(
+        lambda: stepping_source(commanded, c_compiler, exact=exact), c_compiler, flags, made_of, **signatures
+    )
     return Stepping(1 if exact else LANES, commanded.sizes, driver)
 
 
@@ -231,11 +233,11 @@ class SteppedRuns:
         if threads == 1:
             return self._code.library.step(self._at, 0, self._blocks, samples, row)
         ends = [round(self._blocks * share / threads) for share in range(threads + 1)]
-        others = [
-            _pool(threads - 1).submit(self._code.library.step, self._at, first, last, samples, None)
-            for first, last in pairwise(ends[1:])
+        tasks = [
+            _pool(threads - 1).submit(self._code.library.step, self._at, begin, last, samples, None)
+            for begin, last in pairwise(ends[1:])
         ]
-        return self._code.library.step(self._at, 0, ends[1], samples, row) + sum(other.result() for other in others)
+        return self._code.library.step(self._at, 0, ends[1], samples, row) + sum(other.result() for other in tasks)
 
     def states(self, runs: Indices) -> Floats:
         """(n, states) of some runs."""
@@ -246,8 +248,8 @@ class SteppedRuns:
         """Independent copies of some runs (n,) in their present state."""
         blocks, lanes = np.divmod(runs, self._code.lanes)
         other = SteppedRuns(self._code, len(runs), self._samples, shared=self._shared)
-        whole = np.array_equal(runs, np.arange(self._count))
-        if self._shared or whole:
+        is_every_run = np.array_equal(runs, np.arange(self._count))
+        if self._shared or is_every_run:
             vars(other).update(_parameters=self._parameters, _constants=self._constants)
         parameters = self._parameters[0, :1] if self._shared else self._parameters[blocks, lanes]
         other.start(np.arange(len(runs)), self.states(runs), parameters)

@@ -68,11 +68,11 @@ class LinearisedGraph:
                 if target[0] in outputs and source is not None:
                     self._connect(source, target, ca.SX(1))
             else:
-                given = [values[operand] for operand in made_of]
-                values[step] = applied(operation, given)
+                arguments = [values[operand] for operand in made_of]
+                values[step] = applied(operation, arguments)
                 if self._fixed.issuperset(made_of):
                     self._fixed.add(step)
-                depends = self._connect_operands([vertices[operand] for operand in made_of], operation, given, step)
+                depends = self._connect_operands([vertices[operand] for operand in made_of], operation, arguments, step)
                 vertices[step] = step if depends else None
         self._drop_unused()
 
@@ -196,11 +196,11 @@ def accumulated_jacobian(
     graph = LinearisedGraph(function, dict(inputs), set(columns), [output])
     graph.accumulate()
     number = {column: k for k, column in enumerate(columns)}
-    found = ca.SX.zeros(function.numel_out(output), len(columns))
-    for row in range(found.shape[0]):
+    jacobian = ca.SX.zeros(function.numel_out(output), len(columns))
+    for row in range(jacobian.shape[0]):
         for source, slope in graph.into.get((output, row), {}).items():
-            found[row, number[source]] = slope
-    return found
+            jacobian[row, number[source]] = slope
+    return jacobian
 
 
 @dataclass(frozen=True)
@@ -244,11 +244,11 @@ class JacobianProduct:
         Args:
             without: array of tangents that are zero.
         """
-        found = [f"Vector {', '.join(f'{joint}[TOGETHER]' for joint in self.joints)};"] if self.joints else []
+        lines = [f"Vector {', '.join(f'{joint}[TOGETHER]' for joint in self.joints)};"] if self.joints else []
         for target, terms in self.terms.items():
             total = " + ".join(term for array, term in terms if array != without)
-            found.append(f"EACH_VECTOR {target} = {total or 'ZEROS'};")
-        return found
+            lines.append(f"EACH_VECTOR {target} = {total or 'ZEROS'};")
+        return lines
 
 
 def jacobian_product(
@@ -266,8 +266,8 @@ def jacobian_product(
     arrays: dict[Vertex, str] = {}
     elements: dict[Vertex, str] = {}
     for name, tangents in along.items():
-        chosen = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
-        for place, element in enumerate(chosen) if tangents.packed else zip(chosen, chosen, strict=True):
+        indices = range(function.size1_in(name)) if tangents.elements is None else tangents.elements
+        for place, element in enumerate(indices) if tangents.packed else zip(indices, indices, strict=True):
             arrays[name, element] = tangents.array
             elements[name, element] = f"{tangents.array}[{place}*VECTORS + v]"
     graph = LinearisedGraph(function, symbols, elements, outputs, ["parameters"])

@@ -38,20 +38,20 @@ def mex_files(
         files[f"{name}_mex.c"] = environment.get_template("mex.c.j2").render(facts)
     outputs, commands = _positions(plant.outputs), _positions(controller.outputs)
     inputs, drives = _positions(controller.inputs), _positions(plant.inputs)
-    wanted = [name for name in inputs if name not in outputs]
+    names = [name for name in inputs if name not in outputs]
     facts = {
         "plant": plant,
         "controller": controller,
         "plant_name": name_of(plant),
         "controller_name": name_of(controller),
         "measured": [(inputs[name], outputs[name]) for name in inputs if name in outputs],
-        "wanted": [inputs[name] for name in wanted],
+        "wanted": [inputs[name] for name in names],
         "driven": [(drives[name], commands[name]) for name in drives if name in commands],
         "provenance": provenance,
     }
     for file in ("build.m", "closed_loop.m", "README.md"):
         files[file] = environment.get_template(f"mex_{file}.j2").render(facts)
-    columns = np.column_stack([reference[name] for name in wanted])
+    columns = np.column_stack([reference[name] for name in names])
     files["reference.csv"] = "".join(",".join(map(repr, row)) + "\n" for row in columns.tolist())
     return files
 

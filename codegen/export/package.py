@@ -46,7 +46,9 @@ def of_structures(
         named: name of a variable as a member.
     """
     other = arrays or {}
-    members = {name: [before + named(variable) for variable in held] for name, (before, held) in vectors.items()}
+    members = {
+        name: [before + named(variable) for variable in variables] for name, (before, variables) in vectors.items()
+    }
 
     def element(name: str, index: int) -> str:
         return members[name][index] if name in members else of_array(other.get(name, name), index)
@@ -88,13 +90,13 @@ def compensated(step: ca.Function) -> ca.Function:
 
 def _sum(after: ca.SX, state: ca.SX) -> tuple[ca.SX, ca.SX] | None:
     """A state's next value as a sum of its last value and a change; None where it is no such sum."""
-    own, others = _terms(after, state)
-    with_state, added = {_condition(term) for term in own}, {_condition(term) for term in others}
-    if not own or not others:
+    state_terms, addends = _terms(after, state)
+    with_state, added = {_condition(term) for term in state_terms}, {_condition(term) for term in addends}
+    if not state_terms or not addends:
         return None
     if None not in with_state | added and with_state.isdisjoint(added):
         return None  # the state is chosen, not summed: it stays where nothing is added
-    return sum(own[1:], own[0]), sum(others[1:], others[0])
+    return sum(state_terms[1:], state_terms[0]), sum(addends[1:], addends[0])
 
 
 def _condition(term: ca.SX) -> int | None:
@@ -105,20 +107,20 @@ def _condition(term: ca.SX) -> int | None:
 def _terms(value: ca.SX, state: ca.SX) -> tuple[list[ca.SX], list[ca.SX]]:
     """The terms of a sum that are the state, possibly under a condition, and the others."""
     if value.is_op(ca.OP_ADD) or value.is_op(ca.OP_SUB):
-        own, others = _terms(value.dep(0), state)
-        more, further = _terms(value.dep(1), state)
+        state_terms, addends = _terms(value.dep(0), state)
+        right_state_terms, right_addends = _terms(value.dep(1), state)
         if value.is_op(ca.OP_ADD):
-            return own + more, others + further
-        if not more:
-            return own, [*others, *(-term for term in further)]
+            return state_terms + right_state_terms, addends + right_addends
+        if not right_state_terms:
+            return state_terms, [*addends, *(-term for term in right_addends)]
     if value.is_op(ca.OP_IF_ELSE_ZERO):
-        own, others = _terms(value.dep(1), state)
-        if own:
+        state_terms, addends = _terms(value.dep(1), state)
+        if state_terms:
             condition = value.dep(0)
-            own, others = (
-                [applied(ca.OP_IF_ELSE_ZERO, [condition, term]) for term in terms] for terms in (own, others)
+            state_terms, addends = (
+                [applied(ca.OP_IF_ELSE_ZERO, [condition, term]) for term in terms] for terms in (state_terms, addends)
             )
-            return own, others
+            return state_terms, addends
     return ([value], []) if value.is_symbolic() and value.element_hash() == state.element_hash() else ([], [value])
 
 
@@ -171,8 +173,8 @@ def prepared(block: Block, precision: Precision) -> PreparedBlock:
         functions = (compensated(functions[0]), *functions[1:])
     derive, (step, initial, *output) = hoisted_together(functions, exact=precision == "double")
     read = set[int]().union(*(elements_read(function, "parameters") for function in (step, initial, *output)))
-    kept = tuple(block.parameters[index] for index in sorted(read))
-    return PreparedBlock(derive, step, initial, output[0] if output else None, kept)
+    parameters = tuple(block.parameters[index] for index in sorted(read))
+    return PreparedBlock(derive, step, initial, output[0] if output else None, parameters)
 
 
 @dataclass(frozen=True)
@@ -192,18 +194,22 @@ class Provenance:
 
 def frozen(block: Block, names: Collection[str] | None = None) -> Block:
     """The block with the named parameters as constants; by default all, so that its functions take none."""
-    kept = tuple(variable for variable in block.parameters if names is not None and variable.name not in names)
-    free = ca.SX.sym("parameters", len(kept))
-    symbols = dict(zip((variable.name for variable in kept), ca.vertsplit(free) if kept else (), strict=True))
+    free_parameters = tuple(
+        variable for variable in block.parameters if names is not None and variable.name not in names
+    )
+    free = ca.SX.sym("parameters", len(free_parameters))
+    symbols = dict(
+        zip((variable.name for variable in free_parameters), ca.vertsplit(free) if free_parameters else (), strict=True)
+    )
     values = ca.vertcat(*(symbols.get(variable.name, variable.start) for variable in block.parameters))
 
     def bound(function: ca.Function) -> ca.Function:
         names, results = function.name_in(), function.name_out()
-        given = {name: ca.SX.sym(name, function.size1_in(name)) for name in names if name != "parameters"}
-        found = function.call(given | {"parameters": values})
-        given |= {"parameters": free} if kept else {}
-        expressions = [ca.densify(ca.cse(found[name])) for name in results]
-        return ca.Function(function.name(), list(given.values()), expressions, list(given), results, {"cse": True})
+        inputs = {name: ca.SX.sym(name, function.size1_in(name)) for name in names if name != "parameters"}
+        outputs = function.call(inputs | {"parameters": values})
+        inputs |= {"parameters": free} if free_parameters else {}
+        expressions = [ca.densify(ca.cse(outputs[name])) for name in results]
+        return ca.Function(function.name(), list(inputs.values()), expressions, list(inputs), results, {"cse": True})
 
     return replace(
         block,
@@ -211,7 +217,7 @@ def frozen(block: Block, names: Collection[str] | None = None) -> Block:
         initial=bound(block.initial),
         output=bound(block.output) if block.output else None,
         derivative=bound(block.derivative) if block.derivative else None,
-        parameters=kept,
+        parameters=free_parameters,
     )
 
 
@@ -236,20 +242,20 @@ def c_package(
         raise CodegenError(f"{name!r}: must be a C identifier")
     environment = templates(precision)
     written = frozen(block) if freeze else block
-    apart = prepared(written, precision)
-    bodies = _bodies(written, apart, precision)
+    prepared_block = prepared(written, precision)
+    bodies = _bodies(written, prepared_block, precision)
     facts = {
         "block": written,
-        "kept": apart.kept,
-        "derived": apart.derived,
-        "lost": apart.lost,
-        "mark": _mark(apart, bodies["derive"]),
+        "kept": prepared_block.kept,
+        "derived": prepared_block.derived,
+        "lost": prepared_block.lost,
+        "mark": _mark(prepared_block, bodies["derive"]),
         "constants": block.parameters if freeze else (),
         "name": name,
         "precision": precision,
         "provenance": provenance,
         "bodies": bodies,
-        "helpers": helpers(apart.functions, Style(precision)),
+        "helpers": helpers(prepared_block.functions, Style(precision)),
         "silent": 2 * NO_READING,
         "comment": described,
     }
@@ -296,7 +302,7 @@ def _bodies(block: Block, apart: PreparedBlock, precision: Precision) -> dict[st
     arrays = {"lost": "state->lost", "next_lost": "next->lost"}
     elements = of_structures(vectors, arrays)
     at_start = of_structures(vectors | {"state": ("next->", block.states)})
-    given = of_structures({"parameters": ("parameters->", block.parameters)})
+    parameters = of_structures({"parameters": ("parameters->", block.parameters)})
 
     style = Style(precision, compares=True)
 
@@ -306,7 +312,7 @@ def _bodies(block: Block, apart: PreparedBlock, precision: Precision) -> dict[st
     bodies = {
         "step": body(apart.step),
         "initial": body(apart.initial, at_start),
-        "derive": rolled_statements(apart.derive, style, [Strand(given)]),  # size matters here, not speed
+        "derive": rolled_statements(apart.derive, style, [Strand(parameters)]),  # size matters here, not speed
     } | ({"output": body(apart.output)} if apart.output else {})
     return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 
@@ -320,8 +326,8 @@ def _mark(apart: PreparedBlock, derive: str) -> str:
 def described(variable: Variable, *, value: bool = False) -> str:
     """Comment on a variable: unit, meaning, bounds, and optionally its value with the source."""
     lower, upper = variable.lower, variable.upper
-    least = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
-    bounds = [least] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
+    lower_bound = f"> {lower:g}" if variable.exclusive else f"min {lower:g}"
+    bounds = [lower_bound] * (lower > -math.inf) + [f"max {upper:g}"] * (upper < math.inf)
     words = [f"[{variable.unit}] {variable.description}", *bounds]
     if value:
         words.append(f"{variable.start!r}" + (f" ({variable.source})" if variable.source else ""))

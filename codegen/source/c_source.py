@@ -65,8 +65,8 @@ class LaneLayout:
     @property
     def strands(self) -> tuple[Strand, ...]:
         """The evaluations of a call."""
-        first = Strand(self._element)
-        return (first, Strand(self._half_further, "b")) if self.paired else (first,)
+        strand = Strand(self._element)
+        return (strand, Strand(self._half_further, "b")) if self.paired else (strand,)
 
     def _element(self, name: str, element: int) -> str:
         position = self.packed[name].index(element) if name in self.packed else element
@@ -122,8 +122,8 @@ def _definition(function: ca.Function, style: Style, lanes: LaneLayout | None) -
     unused += [name for name in outputs if not function.numel_out(name)]
     once = inputs == ["parameters"]  # runs once per run: size matters, not speed
     strands = lanes.strands[: 1 if once else None] if lanes else (Strand(optional=True),)
-    own = replace(lanes.style, generator=style.generator) if lanes else style
-    lines = (rolled_statements if once else statements)(function, own, strands)
+    function_style = replace(lanes.style, generator=style.generator) if lanes else style
+    lines = (rolled_statements if once else statements)(function, function_style, strands)
     lines += [f"  (void){name};" for name in unused]
     kind = "static inline"
     if lanes:
@@ -136,28 +136,28 @@ def _in_parts(function: ca.Function, style: Style, length: int) -> str:
 
     Values for later parts are passed in an array, ``kept``.
     """
-    made = [instruction[:3] for instruction in instructions(function)]
-    lines = statements(function, style)[-len(made) :]  # one per instruction, after the declarations
-    bounds = range(0, len(made), length)
+    steps = [instruction[:3] for instruction in instructions(function)]
+    lines = statements(function, style)[-len(steps) :]  # one per instruction, after the declarations
+    bounds = range(0, len(steps), length)
     read, written = list[set[int]](), list[set[int]]()
-    for first in bounds:
-        needed, known = set[int](), set[int]()
-        for operation, operands, result in made[first : first + length]:
-            needed.update(() if operation == ca.OP_INPUT else set(operands) - known)
-            known.update(() if operation == ca.OP_OUTPUT else result[:1])
+    for start in bounds:
+        needed, defined = set[int](), set[int]()
+        for operation, operands, result in steps[start : start + length]:
+            needed.update(() if operation == ca.OP_INPUT else set(operands) - defined)
+            defined.update(() if operation == ca.OP_OUTPUT else result[:1])
         read.append(needed)
-        written.append(known)
+        written.append(defined)
     slots = {register: slot for slot, register in enumerate(sorted(set().union(*read)))}
     names, real = [*function.name_in(), *function.name_out()], style.precision
     arguments, parts, later = _arguments(function, style), list[str](), set[int]()
     for number in reversed(range(len(bounds))):
-        left = sorted(written[number] & later)
+        surviving = sorted(written[number] & later)
         later = (later - written[number]) | read[number]
         body = [
             *style.declarations([f"a{register}" for register in sorted(read[number] | written[number])]),
             *(f"  {style.copy(f'a{register}', f'kept[{slots[register]}]')}" for register in sorted(read[number])),
             *lines[bounds[number] : bounds[number] + length],
-            *(f"  {style.copy(f'kept[{slots[register]}]', f'a{register}')}" for register in left),
+            *(f"  {style.copy(f'kept[{slots[register]}]', f'a{register}')}" for register in surviving),
             *(f"  (void){name};" for name in [*names, "kept"]),
         ]
         head = ",\n    ".join([*arguments, f"{real} *restrict kept"])

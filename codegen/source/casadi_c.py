@@ -32,8 +32,8 @@ def lacking(function: ca.Function) -> str | None:
     """Reason why the emitter has no C for a function; None where it has C for all operations."""
     if not function.is_a("SXFunction"):
         return f"it is no function of SX expressions but of class {function.class_name()}"
-    known = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    unknown = sorted({function.instruction_id(index) for index in range(function.n_instructions())} - known)
+    operations = {*patterns(Style()), ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    unknown = sorted({function.instruction_id(index) for index in range(function.n_instructions())} - operations)
     return f"there is none for its '{name_of(unknown[0])}'" if unknown else None
 
 
@@ -88,23 +88,25 @@ def calling_statements(
         elements: for each evaluation, ``(argument or result, element) -> C``.
         optional: whether result arrays may be null, and are not written then.
     """
-    made = renamed(function, f"generated_{function.name()}")
-    ins = [(name, made.numel_in(name)) for name in made.name_in()]
-    outs = [(name, made.numel_out(name)) for name in made.name_out()]
+    generated = renamed(function, f"generated_{function.name()}")
+    ins = [(name, generated.numel_in(name)) for name in generated.name_in()]
+    outs = [(name, generated.numel_out(name)) for name in generated.name_out()]
     lines = []
     for element in elements:
         lines += ["  {"]
         lines += [f"    double {name}_[{max(count, 1)}] = {{0}};" for name, count in (*ins, *outs)]
-        lines += [f"    const double *call_arg[{made.sz_arg()}] = {{{', '.join(f'{name}_' for name, _ in ins)}}};"]
-        lines += [f"    double *call_res[{made.sz_res()}] = {{{', '.join(f'{name}_' for name, _ in outs)}}};"]
-        lines += [f"    casadi_int call_iw[{made.sz_iw() + 1}];", f"    double call_w[{made.sz_w() + 1}];"]
-        lines += [f"    const int memory = {made.name()}_checkout();"]
-        lines += [f"    {name}_[{k}]={element(name, k)};" for name, _ in ins for k in sorted(elements_read(made, name))]
-        lines += [f"    const int failed = {made.name()}(call_arg, call_res, call_iw, call_w, memory);"]
-        lines += [f"    {made.name()}_release(memory);"]
+        lines += [f"    const double *call_arg[{generated.sz_arg()}] = {{{', '.join(f'{name}_' for name, _ in ins)}}};"]
+        lines += [f"    double *call_res[{generated.sz_res()}] = {{{', '.join(f'{name}_' for name, _ in outs)}}};"]
+        lines += [f"    casadi_int call_iw[{generated.sz_iw() + 1}];", f"    double call_w[{generated.sz_w() + 1}];"]
+        lines += [f"    const int memory = {generated.name()}_checkout();"]
+        lines += [
+            f"    {name}_[{k}]={element(name, k)};" for name, _ in ins for k in sorted(elements_read(generated, name))
+        ]
+        lines += [f"    const int failed = {generated.name()}(call_arg, call_res, call_iw, call_w, memory);"]
+        lines += [f"    {generated.name()}_release(memory);"]
         for name, count in outs:
-            given = f"if ({name}) " if optional else ""
-            lines += [f"    {given}{element(name, k)}=failed ? NAN : {name}_[{k}];" for k in range(count)]
+            condition = f"if ({name}) " if optional else ""
+            lines += [f"    {condition}{element(name, k)}=failed ? NAN : {name}_[{k}];" for k in range(count)]
         lines += ["  }"]
     return lines
 

@@ -87,14 +87,14 @@ class GraphCache:
                     return self._kept[call][0]
             result = build(*args, **kwargs)
             functions = set[ca.Function]()
-            rest = self._bytes_beside_functions((call.arguments, result), functions)
+            size = self._bytes_beside_functions((call.arguments, result), functions)
             with self._lock:
                 if call not in self._kept:
-                    self._kept[call] = result, functions, rest
-                    self._count(functions, rest, 1)
+                    self._kept[call] = result, functions, size
+                    self._count(functions, size, 1)
                 while self.size > self.limit and len(self._kept) > 1:
-                    _, (_, functions, rest) = self._kept.popitem(last=False)
-                    self._count(functions, rest, -1)
+                    _, (_, functions, size) = self._kept.popitem(last=False)
+                    self._count(functions, size, -1)
             return result
 
         return found
@@ -135,8 +135,8 @@ def _instructions(function: ca.Function) -> int:
     """
     if function.is_a("SXFunction"):
         return function.n_instructions()
-    own = function.n_instructions() if function.is_a("MXFunction") else function.sz_w() + function.sz_iw()
-    return own + sum(_instructions(function.get_function(name)) for name in function.get_function())
+    count = function.n_instructions() if function.is_a("MXFunction") else function.sz_w() + function.sz_iw()
+    return count + sum(_instructions(function.get_function(name)) for name in function.get_function())
 
 
 GRAPHS = GraphCache()
@@ -192,13 +192,13 @@ def instructions(function: ca.Function) -> tuple[Instruction, ...]:
     """
     if not function.is_a("SXFunction"):
         raise CodegenError(f"{function.name()} is no function of SX expressions; expand() it first")
-    found = []
+    listing = []
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
         read, written = function.instruction_input(index), function.instruction_output(index)
         constant = function.instruction_constant(index) if operation == ca.OP_CONST else 0.0
-        found.append(Instruction(operation, tuple(read), tuple(written), constant))
-    return tuple(found)
+        listing.append(Instruction(operation, tuple(read), tuple(written), constant))
+    return tuple(listing)
 
 
 def elements_read(function: ca.Function, name: str) -> set[int]:
@@ -251,10 +251,10 @@ def with_fixed(function: ca.Function, argument: str, element: int, value: float)
     with as_written():
         for step, instruction in enumerate(instructions(function)):
             operation, made_of = instruction.operation, operands.get(step, ())
-            given = [values[operand] for operand in made_of]
+            arguments = [values[operand] for operand in made_of]
             if operation == ca.OP_OUTPUT:
                 vector, index = instruction.written
-                outputs[vector][index] = given[0]
+                outputs[vector][index] = arguments[0]
             elif operation == ca.OP_INPUT:
                 vector, index = instruction.read
                 values[step] = ca.SX(value) if instruction.read == fixed else symbols[vector][index]
@@ -262,9 +262,9 @@ def with_fixed(function: ca.Function, argument: str, element: int, value: float)
             elif operation == ca.OP_CONST:
                 values[step] = ca.SX(instruction.constant)
             elif decided.isdisjoint(made_of):
-                values[step] = applied(operation, given)
+                values[step] = applied(operation, arguments)
             else:
-                values[step] = _decided(operation, given)
+                values[step] = _decided(operation, arguments)
                 decided |= {step} if values[step].is_constant() else set()
     return symbols, [ca.vertcat(*elements) for elements in outputs]
 

@@ -76,9 +76,11 @@ class Rewriting:
         self._inputs = [ca.vertsplit(symbol) for symbol in inputs]
         self._fixed = [name == "parameters" for name in function.name_in()]
         self._operands = operands_of(function)
-        self._uses = Counter(operand for made in self._operands.values() for operand in set(made))
+        self._uses = Counter(operand for operands in self._operands.values() for operand in set(operands))
         self._divided_by = Counter(
-            self._operands[step][1] for step, made in enumerate(instructions(function)) if made.operation == ca.OP_DIV
+            self._operands[step][1]
+            for step, instruction in enumerate(instructions(function))
+            if instruction.operation == ca.OP_DIV
         )
         self._inverses: dict[int, ca.SX] = {}
         self._values: dict[int, _Value] = {}
@@ -98,24 +100,24 @@ class Rewriting:
             return _Value(self._inputs[vector][element], fixed=self._fixed[vector])
         if operation == ca.OP_CONST:
             return _Value(ca.SX(instruction.constant), fixed=True)
-        made = [self._values[operand] for operand in self._operands[step]]
-        if not all(value.fixed for value in made):
+        operands = [self._values[operand] for operand in self._operands[step]]
+        if not all(value.fixed for value in operands):
             if operation == ca.OP_MUL:
-                return self._product(step, *made)
+                return self._product(step, *operands)
             if operation == ca.OP_DIV:
-                return self._quotient(step, *made)
-            if operation in SCALINGS and made[0].rest is not None:
-                return made[0].times(ca.SX(SCALINGS[operation]))
-        return _Value(applied(operation, [value.whole for value in made]), all(value.fixed for value in made))
+                return self._quotient(step, *operands)
+            if operation in SCALINGS and operands[0].rest is not None:
+                return operands[0].times(ca.SX(SCALINGS[operation]))
+        return _Value(applied(operation, [value.whole for value in operands]), all(value.fixed for value in operands))
 
     def _product(self, step: int, left: _Value, right: _Value) -> _Value:
         if left.fixed or right.fixed:
             return right.times(left.whole) if left.fixed else left.times(right.whole)
-        whole, operands = left.whole * right.whole, self._operands[step]
+        product, operands = left.whole * right.whole, self._operands[step]
         for scaled, other, operand in ((left, right, operands[0]), (right, left, operands[1])):
             if scaled.rest is not None and self._uses[operand] == self._uses[step] == 1:
-                return _Value(whole, factor=scaled.factor, rest=scaled.rest * other.whole)
-        return _Value(whole)
+                return _Value(product, factor=scaled.factor, rest=scaled.rest * other.whole)
+        return _Value(product)
 
     def _quotient(self, step: int, left: _Value, right: _Value) -> _Value:
         if right.fixed:
@@ -163,19 +165,21 @@ def hoisted_together(
     inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     parameters = inputs.get("parameters", ca.SX.sym("parameters", 0))
     reciprocals = Reciprocals()
-    whole = [generator == "casadi" or lacking(function) is not None for function in functions]
+    by_casadi = [generator == "casadi" or lacking(function) is not None for function in functions]
     outputs: list[list[ca.SX]] = []
     with as_written():
-        for function, untouched in zip(functions, whole, strict=True):
-            given = [inputs[name] for name in function.name_in()]
-            kept = exact or untouched
-            outputs.append(function.call(given) if kept else Rewriting(function, given, reciprocals).outputs)
-        taken = [results for results, untouched in zip(outputs, whole, strict=True) if not untouched]
-        derive, derived, split = _split(name, parameters, taken, reciprocals)
+        for function, untouched in zip(functions, by_casadi, strict=True):
+            arguments = [inputs[name] for name in function.name_in()]
+            unchanged = exact or untouched
+            outputs.append(
+                function.call(arguments) if unchanged else Rewriting(function, arguments, reciprocals).outputs
+            )
+        divided = [results for results, untouched in zip(outputs, by_casadi, strict=True) if not untouched]
+        derive, derived, split = _split(name, parameters, divided, reciprocals)
         parts = iter(split)
         outputs = [
             [ca.densify(result) for result in results] if untouched else next(parts)
-            for results, untouched in zip(outputs, whole, strict=True)
+            for results, untouched in zip(outputs, by_casadi, strict=True)
         ]
         lean = (
             ca.Function(
@@ -198,10 +202,10 @@ def _split(
     ends = [0]
     for output in every:
         ends.append(ends[-1] + output.numel())
-    rest, symbols, values = ca.extract_parametric(_column(every), ca.vertcat(parameters, *reciprocals.symbols))
+    remainder, symbols, values = ca.extract_parametric(_column(every), ca.vertcat(parameters, *reciprocals.symbols))
     symbol, value = _column(reciprocals.symbols), _column(reciprocals.values)
     values = ca.substitute(_column(values), symbol, value)
     derived = ca.vertcat(symbol, *symbols)
     derive = ca.Function(name, [parameters], [ca.cse(ca.vertcat(value, values))], ["parameters"], ["derived"])
-    parts = iter(ca.vertsplit(ca.densify(ca.cse(rest)), ends))
+    parts = iter(ca.vertsplit(ca.densify(ca.cse(remainder)), ends))
     return derive, derived, [[next(parts) for _ in results] for results in outputs]

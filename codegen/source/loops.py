@@ -51,13 +51,13 @@ class Loop:
 
 def loops(function: ca.Function) -> list[Loop]:
     """The loops in a function of SX expressions, in order: the one that saves most, then those before and after it."""
-    made = instructions(function)
-    operations = np.array([instruction.operation for instruction in made], dtype=int)
+    listing = instructions(function)
+    operations = np.array([instruction.operation for instruction in listing], dtype=int)
     operations[np.isin(operations, [ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST])] = -1  # never part of a loop
-    operands = np.full((len(made), 2), -1)
+    operands = np.full((len(listing), 2), -1)
     for index, values in operands_of(function).items():
         operands[index, : len(values)] = values
-    return _loops_in(0, len(made), operations, operands)
+    return _loops_in(0, len(listing), operations, operands)
 
 
 def _loops_in(start: int, end: int, operations: Ints, operands: Ints) -> list[Loop]:
@@ -71,13 +71,13 @@ def _loops_in(start: int, end: int, operations: Ints, operands: Ints) -> list[Lo
 def _longest(first: int, last: int, operations: Ints, operands: Ints) -> Loop | None:
     """The loop between two instructions that saves most; None if none saves enough."""
     best: Loop | None = None
-    for length, most in _lengths(operations[first:last]):
-        if most < (best.saved + 1 if best else WORTHWHILE):
+    for length, limit in _lengths(operations[first:last]):
+        if limit < (best.saved + 1 if best else WORTHWHILE):
             break
         now, then = slice(first, last - length), slice(first + length, last)
-        alike = (operations[now] == operations[then]) & (operations[now] >= 0)
-        alike &= ((operands[now] == operands[then]) | (operands[now] + length == operands[then])).all(axis=1)
-        edges = first + np.flatnonzero(np.diff(alike.astype(int), prepend=0, append=0))
+        repeats = (operations[now] == operations[then]) & (operations[now] >= 0)
+        repeats &= ((operands[now] == operands[then]) | (operands[now] + length == operands[then])).all(axis=1)
+        edges = first + np.flatnonzero(np.diff(repeats.astype(int), prepend=0, append=0))
         for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             loop = Loop(start, length, (end - start) // length + 1)
             if loop.saved >= (best.saved + 1 if best else WORTHWHILE) and _regular(loop, operands):
@@ -95,22 +95,22 @@ def _lengths(operations: Ints) -> list[tuple[int, int]]:
         return []
     words = np.lib.stride_tricks.sliding_window_view(operations, WORD)
     _, names = np.unique(words, axis=0, return_inverse=True)
-    found = np.zeros(len(operations), dtype=int)
+    counts = np.zeros(len(operations), dtype=int)
     order = np.argsort(names, kind="stable")
     for positions in np.split(order, np.flatnonzero(np.diff(names[order])) + 1):
         if len(positions) > 1:
-            found += _distances(positions, len(operations))
-    found[found > 0] += WORD - 1
-    return [(length, int(found[length])) for length in np.argsort(-found, kind="stable").tolist() if found[length]]
+            counts += _distances(positions, len(operations))
+    counts[counts > 0] += WORD - 1
+    return [(length, int(counts[length])) for length in np.argsort(-counts, kind="stable").tolist() if counts[length]]
 
 
 def _distances(positions: Ints, count: int) -> Ints:
     """Number of pairs of positions (below `count`) by their distance, from 0 to count − 1."""
     if len(positions) ** 2 < count:
-        apart = positions[None, :] - positions[:, None]
-        return np.bincount(apart[apart > 0], minlength=count)
-    there = np.bincount(positions, minlength=count).astype(float)
-    spectrum = np.fft.rfft(there, 2 * count)  # of the autocorrelation, without wrapping around
+        distances = positions[None, :] - positions[:, None]
+        return np.bincount(distances[distances > 0], minlength=count)
+    occurrence = np.bincount(positions, minlength=count).astype(float)
+    spectrum = np.fft.rfft(occurrence, 2 * count)  # of the autocorrelation, without wrapping around
     pairs = np.rint(np.fft.irfft(np.abs(spectrum) ** 2, 2 * count)[:count]).astype(int)
     pairs[0] = 0
     return pairs
@@ -153,7 +153,9 @@ def rolled_statements(
 
 def _loop(strands: "Sequence[_Rolling]", rounds: int, style: Style) -> list[str]:
     """A loop over all strands."""
-    values = [line for made in zip(*(strand.body() for strand in strands), strict=True) for line in made]
+    values = [
+        line for lines_of_round in zip(*(strand.body() for strand in strands), strict=True) for line in lines_of_round
+    ]
     results = [line for strand in strands for line in strand.results()]
     histories = [line for strand in strands for line in strand.histories()]  # last, when all earlier values are known
     ageing = [line for strand in strands for line in strand.ageing()]

@@ -62,24 +62,24 @@ def statements(
     names_in, names_out = function.name_in(), function.name_out()
     count = range(function.sz_w())
     lines = [line for strand in strands for line in style.declarations([f"{strand.register}{k}" for k in count])]
-    held: list[dict[int, str]] = [{} for _ in strands]  # for each strand, register → expression used in its place
+    replaced: list[dict[int, str]] = [{} for _ in strands]  # for each strand, register → expression used in its place
     for operation, read, written, constant in instructions(function):
-        for strand, given in zip(strands, held, strict=True):
+        for strand, expressions in zip(strands, replaced, strict=True):
             target = f"{strand.register}{written[0]}"
-            operands = [given.get(number, f"{strand.register}{number}") for number in read]
+            operands = [expressions.get(number, f"{strand.register}{number}") for number in read]
             if operation == ca.OP_OUTPUT:
                 name = names_out[written[0]]
                 target = f"if ({name}) " * strand.optional + strand.element(name, written[1])
                 lines.append(f"  {style.copy(target, operands[0])}")
                 continue
-            given.pop(written[0], None)
+            expressions.pop(written[0], None)
             if operation not in {ca.OP_INPUT, ca.OP_CONST}:
                 lines.append(f"  {style.operation(target, operation, operands)}")
                 continue
             fixed = operation == ca.OP_CONST
             value = style.number(constant) if fixed else strand.element(names_in[read[0]], read[1])
             if in_place:
-                given[written[0]] = value
+                expressions[written[0]] = value
             else:
                 lines.append(f"  {style.copy(target, value)}")
     return lines
@@ -91,8 +91,8 @@ def helpers(functions: Sequence[ca.Function], style: Style) -> str:
     Raises:
         CodegenError: a function has no C in single precision.
     """
-    ours = [function for function in functions if not by_casadi(function, style)]
-    operations = {made.operation for function in ours for made in instructions(function)}
+    emitted = [function for function in functions if not by_casadi(function, style)]
+    operations = {instruction.operation for function in emitted for instruction in instructions(function)}
     real, f = style.precision, suffix(style.precision)
     inverse = ERF_INVERSE.substitute(real=real, f=f) if ca.OP_ERFINV in operations else ""
     return inverse + casadi_text(functions, style)

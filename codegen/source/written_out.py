@@ -40,8 +40,8 @@ def expm1(x: ca.SX) -> ca.SX:
 
 def log1p(x: ca.SX) -> ca.SX:
     """Compute log(1 + x) within 4 ulp (Kahan; Goldberg, What every computer scientist should know, theorem 4)."""
-    whole = 1 + x
-    return ca.if_else(whole == 1, x, ca.log(whole) * x / ca.if_else(whole == 1, 1, whole - 1))
+    shifted = 1 + x
+    return ca.if_else(shifted == 1, x, ca.log(shifted) * x / ca.if_else(shifted == 1, 1, shifted - 1))
 
 
 def sinh(x: ca.SX) -> ca.SX:
@@ -64,8 +64,8 @@ def asinh(x: ca.SX) -> ca.SX:
 
 def acosh(x: ca.SX) -> ca.SX:
     """Acosh within 8 ulp for x ≤ 1e150."""
-    beyond = x - 1
-    return log1p(beyond + ca.sqrt(2 * beyond + beyond * beyond))
+    excess = x - 1
+    return log1p(excess + ca.sqrt(2 * excess + excess * excess))
 
 
 def atanh(x: ca.SX) -> ca.SX:
@@ -80,17 +80,17 @@ def power(x: ca.SX, y: ca.SX) -> ca.SX:
     A product within y ulp for constant integers y up to `MOST_FACTORS`, else exp(y log|x|) within 4 + 2 |y log|x|| ulp.
     """
     if y.is_constant() and float(y).is_integer() and abs(float(y)) <= MOST_FACTORS:
-        result, factor, left = ca.SX(1), x, abs(int(float(y)))
-        while left:
-            result = (result * factor if not result.is_constant() else factor) if left % 2 else result
-            factor, left = factor * factor if left > 1 else factor, left // 2
+        result, factor, exponent = ca.SX(1), x, abs(int(float(y)))
+        while exponent:
+            result = (result * factor if not result.is_constant() else factor) if exponent % 2 else result
+            factor, exponent = factor * factor if exponent > 1 else factor, exponent // 2
         return result if float(y) >= 0 else 1 / result
-    size, whole, even = ca.fabs(x), ca.floor(y) == y, 2 * ca.floor(y / 2) == y
+    size, integral, even = ca.fabs(x), ca.floor(y) == y, 2 * ca.floor(y / 2) == y
     logarithm = y * ca.log(ca.if_else(size == 0, 1, size))
     grown = ca.exp(ca.if_else(size == 0, -FAR * ca.sign(y), logarithm))  # for size 0: 0, 1 or infinity
-    undefined = ca.logic_and(x < 0, ca.logic_not(whole))
-    known = grown * ca.sqrt(ca.if_else(undefined, -1, 1))
-    return ca.if_else(ca.logic_and(x < 0, ca.logic_not(even)), -known, known)
+    undefined = ca.logic_and(x < 0, ca.logic_not(integral))
+    signed = grown * ca.sqrt(ca.if_else(undefined, -1, 1))
+    return ca.if_else(ca.logic_and(x < 0, ca.logic_not(even)), -signed, signed)
 
 
 def hypot(x: ca.SX, y: ca.SX) -> ca.SX:
@@ -166,7 +166,7 @@ def written_out(function: ca.Function) -> ca.Function:
     Args:
         function: function of dense SX expressions; unchanged if the emitter has no C for it.
     """
-    if lacking(function) or not any(made.operation in WRITTEN_OUT for made in instructions(function)):
+    if lacking(function) or not any(instruction.operation in WRITTEN_OUT for instruction in instructions(function)):
         return function
     operands = operands_of(function)
     with as_written():
@@ -175,15 +175,15 @@ def written_out(function: ca.Function) -> ca.Function:
         outputs = [[ca.SX(0)] * function.numel_out(name) for name in function.name_out()]
         values: dict[int, ca.SX] = {}
         for step, (operation, read, written, constant) in enumerate(instructions(function)):
-            taken = [values[operand] for operand in operands.get(step, ())]
+            operand_values = [values[operand] for operand in operands.get(step, ())]
             if operation == ca.OP_INPUT:
                 values[step] = elements[read[0]][read[1]]
             elif operation == ca.OP_CONST:
                 values[step] = ca.SX(constant)
             elif operation == ca.OP_OUTPUT:
-                outputs[written[0]][written[1]] = taken[0]
+                outputs[written[0]][written[1]] = operand_values[0]
             else:
                 replaced = WRITTEN_OUT.get(operation)
-                values[step] = replaced(*taken) if replaced else applied(operation, taken)
+                values[step] = replaced(*operand_values) if replaced else applied(operation, operand_values)
         results = [ca.vertcat(*column) if column else ca.SX(0, 1) for column in outputs]
         return ca.Function(function.name(), inputs, results, function.name_in(), function.name_out(), {"cse": True})

@@ -37,15 +37,15 @@ def follow_tensions(
     context: Context,
 ) -> tuple[TensionLoops, CoordinationOutput]:
     """One sample of both tension controllers (paper Section 3.3), from tension commands in N."""
-    found, loops, track = [], (state.winch_1, state.winch_2), context.nominal.track
+    steps, loops, track = [], (state.winch_1, state.winch_2), context.nominal.track
     measured = (estimate.F1, estimate.omega_1), (estimate.F2, estimate.omega_2)
     for side, loop, command, (tension, omega), length, pid in zip(
         context.nominal.sides, loops, commands, measured, rope_lengths(setpoint.x, track), gains, strict=True
     ):
         turns = side.direction / side.winch.drum_radius
         alpha_d, slip = turns * setpoint.a, omega - turns * setpoint.v
-        found.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, pid.on(length, track), context))
-    (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = found
+        steps.append(winch_step(loop, command, tension, alpha_d, slip, side.winch, pid.on(length, track), context))
+    (winch_1, tau_1, saturated_1), (winch_2, tau_2, saturated_2) = steps
     return TensionLoops(winch_1, winch_2), CoordinationOutput(*commands, tau_1, tau_2, either(saturated_1, saturated_2))
 
 

@@ -44,8 +44,10 @@ class ForcePosition(Coordination):
         self, state: TensionLoops, force: Scalar, estimate: Estimate, setpoint: Setpoint, context: Context
     ) -> tuple[TensionLoops, CoordinationOutput]:
         """One sample of both winches."""
-        rest = context.limits.preload / 2
-        commands = within_limits(rest + maximum(force, 0.0), rest + maximum(-force, 0.0), context.limits)
+        half_preload = context.limits.preload / 2
+        commands = within_limits(
+            half_preload + maximum(force, 0.0), half_preload + maximum(-force, 0.0), context.limits
+        )
         behind_2 = clip(0.5 + force / (2 * self.band), 0.0, 1.0)
         shares = 1 - behind_2, behind_2
         regulated = replace(

@@ -102,8 +102,8 @@ class ScheduledPreload(Coordination):
         for time in self.preview:
             ahead = absolute(_force(setpoint.ahead(time), context) + unforeseen)
             needed = maximum(needed, ahead - self.rate * time)
-        wanted = maximum(needed + 2 * behind, limits.preload)
-        preload = maximum(wanted, state.preload - sample_time * self.rate)
+        requirement = maximum(needed + 2 * behind, limits.preload)
+        preload = maximum(requirement, state.preload - sample_time * self.rate)
         commands = within_limits((preload + force) / 2, (preload - force) / 2, limits)
         gains = self.winch_1, self.winch_2
         loops, winches = follow_tensions(state.loops, commands, estimate, gains, setpoint, context)

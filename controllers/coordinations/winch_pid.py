@@ -98,15 +98,15 @@ def winch_step(
     integral = state.integral + sample_time * error
     slope = state.primed * (error - state.error_previous) / sample_time
     feedforward = to_torque * command + total_inertia(winch) / winch.gear_ratio * alpha_d
-    wanted = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
-    torque = clip(wanted, to_torque * limits.tension_min, to_torque * limits.tension_max)
-    saturated = torque != wanted
+    unlimited_torque = feedforward + gains.kp * error + gains.ki * integral + gains.kd * slope
+    torque = clip(unlimited_torque, to_torque * limits.tension_min, to_torque * limits.tension_max)
+    saturated = torque != unlimited_torque
     slow = state.slip
     if present(gains.damping):
         ahead, slow = _ahead(slow, slip, gains.lead, sample_time)
         torque = clip(torque - gains.damping * ahead, 0.0, to_torque * limits.tension_max)
-    kept = state.integral + sample_time * where(saturated, 0.0, error)
-    return WinchState(kept, error, 1.0, slow), torque, saturated
+    clamped_integral = state.integral + sample_time * where(saturated, 0.0, error)
+    return WinchState(clamped_integral, error, 1.0, slow), torque, saturated
 
 
 LEAD_RATIO = 6.0

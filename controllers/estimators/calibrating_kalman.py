@@ -110,17 +110,17 @@ class CalibratingKalman(Estimator):
         self, state: CalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[CalibratingState, CalibratingEstimate]:
         """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
-        nominal, taut, found = context.nominal, TAUT * context.limits.tension_min, []
+        nominal, taut, drums = context.nominal, TAUT * context.limits.tension_min, []
         lengths = rope_lengths(state.motion.x, nominal.track)
         measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
-        for side, known, length, (F, theta) in zip(
+        for side, knowledge, length, (F, theta) in zip(
             nominal.sides, (state.rope_1, state.rope_2), lengths, measured, strict=True
         ):
             stretch = F / stiffness(length, kelvin_voigt(side.rope))
-            seen = side.winch.drum_radius * theta - side.direction * measurement.x
+            offset = side.winch.drum_radius * theta - side.direction * measurement.x
             noise = self.kalman.position_noise
-            found.append(learn(known, stretch, seen, taut < F, noise, self.calibration, context.sample_time))
-        rope_1, rope_2 = found
+            drums.append(learn(knowledge, stretch, offset, taut < F, noise, self.calibration, context.sample_time))
+        rope_1, rope_2 = drums
         ropes = {"rope_1": _calibrated(nominal.rope_1, rope_1), "rope_2": _calibrated(nominal.rope_2, rope_2)}
         motion, estimate = filter_motion(state.motion, measurement, self.kalman, replace(nominal, **ropes), context)
         learnt = {"excess_1": rope_1.excess, "excess_2": rope_2.excess}
@@ -130,13 +130,13 @@ class CalibratingKalman(Estimator):
         self, state: CalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
     ) -> CalibratingState:
         """The state with the ropes' true compliances."""
-        found, lengths = [], rope_lengths(state.motion.x, plant.track)
+        drums, lengths = [], rope_lengths(state.motion.x, plant.track)
         pulls = measurement.F1, measurement.F2
         for side, sheet, length, F in zip(plant.sides, context.nominal.sides, lengths, pulls, strict=True):
             rope, nominal = tangent_rope(side.rope, F, length), kelvin_voigt(sheet.rope)
             excess = nominal.modulus * nominal.area / (rope.modulus * rope.area) - 1
-            found.append(RopeKnowledge(excess, INFORMED))
-        return replace(state, rope_1=found[0], rope_2=found[1])
+            drums.append(RopeKnowledge(excess, INFORMED))
+        return replace(state, rope_1=drums[0], rope_2=drums[1])
 
 
 def _calibrated(rope: RopeLaw, known: RopeKnowledge) -> Rope:

@@ -120,11 +120,12 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scal
         position_variance = 1 / sum(_information(gains))
     speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
     h = riccati(transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance, DOUBLINGS)
-    seen = tuple(row[:2] for row in h)
-    innovation = plus(seen[:2], diagonal(1.0, speed_variance))
-    gain = transpose(solve(innovation, transpose(seen)))
+    observed = tuple(row[:2] for row in h)
+    innovation = plus(observed[:2], diagonal(1.0, speed_variance))
+    gain = transpose(solve(innovation, transpose(observed)))
     return tuple(
-        (along / sample_time**order, across * sample_time ** (1 - order)) for order, (along, across) in enumerate(gain)
+        (position_gain / sample_time**order, speed_gain * sample_time ** (1 - order))
+        for order, (position_gain, speed_gain) in enumerate(gain)
     )
 
 

@@ -140,10 +140,10 @@ def watched(watch: SensorWatch, reading: Scalar, expected: Scalar, frozen_after:
     The expected position in m replaces a missing reading.
     """
     finite = absolute(reading) <= NO_READING
-    shown = where(finite, reading, expected)
-    repeats = where(shown == watch.reading, watch.repeats + 1, 0.0)
+    value = where(finite, reading, expected)
+    repeats = where(value == watch.reading, watch.repeats + 1, 0.0)
     alive = both(finite, repeats <= frozen_after)
-    return SensorWatch(shown, repeats, 1.0), alive
+    return SensorWatch(value, repeats, 1.0), alive
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matri
     without = kalman_gain(gains, sample_time, gains.position_noise**2)
     complete = kalman_gain(gains, sample_time)
     return tuple(
-        tuple(least + lead * (most - least) for least, most in zip(*rows, strict=True))
+        tuple(low + lead * (high - low) for low, high in zip(*rows, strict=True))
         for rows in zip(without, complete, strict=True)
     )
 
@@ -237,18 +237,18 @@ class SelfCalibratingKalman(Estimator):
         drums, resting = _drums(measurement, x, context), both(due, state.watch.started < FIRST)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
-        found = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
+        fused = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
         wheel, speed = self._rolled(state.wheel, measurement.v, x, sample_time)
         motion, estimate = corrected(
-            replace(state.motion, x=x + found.shift),
+            replace(state.motion, x=x + fused.shift),
             measurement,
-            (found.residual, speed - state.motion.v),
-            blended_gain(gains, found.lead, sample_time),
+            (fused.residual, speed - state.motion.v),
+            blended_gain(gains, fused.lead, sample_time),
             gains,
             context.nominal,
             sample_time,
         )
-        pending = (state.pending + found.shift) * (1 - sample_time / self.trust.slide_time)
+        pending = (state.pending + fused.shift) * (1 - sample_time / self.trust.slide_time)
         samples = where(state.samples + 1 < self.drums.interval, state.samples + 1, 0.0)
         following = SelfCalibratingState(motion, encoder_1, encoder_2, wheel, watch, samples, pending)
         passed_on = estimate.x_est - pending
@@ -266,8 +266,8 @@ class SelfCalibratingKalman(Estimator):
         reading = Reading(measurement.x, 1.0, self.kalman.position_noise)
         lengths = rope_lengths(state.motion.x, plant.track)
         encoder_1, encoder_2 = (
-            informed_errors(known, drum, _true_errors(side, sheet, drum, length, plant.track), reading, self.drums)
-            for known, side, sheet, drum, length in zip(
+            informed_errors(knowledge, drum, _true_errors(side, sheet, drum, length, plant.track), reading, self.drums)
+            for knowledge, side, sheet, drum, length in zip(
                 (state.encoder_1, state.encoder_2), plant.sides, context.nominal.sides, drums, lengths, strict=True
             )
         )
@@ -305,20 +305,22 @@ class SelfCalibratingKalman(Estimator):
         known = tared(known, drum, x, self.drums, resting)
         # rest in a known position counts as many readings; it sets the encoder, not the predicted position
         weight = where(resting, (reading.deviation / self.drums.tare) ** 2, 1.0)
-        seen = Reading(where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight)
-        known, position = calibrate(known, drum, seen, self.drums, self.trust, sample_time, due)
+        position_reading = Reading(
+            where(resting, x, reading.x), either(resting, reading.alive), reading.deviation, weight
+        )
+        known, position = calibrate(known, drum, position_reading, self.drums, self.trust, sample_time, due)
         return known, replace(position, shift=where(resting, 0.0, position.shift))
 
     def _learnt(
         self, knowledge: tuple[EncoderKnowledge, ...], positions: tuple[EncoderPosition, ...]
     ) -> dict[str, Scalar]:
-        found: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
-        for number, (known, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
-            for name, (value, spread) in learnt_errors(known, self.drums).items():
+        signals: dict[str, Scalar] = {"position_used": either(positions[0].used, positions[1].used)}
+        for number, (drum_knowledge, position) in enumerate(zip(knowledge, positions, strict=True), start=1):
+            for name, (value, spread) in learnt_errors(drum_knowledge, self.drums).items():
                 if name in PASSED_ON:
-                    found |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
-            found[f"fault_{number}"] = position.odds / (1 + position.odds)
-        return found
+                    signals |= {f"{name}_{number}": value, f"{name}_{number}_sd": spread}
+            signals[f"fault_{number}"] = position.odds / (1 + position.odds)
+        return signals
 
 
 def _true_errors(side: Side, sheet: Side, drum: Drum, length: Scalar, track: Track) -> dict[str, Scalar]:
@@ -337,11 +339,11 @@ def _true_errors(side: Side, sheet: Side, drum: Drum, length: Scalar, track: Tra
 
 def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:
     """Both drums from this sample's measurement and nominal values, with the vehicle at about x in m."""
-    found, taut = [], TAUT * context.limits.tension_min
+    drums, taut = [], TAUT * context.limits.tension_min
     measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
     lengths = rope_lengths(x, context.nominal.track)
     for side, length, (F, theta) in zip(context.nominal.sides, lengths, measured, strict=True):
         stretch = F * compliance(length, kelvin_voigt(side.rope))
         sag = sag_shortening(side.rope, F, length, context.nominal.track)
-        found.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, sag, F, taut < F))
-    return found[0], found[1]
+        drums.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, sag, F, taut < F))
+    return drums[0], drums[1]

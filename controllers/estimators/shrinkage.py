@@ -23,16 +23,18 @@ def shrunk(known: Knowledge, n: int, exempt: Sequence[int]) -> tuple[Scalar, ...
     The exempt ones, at most n - 3 constants that may be far from 0, become their least-squares estimates given the
     shrunk others. The chi² of the others is that of the part which no values of the exempt ones explain.
     """
-    others = [i for i in range(n) if i not in exempt]
+    shrinking = [i for i in range(n) if i not in exempt]
     w = [known.estimate[i] for i in range(n)]
-    shared = [sum(element(known, i, j) * w[j] for j in others) for i in exempt]
-    own = [[element(known, i, j) + (1.0 if i == j else 0.0) for j in exempt[: k + 1]] for k, i in enumerate(exempt)]
-    alias = solved(factorised(tuple(map(tuple, own))), shared)
+    shared = [sum(element(known, i, j) * w[j] for j in shrinking) for i in exempt]
+    exempt_block = [
+        [element(known, i, j) + (1.0 if i == j else 0.0) for j in exempt[: k + 1]] for k, i in enumerate(exempt)
+    ]
+    alias = solved(factorised(tuple(map(tuple, exempt_block))), shared)
     chi2 = -dot(shared, alias)
-    for k, i in enumerate(others):
-        before = sum(element(known, i, j) * w[j] for j in others[:k])
+    for k, i in enumerate(shrinking):
+        before = sum(element(known, i, j) * w[j] for j in shrinking[:k])
         chi2 += w[i] * (element(known, i, i) * w[i] + 2 * before)
-    threshold = len(others) - 2
+    threshold = len(shrinking) - 2
     share = 1 - threshold / maximum(chi2, threshold)
     estimates = [share * value for value in w]
     for i, theirs in zip(exempt, alias, strict=True):

@@ -47,8 +47,8 @@ class Adrc(PositionLaw):
         x, v, d = corrected(state, estimate, self.observer_bandwidth, T)
         forces = nominal_forces(v, estimate.d, context.nominal)
         proportional, derivative = self.control_bandwidth**2, 2 * self.control_bandwidth
-        wanted = setpoint.a - proportional * (x - setpoint.x) - derivative * (v - setpoint.v)
-        u = forces.mass * (wanted - d) + forces.resistance
+        command = setpoint.a - proportional * (x - setpoint.x) - derivative * (v - setpoint.v)
+        u = forces.mass * (command - d) + forces.resistance
         u_sat = context.limits.clipped(u)
 
         acceleration = (u_sat - forces.resistance) / forces.mass + d

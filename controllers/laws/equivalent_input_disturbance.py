@@ -72,8 +72,8 @@ class Eid(PositionLaw):
 
         forces = nominal_forces(v, estimate.d, context.nominal)
         stiffness, damping = self.natural_frequency**2, 2 * self.damping * self.natural_frequency
-        wanted = setpoint.a - stiffness * (x - setpoint.x) - damping * (v - setpoint.v)
-        u = forces.mass * (wanted - d) + forces.resistance
+        command = setpoint.a - stiffness * (x - setpoint.x) - damping * (v - setpoint.v)
+        u = forces.mass * (command - d) + forces.resistance
         u_sat = context.limits.clipped(u)
 
         acceleration = (u_sat - forces.resistance) / forces.mass + d

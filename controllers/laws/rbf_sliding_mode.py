@@ -106,8 +106,8 @@ class RbfSlidingMode(PositionLaw):
         u_sat = context.limits.clipped(u)
 
         def adapted(weight: Scalar, value: Scalar) -> Scalar:
-            moved = weight + context.sample_time * (self.rate * value * s - self.leakage * weight)
-            return where(u == u_sat, clip(moved, -self.weight_limit, self.weight_limit), weight)
+            weight_unbounded = weight + context.sample_time * (self.rate * value * s - self.leakage * weight)
+            return where(u == u_sat, clip(weight_unbounded, -self.weight_limit, self.weight_limit), weight)
 
         following = [adapted(weight, value) for weight, value in zip(weights, basis, strict=True)]
         return RbfState(vector(following)), RbfOutput(u=u, u_sat=u_sat, s=s, d_hat=d_hat)

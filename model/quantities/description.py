@@ -77,31 +77,31 @@ def _first(metadata: Iterable[Any], kind: type) -> Any:
 
 @cache
 def slots(group: type, prefix: str) -> tuple[Slot, ...]:
-    """The fields of a group type that have keys, below a prefix, in declaration order."""
-    hints, own = get_type_hints(group, include_extras=True), own_prefix(group, prefix)
-    found = []
+    """The entries of a group type that have keys, below a prefix, in declaration order."""
+    hints, default_prefix = get_type_hints(group, include_extras=True), own_prefix(group, prefix)
+    entries = []
     for field in fields(group):
         hint, metadata = hints[field.name], ()
         if get_origin(hint) is Annotated:
             hint, *metadata = get_args(hint)
         if Mark.CONTENT in metadata:
             continue
-        given, choice, tied = (_first(metadata, kind) for kind in (Key, PartChoice, Tied))
-        table = choice.table if choice else given.name if given else field.name
-        found.append(
+        key, choice, tied = (_first(metadata, kind) for kind in (Key, PartChoice, Tied))
+        table = choice.table if choice else key.name if key else field.name
+        entries.append(
             Slot(
                 field=field.name,
                 hint=hint,
                 metadata=tuple(metadata),
                 default=field.default,
-                key=prefix + choice.key if choice else prefix + given.name if given else own + field.name,
+                key=prefix + choice.key if choice else prefix + key.name if key else default_prefix + field.name,
                 below=f"{prefix}{table}." if table else prefix,
                 plain=hint in PLAIN or get_origin(hint) is Literal or _all_plain(get_args(hint)),
                 choice=choice,
                 tied=f"{prefix}{tied.name}." if tied else "",
             )
         )
-    return tuple(found)
+    return tuple(entries)
 
 
 def own_prefix(group: type, prefix: str) -> str:
@@ -126,10 +126,10 @@ def describe(group: type, prefix: str = "") -> dict[str, Leaf]:
     Raises:
         ConfigurationError: a scalar field has no `Quantity`, or a constraint that is no bound.
     """
-    found: dict[str, Leaf] = {}
+    description: dict[str, Leaf] = {}
     for _, leaf in every_leaf(group, prefix):
-        found.setdefault(leaf.key, leaf)
-    return found
+        description.setdefault(leaf.key, leaf)
+    return description
 
 
 def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
@@ -145,10 +145,10 @@ def every_leaf(group: Any, prefix: str = "") -> Iterator[tuple[type, Leaf]]:
             kinds = (part.kind for part in inside)
             yield owner, _choice_leaf(slot, tuple(dict.fromkeys((*slot.choice.registry, *kinds))))
         for part in inside:
-            whole = part if isinstance(part, type) else type(part)
+            part_type = part if isinstance(part, type) else type(part)
             for inner, leaf in every_leaf(part, slot.below):
                 tied = replace(leaf, tied=slot.tied + leaf.key.removeprefix(slot.below)) if slot.tied else leaf
-                yield whole if issubclass(whole, Part) else inner, tied
+                yield part_type if issubclass(part_type, Part) else inner, tied
         if not inside and not slot.choice:
             leaves = _element_leaves(owner, slot, tuple(elements(value)) if is_array(value) else ("",))
             yield from ((owner, leaf) for leaf in leaves)
@@ -163,12 +163,12 @@ def describe_parts(group: Any, prefix: str = "") -> Mapping[str, Leaf]:
     """
     shape = tuple(_shape(group, prefix)), prefix
     if shape not in _described:
-        found = list(every_leaf(group, prefix))
-        for part in dict.fromkeys(owner for owner, _ in found):
+        every = list(every_leaf(group, prefix))
+        for part in dict.fromkeys(owner for owner, _ in every):
             if issubclass(part, Part) and part is not type(group) and not built_in(part):
-                own = {leaf.key: leaf for owner, leaf in found if owner is part}
-                check_keys(part, own, [(owner, leaf) for owner, leaf in found if owner is not part])
-        _described[shape] = MappingProxyType({leaf.key: leaf for _, leaf in found})
+                part_leaves = {leaf.key: leaf for owner, leaf in every if owner is part}
+                check_keys(part, part_leaves, [(owner, leaf) for owner, leaf in every if owner is not part])
+        _described[shape] = MappingProxyType({leaf.key: leaf for _, leaf in every})
     return _described[shape]
 
 
@@ -195,9 +195,9 @@ def _shape(group: Any, prefix: str) -> Iterator[Any]:
 def _check_base(slot: Slot, value: Any) -> None:
     """Raise `ConfigurationError` where the value of a part's field is no instance of the part's base."""
     if not (slot.choice and slot.choice.several) and not isinstance(value, slot.hint):
-        given = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+        value_type = f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
         hint = f"; write {value.__name__}()" if isinstance(value, type) and issubclass(value, slot.hint) else ""
-        raise ConfigurationError(f"{slot.key}: must be a {slot.hint.__name__}, not {given}{hint}")
+        raise ConfigurationError(f"{slot.key}: must be a {slot.hint.__name__}, not {value_type}{hint}")
 
 
 def check_keys(part: type, own: Mapping[str, Leaf], others: Iterable[tuple[type, Leaf]]) -> None:
@@ -292,9 +292,9 @@ def owners(group: type, key: str, prefix: str = "") -> tuple[str, tuple[str, ...
     for slot in slots(group, prefix):
         inside = slot.groups(slot.hint)
         if slot.choice:
-            found = slot.key, tuple(part.kind for part in inside if key in describe(part, slot.below))
+            owner = slot.key, tuple(part.kind for part in inside if key in describe(part, slot.below))
         else:
-            found = owners(slot.hint, key, slot.below) if inside else ("", ())
-        if found[1]:
-            return found
+            owner = owners(slot.hint, key, slot.below) if inside else ("", ())
+        if owner[1]:
+            return owner
     return "", ()

@@ -91,13 +91,13 @@ def text_of(defined: ModuleType | type) -> str:
 def modules_of(part: type) -> list[ModuleType]:
     """The modules that define a part, without those of the product."""
     waiting = [sys.modules[base.__module__] for base in part.__mro__ if _counts(base.__module__)]
-    found: dict[str, ModuleType] = {}
+    modules: dict[str, ModuleType] = {}
     while waiting:
         module = waiting.pop()
-        if module.__name__ not in found:
-            found[module.__name__] = module
+        if module.__name__ not in modules:
+            modules[module.__name__] = module
             waiting += _companions(module)
-    return list(found.values())
+    return list(modules.values())
 
 
 def _counts(name: str) -> bool:
@@ -118,8 +118,8 @@ def _beside(other: ModuleType, module: ModuleType) -> bool:
     top = module.__name__.partition(".")[0]
     if other.__name__.partition(".")[0] == top:
         return True
-    theirs, ours = _path(other), _path(module)
-    return theirs is not None and ours is not None and theirs.parent == ours.parent not in _libraries()
+    other_path, path = _path(other), _path(module)
+    return other_path is not None and path is not None and other_path.parent == path.parent not in _libraries()
 
 
 def _path(module: ModuleType) -> Path | None:
@@ -146,24 +146,24 @@ def check_class(part: type) -> None:
     """Raise `ConfigurationError` unless a class is a frozen dataclass with a kind and the methods its base requires."""
     _check_fields(part)
     _check_kind(part)
-    for method, asked in _asked_for(part).items():
-        _check_method(part, method, asked)
+    for method, signature in _asked_for(part).items():
+        _check_method(part, method, signature)
 
 
 def _check_fields(part: type) -> None:
     if not _frozen(part):
         raise ConfigurationError(f"{named(part)}: write @dataclass(frozen=True) right above the class")
-    known, hints = {field.name for field in fields(part)}, _hints(part)
+    names, hints = {field.name for field in fields(part)}, _hints(part)
     for field in OF_THE_CLASS:
-        if field in known:
+        if field in names:
             raise ConfigurationError(f"{named(part)}: {field} must be no field; write {field}: ClassVar = ...")
     for field in inspect.get_annotations(part):
         hint = hints[field]
-        if field not in known and hint is not ClassVar and get_origin(hint) is not ClassVar:
+        if field not in names and hint is not ClassVar and get_origin(hint) is not ClassVar:
             raise ConfigurationError(
                 f"{named(part)}: {field} is no field of it; write @dataclass(frozen=True) right above the class"
             )
-    for field in known:
+    for field in names:
         if is_dataclass(hints[field]) and not _frozen(hints[field]):
             raise ConfigurationError(f"{named(hints[field])}: write @dataclass(frozen=True) right above the class")
 
@@ -212,12 +212,12 @@ def _asked_for(part: type) -> dict[str, Any]:
 def _check_method(part: type, method: str, asked: Any) -> None:
     if not inspect.isfunction(asked):
         return
-    own, wanted = getattr(part, method), list(inspect.signature(asked).parameters)
-    written = f"write def {method}({', '.join(wanted)})"
-    if getattr(own, "__isabstractmethod__", False):
+    function, parameters = getattr(part, method), list(inspect.signature(asked).parameters)
+    written = f"write def {method}({', '.join(parameters)})"
+    if getattr(function, "__isabstractmethod__", False):
         raise ConfigurationError(f"{named(part)}: has no {method}; {written}")
     try:
-        inspect.signature(own).bind(*wanted)
+        inspect.signature(function).bind(*parameters)
     except TypeError:
         raise ConfigurationError(f"{named(part)}: its {method} takes other arguments; {written}") from None
 
@@ -297,10 +297,10 @@ class Registry(Mapping[str, type[PartType]], Generic[PartType]):
             ConfigurationError: the class is no valid part, or its kind is that of another.
         """
         check_class(part)
-        known, before = self._parts.get(part.kind), dict(self._parts)
-        if known is not None and origin(known) != origin(part):
+        namesake, before = self._parts.get(part.kind), dict(self._parts)
+        if namesake is not None and origin(namesake) != origin(part):
             raise ConfigurationError(
-                f"{self.what} '{part.kind}' is {named(known)}; give {named(part)} a kind of its own"
+                f"{self.what} '{part.kind}' is {named(namesake)}; give {named(part)} a kind of its own"
             )
         self._parts[part.kind] = part
         try:

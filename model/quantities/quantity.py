@@ -332,12 +332,12 @@ def nearest(key: str, keys: Iterable[str], count: int = 1) -> list[str]:
     def parts(name: str) -> tuple[str, str]:
         return name.lower(), name.lower().rsplit(".", 1)[-1]
 
-    wanted = [difflib.SequenceMatcher(b=part) for part in parts(key)]
+    matchers = [difflib.SequenceMatcher(b=part) for part in parts(key)]
 
     def likeness(name: str) -> tuple[float, str]:
-        for matcher, part in zip(wanted, parts(name), strict=True):
+        for matcher, part in zip(matchers, parts(name), strict=True):
             matcher.set_seq1(part)
-        return sum(matcher.ratio() for matcher in wanted), name.lower()
+        return sum(matcher.ratio() for matcher in matchers), name.lower()
 
     return heapq.nlargest(count, keys, key=likeness)
 
@@ -348,17 +348,17 @@ NEAR, NEAR_ALONE = 0.5, 0.6
 
 def is_near(key: str, name: str) -> bool:
     """Whether a mistaken key resembles a name so much that it may be meant, or one is the beginning of the other."""
-    (whole, last), (other, others) = ((text.lower(), text.lower().rpartition(".")[2]) for text in (key, name))
-    if last and (others.startswith(last) or last.startswith(others)):
+    (text, last), (other, other_last) = ((text.lower(), text.lower().rpartition(".")[2]) for text in (key, name))
+    if last and (other_last.startswith(last) or last.startswith(other_last)):
         return True
-    alike = difflib.SequenceMatcher(a=others, b=last).ratio()
-    return alike >= NEAR_ALONE or (alike >= NEAR and difflib.SequenceMatcher(a=other, b=whole).ratio() >= NEAR)
+    similarity = difflib.SequenceMatcher(a=other_last, b=last).ratio()
+    return similarity >= NEAR_ALONE or (similarity >= NEAR and difflib.SequenceMatcher(a=other, b=text).ratio() >= NEAR)
 
 
 def meant(name: Any, known: Iterable[str]) -> str:
     """Question whether the nearest of the known names is meant; empty where none is near."""
-    found = next(iter(nearest(str(name), known)), "")
-    return f"did you mean '{found}'?" if found and is_near(str(name), found) else ""
+    suggestion = next(iter(nearest(str(name), known)), "")
+    return f"did you mean '{suggestion}'?" if suggestion and is_near(str(name), suggestion) else ""
 
 
 MOST_LISTED = 24
@@ -449,9 +449,9 @@ def rebuilt(value: Any, element: Callable[[str], Any]) -> Any:
 
     Elements that are NumPy arrays, of many runs, append their axes.
     """
-    found = [element(end) for end in elements(value)]
-    if any(isinstance(item, (ca.SX, ca.MX)) for item in found):
+    items = [element(end) for end in elements(value)]
+    if any(isinstance(item, (ca.SX, ca.MX)) for item in items):
         rows, columns = (*value.shape, 1)[:2]
-        return ca.reshape(ca.vertcat(*found), columns, rows).T
-    stacked = np.array(found, float)
+        return ca.reshape(ca.vertcat(*items), columns, rows).T
+    stacked = np.array(items, float)
     return stacked.reshape(value.shape + stacked.shape[1:])

@@ -104,10 +104,10 @@ def stepped_to_number(part: Any, state: Any, what: str, *inputs: Any) -> tuple[A
 def _given(part: Any, state: Any, inputs: Sequence[Any], gives: str) -> tuple[Any, Any]:
     """Next state, checked to be like the given one, and output of a step."""
     with over_symbols(f"{part.kind}: its step"):
-        given = part.step(state, *inputs)
-    if not isinstance(given, tuple) or len(given) != 2:
-        raise ConfigurationError(f"{part.kind}: its step gives {_word(given)}; must give (state, {gives})")
-    following, output = given
+        pair = part.step(state, *inputs)
+    if not isinstance(pair, tuple) or len(pair) != 2:
+        raise ConfigurationError(f"{part.kind}: its step gives {_word(pair)}; must give (state, {gives})")
+    following, output = pair
     if type(following) is not type(state):
         raise ConfigurationError(
             f"{part.kind}: its step gives {_word(following)} as next state; must be a {type(state).__name__}"

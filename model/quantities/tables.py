@@ -29,10 +29,10 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequenc
     sides = ["right" if column in numbers else "left" for column in range(len(header))]
 
     def cells(tag: str, texts: Sequence[str]) -> str:
-        found = (
+        row = (
             f'<{tag} style="text-align:{side}">{escape(text)}</{tag}>' for side, text in zip(sides, texts, strict=True)
         )
-        return f"<tr>{''.join(found)}</tr>"
+        return f"<tr>{''.join(row)}</tr>"
 
     body = "".join(cells("td", row) for row in rows)
     return f"<table><thead>{cells('th', header)}</thead><tbody>{body}</tbody></table>"

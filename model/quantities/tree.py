@@ -61,13 +61,15 @@ def with_leaves(group: Group, values: Mapping[str, Any], prefix: str = "") -> Gr
         if slot.choice:
             parts = _chosen(slot.choice, inside, values.get(slot.key), slot.below)
             parts = tuple(with_leaves(part, values, slot.below) for part in parts)
-            kept = len(parts) == len(inside) and all(map(is_, parts, inside))
-            changes[slot.field] = value if kept else parts if slot.choice.several else parts[0]
+            unchanged = len(parts) == len(inside) and all(map(is_, parts, inside))
+            changes[slot.field] = value if unchanged else parts if slot.choice.several else parts[0]
         elif inside:
             changes[slot.field] = with_leaves(value, values, slot.below)
         elif not slot.plain and is_array(value):
-            kept = elements(value)
-            changes[slot.field] = rebuilt(value, lambda end, key=slot.key, kept=kept: values.get(key + end, kept[end]))
+            present_elements = elements(value)
+            changes[slot.field] = rebuilt(
+                value, lambda end, key=slot.key, present=present_elements: values.get(key + end, present[end])
+            )
         elif slot.key in values:
             changes[slot.field] = values[slot.key]
     return _changed(group, changes, prefix)
@@ -77,16 +79,16 @@ def either_of(condition: Scalar, group: Group, otherwise: Group) -> Group:
     """One of two groups of the same fields, element by element: `group` where the condition holds."""
     if condition is True:
         return group
-    others = leaves(otherwise)
-    return with_leaves(group, {key: where(condition, value, others[key]) for key, value in leaves(group).items()})
+    alternatives = leaves(otherwise)
+    return with_leaves(group, {key: where(condition, value, alternatives[key]) for key, value in leaves(group).items()})
 
 
 def _chosen(choice: PartChoice, parts: tuple[Part, ...], kinds: Any, below: str) -> Iterator[Part]:
     """Parts of some kinds, new ones with the values they share with the present parts; ``None``: the present kinds."""
-    known = {part.kind: part for part in parts}
-    for kind in known if kinds is None else kinds if choice.several else (kinds,):
-        if kind in known:
-            yield known[kind]
+    classes = {part.kind: part for part in parts}
+    for kind in classes if kinds is None else kinds if choice.several else (kinds,):
+        if kind in classes:
+            yield classes[kind]
         else:
             shared = {key: value for part in parts for key, value in pairs(part, below)}
             yield with_leaves(choice.registry.find(kind)(), shared, below)
@@ -109,22 +111,22 @@ def numbers(group: Any, prefix: str = "") -> dict[str, Any]:
 
     Zeros that shape code (`Mark.SHAPES_CODE_AT_ZERO`) are not included.
     """
-    known = describe_parts(group, prefix)
+    descriptions = describe_parts(group, prefix)
     return {
         key: value
         for key, value in leaves(group, prefix).items()
-        if known[key].is_number and value is not None
-        if present(value) or Mark.SHAPES_CODE_AT_ZERO not in known[key].marks
+        if descriptions[key].is_number and value is not None
+        if present(value) or Mark.SHAPES_CODE_AT_ZERO not in descriptions[key].marks
     }
 
 
 def shape_of(group: Group) -> Group:
     """A group of the same type and code structure with default numbers."""
-    known = describe_parts(group)
-    shaping = {key: value for key, value in leaves(group).items() if known[key].shapes_code}
-    at_zero = {key for key in known if Mark.SHAPES_CODE_AT_ZERO in known[key].marks}
-    given = numbers(group)
-    switched = {key: known[key].some_value if key in given else 0.0 for key in at_zero}
+    descriptions = describe_parts(group)
+    shaping = {key: value for key, value in leaves(group).items() if descriptions[key].shapes_code}
+    at_zero = {key for key in descriptions if Mark.SHAPES_CODE_AT_ZERO in descriptions[key].marks}
+    values = numbers(group)
+    switched = {key: descriptions[key].some_value if key in values else 0.0 for key in at_zero}
     return with_leaves(type(group)(), shaping | switched)
 
 
@@ -137,15 +139,15 @@ def symbols(group: Group, name: str) -> tuple[Group, ca.SX]:
 
 def alike(group: Group) -> Group:
     """A group of the same structure with placeholder numbers, as a cache key for all groups of this structure."""
-    known = describe_parts(group)
-    return with_leaves(group, {key: known[key].some_value for key in numbers(group)})
+    descriptions = describe_parts(group)
+    return with_leaves(group, {key: descriptions[key].some_value for key in numbers(group)})
 
 
 def rules(group: Any, prefix: str = "") -> Iterator[tuple[str, Any, Rule]]:
     """Every rule between values below a group: prefix of its keys, its group, and the rule."""
-    own = own_prefix(type(group), prefix)
+    default_prefix = own_prefix(type(group), prefix)
     for rule in getattr(group, "rules", ()):
-        yield own, group, rule
+        yield default_prefix, group, rule
     for slot in slots(type(group), prefix):
         for inner in () if slot.plain else slot.groups(getattr(group, slot.field)):
             yield from rules(inner, slot.below)
@@ -185,17 +187,17 @@ def validated(leaf: Leaf, value: Any) -> Any:
 def check_values(group: Any, prefix: str = "") -> None:
     """Raise `ConfigurationError` where a value is of the wrong type, out of range, or different in two parts."""
     _check_groups(group, prefix)
-    known = describe_parts(group, prefix)
-    found: dict[str, Any] = {}
+    descriptions = describe_parts(group, prefix)
+    values: dict[str, Any] = {}
     for key, value in pairs(group, prefix, whole=True):
-        leaf = known.get(key)
+        leaf = descriptions.get(key)
         if leaf is None or type(value) is list:  # arrays and lists have no hash, which the cache of code needs
             kind = "an array" if leaf is None else "a list"
             raise ConfigurationError(f"{key}: is {kind}; must be a number, or a tuple of numbers")
         if not leaf.admits(value):
             raise ConfigurationError(f"{key} = {shown(value)}: must be {leaf.wanted}")
-        if found.setdefault(key, value) != value:
-            raise ConfigurationError(f"{key} = {shown(value)}: must be {shown(found[key])}, as another part has it")
+        if values.setdefault(key, value) != value:
+            raise ConfigurationError(f"{key} = {shown(value)}: must be {shown(values[key])}, as another part has it")
 
 
 def _check_groups(group: Any, prefix: str) -> None:

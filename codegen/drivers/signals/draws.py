@@ -50,8 +50,8 @@ def blocks(seed: int, stream: int, first: int, count: int) -> Words:
     """
     numbers = np.arange(first, first + count, dtype=np.uint64)
     low, high = (np.full_like(numbers, part) for part in (stream % 2**32, stream >> 32))
-    drawn = philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32))
-    return np.stack(drawn, axis=-1)
+    words = philox((numbers & WORD, numbers >> np.uint64(32), low, high), (seed % 2**32, seed >> 32))
+    return np.stack(words, axis=-1)
 
 
 def words(seed: int, stream: int, first: int, samples: int) -> Words:

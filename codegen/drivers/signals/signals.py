@@ -144,12 +144,12 @@ class Signals:
 
         The short first table is available soon.
         """
-        first, piece = 0, min(shortest, length)
-        while first < samples:
-            table = np.empty((min(piece, samples - first), len(self.records)))
-            self.fill(table, first)
+        start, piece = 0, min(shortest, length)
+        while start < samples:
+            table = np.empty((min(piece, samples - start), len(self.records)))
+            self.fill(table, start)
             yield table
-            first, piece = first + len(table), min(2 * piece, length)
+            start, piece = start + len(table), min(2 * piece, length)
 
     def fill(self, table: Floats, first: int) -> None:
         """Fill a table with samples, in consecutive pieces, without the global interpreter lock.
@@ -217,9 +217,9 @@ class CompiledFill:
     def in_lanes(self, runs: Sequence[Signals], length: int, samples: int) -> Iterator[Floats]:
         """Samples of at most 16 parallel runs, in tables (samples, signals, runs) of at most `length` samples."""
         sources = self.prepared(np.stack([run.records for run in runs]), np.arange(len(runs)))
-        for first in range(0, samples, length):
-            table = np.empty((min(length, samples - first), len(runs[0].records), len(runs)))
-            self._library.fill(ctypes.byref(sources), first, len(table), table)
+        for start in range(0, samples, length):
+            table = np.empty((min(length, samples - start), len(runs[0].records), len(runs)))
+            self._library.fill(ctypes.byref(sources), start, len(table), table)
             yield table
 
     def prepared(self, records: Records, source: NDArray[np.int64] = ALONE) -> Sources:
@@ -261,7 +261,7 @@ def fill(signals: Records, first: int, table: Floats) -> None:
         first: number of the first sample.
         table: (samples, signals), overwritten.
     """
-    drawn = {NORMAL: _gauss_markov, UNIFORM: _uniform, OUTAGES: _outages}
+    generators = {NORMAL: _gauss_markov, UNIFORM: _uniform, OUTAGES: _outages}
     for column, signal in zip(table.T, signals, strict=True):
         column[:] = 0.0
         if signal["given"]:
@@ -269,28 +269,28 @@ def fill(signals: Records, first: int, table: Floats) -> None:
             address = ctypes.cast(int(signal["given"]) + shift, ctypes.POINTER(ctypes.c_double))
             column[:] = np.ctypeslib.as_array(address, (len(column),))
         if signal["kind"] and len(column):
-            column[:] += drawn[int(signal["kind"])](signal, first, len(column))
+            column[:] += generators[int(signal["kind"])](signal, first, len(column))
 
 
 def _gauss_markov(signal: np.void, first: int, samples: int) -> Floats:
-    drawn = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
+    values = normals(words(int(signal["seed"]), int(signal["stream"]), first, samples))
     sigma, decay, limit = (float(signal[name]) for name in ("sigma", "decay", "limit"))
     fresh = sqrt(1.0 - decay * decay)
     if first == 0 and signal["from_zero"]:
-        drawn[0] *= fresh
+        values[0] *= fresh
     if decay:
-        fed = drawn.tolist()
+        fed = values.tolist()
         start = fed.pop(0) if first == 0 else float(signal["state"])
         states = accumulate(fed, lambda state, draw: decay * state + fresh * draw, initial=start)
-        drawn = np.array(list(states)[-samples:])
-    signal["state"] = drawn[-1]
-    return (sigma * drawn).clip(-limit, limit)
+        values = np.array(list(states)[-samples:])
+    signal["state"] = values[-1]
+    return (sigma * values).clip(-limit, limit)
 
 
 def _uniform(signal: np.void, first: int, samples: int) -> Floats:
-    drawn = uniforms(words(int(signal["seed"]), int(signal["stream"]), first, samples))
-    signal["state"] = drawn[-1]
-    return drawn
+    values = uniforms(words(int(signal["seed"]), int(signal["stream"]), first, samples))
+    signal["state"] = values[-1]
+    return values
 
 
 def _outages(signal: np.void, first: int, samples: int) -> Floats:

@@ -40,13 +40,13 @@ def least_in_box(
     for _ in range(iterations):
         low, high = [side < -0.5 for side in sides], [side > 0.5 for side in sides]
         free = [1 - low[i] - high[i] for i in n]
-        held = [low[i] * lower[i] + high[i] * upper[i] for i in n]
-        slope = [linear[i] + dot(quadratic[i], held) for i in n]
-        moved = _solved_where_free(quadratic, [-free[i] * slope[i] for i in n], free)
-        values = [held[i] + moved[i] for i in n]
-        push = [-(slope[i] + dot(quadratic[i], moved)) for i in n]
-        left = [1.0 * (values[i] > upper[i]) - 1.0 * (values[i] < lower[i]) for i in n]
-        sides = [free[i] * left[i] + high[i] * (push[i] > 0) - low[i] * (push[i] < 0) for i in n]
+        at_bound = [low[i] * lower[i] + high[i] * upper[i] for i in n]
+        slope = [linear[i] + dot(quadratic[i], at_bound) for i in n]
+        step = _solved_where_free(quadratic, [-free[i] * slope[i] for i in n], free)
+        values = [at_bound[i] + step[i] for i in n]
+        push = [-(slope[i] + dot(quadratic[i], step)) for i in n]
+        violation = [1.0 * (values[i] > upper[i]) - 1.0 * (values[i] < lower[i]) for i in n]
+        sides = [free[i] * violation[i] + high[i] * (push[i] > 0) - low[i] * (push[i] < 0) for i in n]
     return values, list(sides)
 
 

@@ -161,8 +161,8 @@ def slope_of_cost(
     count = predicted.weights[:, None]
     of_e = _times((count * predicted.of_position).T, [weights.position * value for value in e])
     of_w = _times((count * predicted.of_speed).T, [weights.speed * value for value in w])
-    beyond = [dot(row, last) for row in at_end]
-    return tuple(sum(values) for values in zip(of_e, of_w, beyond, strict=True))
+    terminal_products = [dot(row, last) for row in at_end]
+    return tuple(sum(values) for values in zip(of_e, of_w, terminal_products, strict=True))
 
 
 def room(predicted: Prediction, a: Scalar, limit: Scalar, rate: Scalar) -> tuple[Column, Column]:
