@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from importlib import import_module
-from importlib.metadata import entry_points
-from importlib.util import find_spec
 from inspect import cleandoc, signature
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +17,7 @@ from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from dualwinch import __version__
+from dualwinch import __version__, extensions
 from dualwinch.codegen.files import WRITTEN
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
@@ -61,27 +59,13 @@ KERNEL_COMMANDS = (
 """Names of the kernel's commands, in the order of the help; each is a function, or an application, in the module of
 its name."""
 
-COMMAND_GROUP = "dualwinch.commands"
-"""Group of the entry points by which toolboxes register their commands: name and function, or application."""
-
 
 def _commands() -> Iterator[tuple[str, Any]]:
-    """Name and function, or application, of every command: those of the kernel, then those of the toolboxes present.
-
-    The metadata of an installation may list toolboxes whose folders have been removed since; these are left out.
-    """
+    """Name and function, or application, of every command: those of the kernel, then those of the toolboxes."""
     for name in KERNEL_COMMANDS:
         yield name, getattr(import_module(f"dualwinch.cli.{name}"), name)
-    for entry in entry_points(group=COMMAND_GROUP):
-        if _is_present(entry.module):
-            yield entry.name, entry.load()
-
-
-def _is_present(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:  # one of its packages
-        return False
+    for entry in extensions.extensions(extensions.COMMANDS):
+        yield entry.name, entry.load()
 
 
 def _take_help(command: App) -> None:
@@ -102,6 +86,9 @@ def _take_help(command: App) -> None:
 
 COMMANDS = dict(_commands())
 """Every command by its name, in the order of the help."""
+
+for entry in extensions.extensions(extensions.EXPORTS):
+    COMMANDS["export"].command(entry.load(), name=entry.name)
 
 for name, command in COMMANDS.items():
     application = command if isinstance(command, App) else App(name=name, default_command=command)

@@ -43,7 +43,7 @@ from dualwinch.cli.output import (
     versions,
 )
 from dualwinch.cli.progress import ProgressLine
-from dualwinch.toolboxes.stress.cli import write_stress
+from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
 
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
@@ -183,7 +183,16 @@ def tune(
             note_papers_machine(given, ensemble, problem.ensemble)
         following = next_line(options.out / "best.toml", ensemble, given)
         run_study(problem, options, line, given.plugin, following)
+        if options.stress:
+            stress_best(options.out, ensemble, seed, given.plugin)
         line.say(f"next: {following}")
+
+
+def stress_best(out: Path, ensemble: str | None, seed: int, plugins: list[str] | None) -> None:
+    """Run the command ``stress`` on the best gains, with the ensemble that they were tuned in as the base."""
+    stress = extension(COMMANDS, "stress", "--stress")
+    base = "none" if ensemble is None else ensemble if ensemble != own_default("stress", "ensemble") else None
+    stress(out / "best.toml", base=base, seed=seed, out=out, given=ExperimentOptions(plugin=plugins))
 
 
 def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
@@ -248,7 +257,6 @@ def run_study(
     from dualwinch.config.folders import made_folder
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.batch.workers import cores
-    from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
     from dualwinch.tuning.optimisers import check_method
     from dualwinch.tuning.scoring.progress import TuningProgress
     from dualwinch.tuning.selection_config import default_method
@@ -261,7 +269,7 @@ def run_study(
     method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
     trials = trials_of(problem, options.trials, seconds, options.rollouts)
     if options.stress:
-        check_stress(problem)
+        extension(FUNCTIONS, "check_stress", "--stress")(problem)
     check_method(method, len(problem.objectives))
     definition, out = definition_of(problem, method), options.out
     for part in definition["parts"]:
@@ -303,11 +311,6 @@ def run_study(
             line.say(f"wrote best.toml, study.json and report.html in {out}")
             if tuned.interrupted:
                 raise KeyboardInterrupt
-            if options.stress:
-                with ProgressLine("robustness margins", command="tune") as progress:
-                    found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
-                terminal(soft_wrap=True).print(repr(found), highlight=False)
-                line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
     return tuned
 
 

@@ -12,10 +12,12 @@ from dualwinch.analysis.preload import preloads
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS, app
 from dualwinch.cli.options import default_of, own_default, stated
-from dualwinch.export import export_c, export_fmu, export_st, generate_c
+from dualwinch.export import export_c, generate_c
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.toolboxes.fmu.export import export_fmu
 from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.plc.export import export_st
 from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.selection_config import SCENARIOS, TRIALS, SelectionConfig

@@ -7,6 +7,7 @@ the PLC's EXP, LN, SIN and COS agree with those of the C library.
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 
@@ -30,6 +31,8 @@ from dualwinch.toolboxes.plc.project import (
     files_of,
     identifier,
 )
+
+TEMPLATES = Path(__file__).parent / "templates"
 
 MAX_OPERATIONS = 20_000
 """Default limit of operations per call: 2 ms at 0.1 µs each."""
@@ -126,7 +129,7 @@ def st_package(
         "silent": 2 * NO_READING,
         "duration": project.duration,
     }
-    return files | {"README.md": templates(precision).get_template("st_README.md.j2").render(facts)}
+    return files | {"README.md": templates(precision, TEMPLATES).get_template("README.md.j2").render(facts)}
 
 
 class _Package:

@@ -22,6 +22,7 @@ from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.config.toml_text import parse_assignment
 from dualwinch.controllers.controller import Controller, controller_function
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
+from dualwinch.extensions import FUNCTIONS, extension
 from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import another
@@ -56,7 +57,6 @@ from dualwinch.toolboxes.race.scores import (
     front,
     scored_runs,
 )
-from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.optimisers import check_method
 from dualwinch.tuning.problem import TuningProblem
@@ -171,7 +171,7 @@ def race(
         entrants[entry.key] = EntryProblem(entry, problem)
     first = next(iter(entrants.values())).problem
     if stress:
-        check_stress(first)
+        extension(FUNCTIONS, "check_stress", "--stress")(first)
     terms = BenchmarkTerms(
         ensemble=drawn.name,
         configuration=configuration(replace(first, experiment=first.paper_experiment)),
@@ -217,6 +217,7 @@ def _problem(
 def least_robust(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
     """The least robustness margins of an experiment's gains, with a problem's ensemble as the base."""
     name = "given"
+    stress_tuned = extension(FUNCTIONS, "stress_tuned", "--stress")
     found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
         return tuple({"label": "none", "size": "", "violated": limit.words} for limit in found.lost.get(name, ()))

@@ -15,18 +15,20 @@ from dualwinch.cli.options import ExperimentOptions, Json, NominalMachine, Whole
 from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
 from dualwinch.cli.simulate import print_result
-from dualwinch.toolboxes.lab.cli.lab import HOST, page_of, server_of
+from dualwinch.extensions import FUNCTIONS, extension
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.experiment import Experiment
     from dualwinch.simulation.results.result import Result
     from dualwinch.toolboxes.server.plant import ServedPlant
     from dualwinch.toolboxes.server.protocols import Protocol
 
+HOST = "127.0.0.1"
+"""Default address: this machine alone."""
+
 INTERVAL = 0.2
 """Time in s between two updates of the progress line."""
 
-SETTINGS = "simulation.server.plant:ServerSettings"
+SETTINGS = "toolboxes.server.plant:ServerSettings"
 """Class with the defaults of the options."""
 
 
@@ -37,7 +39,7 @@ def serve(
     realtime: Annotated[bool, Parameter(negative="--lockstep")] = True,
     rate: Annotated[float | None, default_of(SETTINGS, "rate")] = None,
     host: str = HOST,
-    udp: Annotated[Whole, default_of("simulation.server.plant:PORT")] = None,
+    udp: Annotated[Whole, default_of("toolboxes.server.plant:PORT")] = None,
     modbus: Whole = None,
     opcua: Whole = None,
     allow_write: bool = False,
@@ -106,7 +108,7 @@ def serve(
         write_map(plant, map_)
         wrote(map_)
     try:
-        with shown(plant, experiment, protocols, host, lab=lab):
+        with shown(plant, protocols, host, lab=lab):
             for _ in count() if runs is None else range(runs):
                 result = watched(plant)
                 if result is None:
@@ -142,13 +144,8 @@ def _torques(text: str | None) -> tuple[float, ...] | None:
 
 
 @contextmanager
-def shown(
-    plant: ServedPlant, experiment: Experiment, protocols: Sequence[Protocol], host: str, *, lab: bool
-) -> Iterator[None]:
+def shown(plant: ServedPlant, protocols: Sequence[Protocol], host: str, *, lab: bool) -> Iterator[None]:
     """Serve a plant by its protocols and in the lab, and print the addresses."""
-    from threading import Thread
-
-    from dualwinch.toolboxes.lab.live import live_rows, live_run
     from dualwinch.toolboxes.server.protocols import served
 
     addresses = [f"{host}:{plant.port} (UDP)"]
@@ -158,10 +155,8 @@ def shown(
                 stack.enter_context(served(plant, protocols))
             addresses += [protocol.address for protocol in protocols]
         if lab:
-            server = stack.enter_context(server_of(page_of(live_run(experiment)), 0, live_rows(plant)))
-            Thread(target=server.serve_forever, daemon=True).start()
-            stack.callback(server.shutdown)
-            addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
+            live_page = extension(FUNCTIONS, "live_page", "--lab")
+            addresses.append(f"{stack.enter_context(live_page(plant))} (lab)")
         writing = "clients may write" if plant.settings.may_write else "clients may only read"
         words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
         terminal(stderr=True, soft_wrap=True).print(words, highlight=False)

@@ -131,7 +131,7 @@ def udp_client(block: Block, name: str, provenance: Provenance) -> str:
                 f"the input {variable.name} is not sent by `dualwinch serve`; it sends {', '.join(signals)}"
             )
     return (
-        templates("double")
+        templates("double", Path(__file__).parent / "templates")
         .get_template("udp.c.j2")
         .render(
             block=block,

@@ -172,8 +172,8 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
         Names of the files that were written.
     """
     from dualwinch.codegen.files import write_whole
-    from dualwinch.reports.tuning import show_stress
     from dualwinch.simulation.plots import save
+    from dualwinch.toolboxes.stress.report import show_stress
 
     write_whole(out / "stress.json", json_text(to_record(found)))
     save(found.plot(), out / "stress.svg")

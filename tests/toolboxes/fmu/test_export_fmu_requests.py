@@ -8,9 +8,9 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CompilerNotFoundError
-from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
-from dualwinch.toolboxes.fmu import PLATFORMS, host_platform
+from dualwinch.toolboxes.fmu.build import PLATFORMS, host_platform
+from dualwinch.toolboxes.fmu.export import export_fmu
 from tests.fmus import Instance
 
 

@@ -24,7 +24,7 @@ def excite(
     acceleration: float | None = None,
     torque: float | None = None,
     trials: Annotated[
-        Whole, default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time")
+        Whole, default_of("toolboxes.identification.options:DEFAULTS.excitation.max_trials", words="{} without --time")
     ] = None,
     time: str | None = None,
     seed: Annotated[Whole, default_of("excite", "seed")] = None,

@@ -51,7 +51,7 @@ def identify(
     profile: list[str] | None = None,
     disturbance: Path | None = None,
     unrecorded: Annotated[
-        str | None, default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}")
+        str | None, default_of("toolboxes.identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}")
     ] = None,
     out: Path | None = None,
     plot: Figure = None,

@@ -58,6 +58,9 @@ def lab(*, out: Path | None = None, port: Annotated[int, WHOLE] = 0, browser: Br
 
 HOST = "127.0.0.1"
 
+ADDRESS = "live"
+"""Path of the requests for further rows of a live run, below the page's address."""
+
 PAGES = (".html", ".htm")
 """Suffixes of pages."""
 
@@ -93,7 +96,6 @@ def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | N
     from urllib.parse import parse_qsl, urlsplit
 
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.toolboxes.lab.live import ADDRESS
 
     text = page.encode()
 
