@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from dualwinch import __version__
-from dualwinch.cli.options import ExperimentOptions, default_of, own_default, stated
-from dualwinch.cli.output import print_note, wrote
+from dualwinch.cli.options import Block, ExperimentOptions, Out, default_of, own_default, stated
+from dualwinch.cli.output import wrote_to
 
 if TYPE_CHECKING:
     from dualwinch.simulation.blocks import BlockName
-    from dualwinch.simulation.experiment import Experiment
 
 export = App(
     name="export",
@@ -24,26 +22,6 @@ The code is generated from the functions that `dualwinch simulate` runs, with th
     help_format="plaintext",
     version=__version__,
 )
-
-Block = Literal["controller", "plant", "closed-loop"]
-Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
-
-
-def exported(given: ExperimentOptions, block: str | None = None) -> Experiment:
-    """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
-    from dualwinch.analysis.remarks import in_full, loop_remarks
-    from dualwinch.simulation.experiment import Experiment
-
-    experiment = given.experiment()
-    if block != "plant" and experiment.plant != Experiment().plant:
-        for words in loop_remarks(experiment):
-            print_note(in_full(words, given.typed), stderr=True)
-    return experiment
-
-
-def wrote_to(folder: Path, files: list[Path]) -> None:
-    """Print which files were written to a folder."""
-    wrote(f"{folder}: {', '.join(path.name for path in files)}")
 
 
 @export.command(name="c")
@@ -85,7 +63,7 @@ def export_c(
     from dualwinch.export import generate_c
     from dualwinch.model.errors import ConfigurationError
 
-    experiment = exported(given, block)
+    experiment = given.exported(block)
     if generator == "dualwinch":
         if main or mex or not header:
             raise ConfigurationError("--header, --main and --mex: need --generator casadi")
@@ -108,7 +86,7 @@ def export_mex(*, out: Out, given: ExperimentOptions = ExperimentOptions()) -> N
     """
     from dualwinch.export import export_mex as run
 
-    wrote_to(out, run(exported(given), out))
+    wrote_to(out, run(given.exported(), out))
 
 
 @export.command(name="casadi")
@@ -120,4 +98,4 @@ def export_casadi(*, out: Out, given: ExperimentOptions = ExperimentOptions()) -
     """
     from dualwinch.export import export_casadi as run
 
-    wrote_to(out, run(exported(given), out))
+    wrote_to(out, run(given.exported(), out))

@@ -12,7 +12,7 @@ from importlib import import_module
 from inspect import signature
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
@@ -70,6 +70,11 @@ Figure = Annotated[
         help="File for a figure: .png, .svg or .pdf.", validator=lambda _, file: check_file(file, *FIGURE_SUFFIXES)
     ),
 ]
+
+Block = Literal["controller", "plant", "closed-loop"]
+"""What can be exported."""
+
+Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
 
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
@@ -182,6 +187,17 @@ class ExperimentOptions:
         note_empty(self.config)
         note_left_defaults(found, own | values.keys())
         return found
+
+    def exported(self, block: str | None = None) -> Experiment:
+        """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
+        from dualwinch.analysis.remarks import in_full, loop_remarks
+        from dualwinch.simulation.experiment import Experiment
+
+        experiment = self.experiment()
+        if block != "plant" and experiment.plant != Experiment().plant:
+            for words in loop_remarks(experiment):
+                print_note(in_full(words, self.typed), stderr=True)
+        return experiment
 
     def nominal(self, ensemble: str | None) -> Experiment:
         """The experiment, or the nominal machine of an ensemble with the values of case, file and options.

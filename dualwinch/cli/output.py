@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dualwinch.analysis.idealisations import Idealisation
     from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.simulation.metrics.metric import MetricQuantity
+    from dualwinch.simulation.results.result import Result
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
@@ -266,6 +267,11 @@ def wrote(file: object) -> None:
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
 
 
+def wrote_to(folder: Path, files: Sequence[Path]) -> None:
+    """Print which files were written to a folder."""
+    wrote(f"{folder}: {', '.join(path.name for path in files)}")
+
+
 @contextmanager
 def if_interrupted(words: str) -> Iterator[None]:
     """Let the message of an interrupt say how to go on, in place of which files have been written."""
@@ -293,6 +299,34 @@ def print_idealisations(found: "Sequence[Idealisation]") -> None:
 
     if words := summary(found):
         terminal(soft_wrap=True).print(words, highlight=False)
+
+
+def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
+    """Print outcome, figures of merit and remarks of a run; commands in remarks have the options `typed`.
+
+    With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
+    """
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.analysis.remarks import in_full, remarks
+    from dualwinch.simulation.loop.structure import is_automatic, solver_of
+
+    metrics, simplifications = result.metrics, idealisations(result.experiment)
+    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
+    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
+    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
+    kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
+    if json:
+        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
+        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
+        print_json({**facts, "idealisations": [asdict(one) for one in simplifications], **further})
+        return
+    words = f" ({solver})" if is_automatic(result.experiment) else ""
+    console = terminal()
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
+    console.print(table.render_down())
+    for words in noted:
+        print_note(words)
+    print_idealisations(simplifications)
 
 
 def write_text(file: Path | None, text: Callable[[], str]) -> None:

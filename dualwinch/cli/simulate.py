@@ -7,7 +7,7 @@ import shlex
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from dualwinch.cli.options import (
     WHOLE,
@@ -26,6 +26,7 @@ from dualwinch.cli.output import (
     print_idealisations,
     print_json,
     print_note,
+    print_result,
     styled,
     terminal,
     version_notes,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.result import EnsembleResult
     from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
     from dualwinch.simulation.experiment import EngineName
-    from dualwinch.simulation.results.result import Result
 
 SCENARIOS, SEED = 100, 0
 """Defaults for an ensemble."""
@@ -198,34 +198,6 @@ def simulate_ensemble(
     write_figure(plot, "fan_chart", result)
     if result.partial:
         raise where.interrupt
-
-
-def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
-    """Print outcome, figures of merit and remarks of a run; commands in remarks have the options `typed`.
-
-    With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
-    """
-    from dualwinch.analysis.idealisations import idealisations
-    from dualwinch.analysis.remarks import in_full, remarks
-    from dualwinch.simulation.loop.structure import is_automatic, solver_of
-
-    metrics, found = result.metrics, idealisations(result.experiment)
-    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
-    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
-    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
-    kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
-    if json:
-        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
-        print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
-        return
-    words = f" ({solver})" if is_automatic(result.experiment) else ""
-    console = terminal()
-    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
-    console.print(table.render_down())
-    for words in noted:
-        print_note(words)
-    print_idealisations(found)
 
 
 NO_COMPILER = (

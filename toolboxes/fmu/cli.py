@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from dualwinch.cli.export import Block, exported
-from dualwinch.cli.options import ExperimentOptions, default_of, stated
+from dualwinch.cli.options import Block, ExperimentOptions, default_of, stated
 from dualwinch.cli.output import wrote
 from dualwinch.cli.progress import ProgressLine
 
@@ -39,7 +38,7 @@ def export_fmu(
     """
     from dualwinch.toolboxes.fmu.export import export_fmu as run
 
-    experiment = exported(given, block)
+    experiment = given.exported(block)
     with ProgressLine("generating", command="export", patient=True) as progress:
         words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(block=block, fmi=fmi))
     wrote(words)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from dualwinch.cli.export import Block, Out, exported, wrote_to
-from dualwinch.cli.options import ExperimentOptions, Whole, default_of, stated
+from dualwinch.cli.options import Block, ExperimentOptions, Out, Whole, default_of, stated
+from dualwinch.cli.output import wrote_to
 
 
 def export_st(
@@ -40,6 +40,6 @@ def export_st(
 
     if max_operations is not None and max_operations < 1:
         raise ConfigurationError(f"--max-operations {max_operations}: must be >= 1")
-    experiment = exported(given, block)
+    experiment = given.exported(block)
     options = stated(block=block, precision=precision, flavour=flavour, max_operations=max_operations)
     wrote_to(out, run(experiment, out, **options))

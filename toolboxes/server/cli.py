@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dualwinch.cli.options import ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
-from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
+from dualwinch.cli.output import check_file, print_result, styled, terminal, version_notes, wrote
 from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.simulate import print_result
 from dualwinch.extensions import FUNCTIONS, extension
 
 if TYPE_CHECKING:

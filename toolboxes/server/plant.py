@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.realtime import PacedRun, Pacing
 from dualwinch.codegen.drivers.stepping import SteppedRuns, compile_stepping
-from dualwinch.controllers.estimators.unfiltered import Unfiltered
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import MoveLimits, moves, way_point_motion
 from dualwinch.model.plant import holding_torques
 from dualwinch.model.quantities.description import describe
 from dualwinch.model.quantities.quantity import NONE, Leaf, Positive, Quantity, numbers_of
-from dualwinch.model.quantities.tree import check_values, leaves, shown
+from dualwinch.model.quantities.tree import check_values, leaves, shown, with_leaves
 from dualwinch.model.reference import Reference, cruise_speed
 from dualwinch.model.signals import Signal
 from dualwinch.simulation.exogenous.signals import exogenous_pieces
@@ -424,8 +423,8 @@ def _served(experiment: Experiment) -> Experiment:
         sea = replace(sea, force=Signal(times=(0.0, 1.0), values=(0.0, 0.0), unit="N"))
     if not silence_of(sensors):
         sensors = replace(sensors, outage_length=experiment.simulation.sample_time)
-    controller = replace(experiment.controller, estimator=Unfiltered())
-    return under_command(replace(experiment, controller=controller, disturbance=sea, sensors=sensors), "torques")
+    unfiltered = with_leaves(experiment, {"controller.estimator": "unfiltered"})
+    return under_command(replace(unfiltered, disturbance=sea, sensors=sensors), "torques")
 
 
 @contextmanager

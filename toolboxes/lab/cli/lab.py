@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dualwinch import __version__
 from dualwinch.cli.options import WHOLE
 from dualwinch.cli.output import check_file, terminal, wrote
 from dualwinch.cli.progress import ProgressLine
@@ -72,7 +72,7 @@ def page_of(own: dict[str, Any] | None = None) -> str:
     from dualwinch.toolboxes.lab.content import content
 
     with ProgressLine("building the lab", command="lab", patient=True) as progress:
-        made = content(load_ensemble("rig"), __version__, progress=progress)
+        made = content(load_ensemble("rig"), version("dualwinch"), progress=progress)
     return assemble(made.catalogue, made.modules, own)
 
 
