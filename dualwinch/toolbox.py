@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     # registries of parts by kind
     from dualwinch.model.quantities import part as parts
     # known units, and which of them are the same
-    from dualwinch.model import units
+    from dualwinch.model import units as physical_units
 
     # ---- the machine ----
     # arithmetic over floats and CasADi symbols alike
@@ -61,11 +61,13 @@ if TYPE_CHECKING:
     # a time series that is an input
     from dualwinch.model.signals import Signal
     # load cells and encoders: noise, bias, lag, resolution and silence
-    from dualwinch.simulation import sensors
+    from dualwinch.simulation import sensors as sensing
 
     # ---- controllers ----
     # position law, estimator and coordination with their gains
     from dualwinch.controllers.controller import Controller
+    # the step of a controller as a CasADi function
+    from dualwinch.controllers.controller import controller_function
     # position laws, estimators and coordinations by kind
     from dualwinch.controllers import registry as registries
     # the plant that a controller assumes
@@ -85,7 +87,7 @@ if TYPE_CHECKING:
     # an experiment and the distributions of some of its values
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     # how a value of an ensemble is drawn
-    from dualwinch.simulation.ensembles import ensemble as distributions
+    from dualwinch.simulation.ensembles import ensemble as ensembles
     # an ensemble as TOML, by name or path
     from dualwinch.config import ensemble_file
     # the values that one run of an ensemble has
@@ -95,11 +97,11 @@ if TYPE_CHECKING:
 
     # ---- the closed loop as equations ----
     # parts, integrator, sub-steps and delays of a loop
-    from dualwinch.simulation.loop import structure
+    from dualwinch.simulation.loop import structure as structures
     # the sampled closed loop as functions
     from dualwinch.simulation.loop import closed_loop as loops
     # exogenous signals of a run, and their random streams
-    from dualwinch.simulation.exogenous import signals as exogenous
+    from dualwinch.simulation.exogenous import signals as exogenous_signals
     # commands from outside in place of the controller's
     from dualwinch.simulation import external_commands
     # an experiment with its automatic values filled in; memory that a run needs
@@ -113,13 +115,13 @@ if TYPE_CHECKING:
     # results as files
     from dualwinch.simulation.results import file_formats
     # how runs end
-    from dualwinch.simulation.results import outcomes
+    from dualwinch.simulation.results import outcomes as run_outcomes
     # columns of results, with unit and meaning
-    from dualwinch.simulation import rows as columns
+    from dualwinch.simulation import rows as run_columns
     # figures of merit, with unit, name and formula
     from dualwinch.simulation.metrics import metrics as merits
     # statistics of figures of merit over scenarios
-    from dualwinch.simulation.ensembles import result as statistics
+    from dualwinch.simulation.ensembles import result as merit_statistics
     # confidence intervals of ratios over paired scenarios
     from dualwinch.simulation.ensembles import comparison as intervals
     # many parameters in many scenarios at once
@@ -167,7 +169,7 @@ if TYPE_CHECKING:
     # experiment or ensemble, space, objectives and constraints of a search
     from dualwinch.tuning.problem import TuningProblem
     # bounds on figures of merit and on stability margins
-    from dualwinch.tuning import constraints
+    from dualwinch.tuning import constraints as tuning_constraints
     # searches of gains with one budget, and the scores of their candidates
     from dualwinch.tuning import searching
 

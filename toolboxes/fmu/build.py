@@ -11,11 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import accumulate
 
-from dualwinch.codegen.cache import library
-from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError, installing
-from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.text import c_comment
+from dualwinch.toolbox import code_cache, compilers, errors, language, texts
 from dualwinch.toolboxes.fmu.description import About, build_description, model_description
 from dualwinch.toolboxes.fmu.model import FmuModel, FmuVariable
 
@@ -69,24 +65,24 @@ def host_platform() -> Platform:
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     found = find_platform(f"{machine}-{platform.system().lower()}")
     if found is None:
-        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
+        raise errors.CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
     return found
 
 
-def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
+def compiler_for(wanted: Platform) -> tuple[compilers.Compiler, tuple[str, ...]]:
     """Compiler and flags for a platform: zig if installed, else the machine's compiler for its own platform.
 
     Raises:
         CompilerNotFoundError: zig is not installed and the platform is not this one, or there is no compiler.
     """
     try:
-        zig = find_compiler("zig")
-    except CompilerNotFoundError:
+        zig = compilers.find_compiler("zig")
+    except errors.CompilerNotFoundError:
         if wanted is not host_platform():
-            raise CompilerNotFoundError(
-                f"no compiler for {wanted.name}: it needs zig; run: {installing('zig')}"
+            raise errors.CompilerNotFoundError(
+                f"no compiler for {wanted.name}: it needs zig; run: {errors.installing('zig')}"
             ) from None
-        return find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
+        return compilers.find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
     return replace(zig, command=(*zig.command, "-target", wanted.target)), PORTABLE
 
 
@@ -103,13 +99,13 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
     body = [
         *_definitions(model),
-        c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
+        language.c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
         *((files("dualwinch.toolboxes.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
     token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"
     what = f"{model.block.name}: {model.block.description}; functional mock-up unit, FMI {model.version}.0"
-    heading = f"/* {c_comment(what)} */"
+    heading = f"/* {texts.c_comment(what)} */"
     return "\n".join([heading, f'#define TOKEN "{token}"', *body]), token
 
 
@@ -197,7 +193,7 @@ def build_fmu(
         if progress:
             progress(target.name)
         folder = target.name if model.version == 2 else target.tuple_
-        content[f"binaries/{folder}/{name}{target.suffix}"] = library(source, compiler, flags).read_bytes()
+        content[f"binaries/{folder}/{name}{target.suffix}"] = code_cache.library(source, compiler, flags).read_bytes()
     return content
 
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from dualwinch.cli.options import Block, ExperimentOptions, default_of, stated
-from dualwinch.cli.output import wrote
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 
 def export_fmu(
     *,
     out: Path,
-    block: Annotated[Block | None, default_of("export_fmu", "block")] = None,
-    fmi: Annotated[Literal[2, 3] | None, default_of("export_fmu", "fmi")] = None,
+    block: Annotated[options.Block | None, options.default_of("export_fmu", "block")] = None,
+    fmi: Annotated[Literal[2, 3] | None, options.default_of("export_fmu", "fmi")] = None,
     kind: Literal["co-simulation", "model-exchange", "both"] | None = None,
     platforms: str | None = None,
-    given: ExperimentOptions = ExperimentOptions(),
+    given: options.ExperimentOptions = options.ExperimentOptions(),
 ) -> None:
     """Write a Functional Mock-up Unit: model description, C sources and binaries.
 
@@ -40,5 +38,7 @@ def export_fmu(
 
     experiment = given.exported(block)
     with ProgressLine("generating", command="export", patient=True) as progress:
-        words = run(experiment, out, kind=kind, platforms=platforms, progress=progress, **stated(block=block, fmi=fmi))
-    wrote(words)
+        words = run(
+            experiment, out, kind=kind, platforms=platforms, progress=progress, **options.stated(block=block, fmi=fmi)
+        )
+    output.wrote(words)

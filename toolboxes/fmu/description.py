@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from dualwinch.codegen.text import xml_text
+from dualwinch.toolbox import texts
 from dualwinch.toolboxes.fmu.model import FmuModel, FmuVariable
 
 SI: dict[str, dict[str, int]] = {
@@ -229,6 +229,6 @@ def _value_attributes(signal: FmuVariable) -> dict[str, str]:
 def _text(element: Element) -> bytes:
     """The document, with texts made valid in XML."""
     for inner in element.iter():
-        inner.attrib.update({name: xml_text(value) for name, value in inner.attrib.items()})
+        inner.attrib.update({name: texts.xml_text(value) for name, value in inner.attrib.items()})
     indent(element)
     return tostring(element, encoding="utf-8", xml_declaration=True) + b"\n"

@@ -3,16 +3,18 @@
 from dataclasses import replace
 from os import PathLike
 
-from dualwinch.codegen.export.package import frozen
-from dualwinch.codegen.files import atomic
-from dualwinch.config.folders import check_place
-from dualwinch.export import provenance, symbol
-from dualwinch.model.arguments import path_of
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.blocks import block as block_of
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, no_progress
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Experiment,
+    arguments,
+    export,
+    folders,
+    package,
+    progresses,
+    quantities,
+    whole_files,
+)
+from dualwinch.toolbox import block as block_of
 from dualwinch.toolboxes.fmu.build import PLATFORMS, Platform, archive, build_fmu, find_platform, host_platform
 from dualwinch.toolboxes.fmu.description import About
 from dualwinch.toolboxes.fmu.model import Kind, Version, fmu_model
@@ -35,7 +37,7 @@ def platforms_of(text: str | None) -> tuple[Platform, ...]:
     for name in filter(None, map(str.strip, text.split(","))):
         platform = find_platform(name)
         if platform is None:
-            raise ConfigurationError(f"--platforms: {unknown('platform', name, PLATFORMS, ', or all')}")
+            raise ConfigurationError(f"--platforms: {quantities.unknown('platform', name, PLATFORMS, ', or all')}")
         targets[platform.name] = platform
     return tuple(targets.values())
 
@@ -48,7 +50,7 @@ def export_fmu(
     fmi: Version = 2,
     kind: Kind | None = None,
     platforms: str | None = None,
-    progress: PhaseProgress = no_progress,
+    progress: progresses.PhaseProgress = progresses.no_progress,
 ) -> str:
     """Write an FMU; the request is checked before anything is compiled.
 
@@ -69,16 +71,16 @@ def export_fmu(
             cannot be written.
         DualwinchError: no compiler for a platform.
     """
-    out = path_of("out", out)
+    out = arguments.path_of("out", out)
     if out.suffix.lower() != ".fmu":
         raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
-    check_place(out)
+    folders.check_place(out)
     targets = platforms_of(platforms)
     exported = block_of(block, experiment)
     if kind not in {None, "co-simulation"} and exported.derivative is None:
         raise ConfigurationError(f"--kind {kind}: the {block} is sampled; only the plant can be model-exchange or both")
-    model = fmu_model(replace(frozen(exported, {SAMPLE_TIME}), name=symbol(exported)), fmi, kind)
-    origin = provenance(experiment)
+    model = fmu_model(replace(package.frozen(exported, {SAMPLE_TIME}), name=export.symbol(exported)), fmi, kind)
+    origin = export.provenance(experiment)
     about = About(origin.product, experiment.duration, f"configuration {origin.configuration}")
     files = build_fmu(
         model,
@@ -89,7 +91,7 @@ def export_fmu(
             f"compiling for {name} (the first time for a platform takes up to a minute)",
         ),
     )
-    with atomic(out) as unfinished:
+    with whole_files.atomic(out) as unfinished:
         unfinished.write_bytes(archive(files))
     interfaces = "co-simulation and model exchange" if model.kind == "both" else model.kind
     binaries = ", ".join(target.name for target in targets) or "no binaries"

@@ -10,9 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.block import Block, Variable
-from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.hoist import hoisted_together
+from dualwinch.toolbox import blocks, errors, language
 
 Bools = NDArray[np.bool_]
 
@@ -44,7 +42,7 @@ class FmuFunctions:
     at_start: Bools
 
 
-def functions_of(block: Block) -> FmuFunctions:
+def functions_of(block: blocks.Block) -> FmuFunctions:
     """The functions of a block's FMU."""
     state, given, parameters = (
         ca.SX.sym(name, len(variables))
@@ -74,7 +72,7 @@ def functions_of(block: Block) -> FmuFunctions:
         ca.Function("now", point, [slope, output], names, ["derivatives", "output"], cse),
         ca.Function("start", [parameters], [at_start], ["parameters"], ["state"], cse),
     )
-    derive, (step, now_, start) = hoisted_together(whole, exact=True)
+    derive, (step, now_, start) = language.hoisted_together(whole, exact=True)
     return FmuFunctions(
         derive=derive,
         start=start,
@@ -115,7 +113,7 @@ class FmuVariable:
     name: str
     role: str
     reference: int
-    variable: Variable
+    variable: blocks.Variable
     state: int | None = None
 
 
@@ -129,7 +127,7 @@ class FmuModel:
         version: version of FMI.
     """
 
-    block: Block
+    block: blocks.Block
     kind: Kind
     version: Version
 
@@ -173,10 +171,10 @@ class FmuModel:
                     found.append(FmuVariable(f"der({name})", role, len(found), _rate(variable), of))
                 else:
                     found.append(FmuVariable(name, role, len(found), variable))
-        found.append(FmuVariable("time", "time", len(found), Variable("time", "s", "time", 0.0)))
+        found.append(FmuVariable("time", "time", len(found), blocks.Variable("time", "s", "time", 0.0)))
         twice = [name for name, count in Counter(signal.name for signal in found).items() if count > 1]
         if twice:
-            raise CodegenError(f"two variables of {block.name} are called {twice[0]}")
+            raise errors.CodegenError(f"two variables of {block.name} are called {twice[0]}")
         return tuple(found)
 
     def of(self, role: str) -> tuple[FmuVariable, ...]:
@@ -215,7 +213,7 @@ class FmuModel:
         return dict(sorted(found.items()))
 
 
-def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
+def fmu_model(block: blocks.Block, version: int = 2, kind: str | None = None) -> FmuModel:
     """A block as an FMI model.
 
     Args:
@@ -227,16 +225,16 @@ def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuMod
         CodegenError: an unknown version or kind, or model exchange of a block without derivatives.
     """
     if version not in VERSIONS:
-        raise CodegenError(f"FMI version {version}: must be 2 or 3")
+        raise errors.CodegenError(f"FMI version {version}: must be 2 or 3")
     kind = kind or ("both" if block.derivative is not None else "co-simulation")
     if kind not in FMU_KINDS:
-        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(FMU_KINDS)}")
+        raise errors.CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(FMU_KINDS)}")
     if kind != "co-simulation" and block.derivative is None:
-        raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
+        raise errors.CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
     return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]
 
 
-def _rate(state: Variable) -> Variable:
+def _rate(state: blocks.Variable) -> blocks.Variable:
     """The time derivative of a state."""
     unit = state.unit
     if unit == "1":
@@ -245,4 +243,4 @@ def _rate(state: Variable) -> Variable:
         unit += "^2"
     else:
         unit = f"({unit})/s" if "/" in unit else f"{unit}/s"
-    return Variable(f"der({state.name})", unit, f"time derivative of: {state.description}", 0.0)
+    return blocks.Variable(f"der({state.name})", unit, f"time derivative of: {state.description}", 0.0)

@@ -15,10 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.results.file_formats import plain
-from dualwinch.simulation.results.result import Result
+from dualwinch.toolbox import Experiment, Result, file_formats, leaves
 
 IMPORT = re.compile(r'^import\s*\{([^}]*)\}\s*from\s*"(\.[^"]+)";[ \t]*$', re.MULTILINE)
 EXPORT = re.compile(r"^export\s+((?:async\s+)?function\*?|class|const)\s+(\w+)", re.MULTILINE)
@@ -84,7 +81,7 @@ def own_run(label: str, result: Result) -> dict[str, Any]:
         "label": label,
         "outcome": result.outcome,
         "until": result.end_time,
-        "metrics": plain(dict(result.metrics)),
+        "metrics": file_formats.plain(dict(result.metrics)),
         "columns": {name: encoded(column[::stride]) for name, column in result.columns.items()},
         "units": result.units,
         "settings": differences(result.experiment),
@@ -100,7 +97,7 @@ def differences(experiment: Experiment) -> dict[str, Any]:
     """Values that differ from the paper's Case 2, by key."""
     usual = leaves(Experiment())
     return {
-        key: plain(value)
+        key: file_formats.plain(value)
         for key, value in leaves(experiment).items()
         if isinstance(value, (str, bool, int, float, tuple)) and value != usual.get(key)
     }

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import Experiment
 from dualwinch.toolboxes.lab.assemble import MOST_NUMBERS, differences, encoded
 from dualwinch.toolboxes.lab.cli.lab import ADDRESS, HOST, page_of, server_of
 

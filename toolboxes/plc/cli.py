@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from dualwinch.cli.options import Block, ExperimentOptions, Out, Whole, default_of, stated
-from dualwinch.cli.output import wrote_to
+from dualwinch.toolbox import options, output
 
 
 def export_st(
     *,
-    out: Out,
-    block: Annotated[Block | None, default_of("export_st", "block")] = None,
-    precision: Annotated[Literal["double", "float"] | None, default_of("export_st", "precision")] = None,
+    out: options.Out,
+    block: Annotated[options.Block | None, options.default_of("export_st", "block")] = None,
+    precision: Annotated[Literal["double", "float"] | None, options.default_of("export_st", "precision")] = None,
     flavour: Annotated[
-        Literal["iec", "codesys", "twincat", "siemens-scl"] | None, default_of("export_st", "flavour")
+        Literal["iec", "codesys", "twincat", "siemens-scl"] | None, options.default_of("export_st", "flavour")
     ] = None,
-    max_operations: Annotated[Whole, default_of("export_st", "max_operations")] = None,
-    given: ExperimentOptions = ExperimentOptions(),
+    max_operations: Annotated[options.Whole, options.default_of("export_st", "max_operations")] = None,
+    given: options.ExperimentOptions = options.ExperimentOptions(),
 ) -> None:
     """Write function blocks in Structured Text (IEC 61131-3) for PLCs, PLCopen XML, a README and an example program.
 
@@ -35,11 +34,11 @@ def export_st(
         dualwinch export st --flavour twincat --precision float --out plc
         dualwinch export st --set controller.kind=mpc --max-operations 2000 --out plc
     """
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.toolbox import ConfigurationError
     from dualwinch.toolboxes.plc.export import export_st as run
 
     if max_operations is not None and max_operations < 1:
         raise ConfigurationError(f"--max-operations {max_operations}: must be >= 1")
     experiment = given.exported(block)
-    options = stated(block=block, precision=precision, flavour=flavour, max_operations=max_operations)
-    wrote_to(out, run(experiment, out, **options))
+    choices = options.stated(block=block, precision=precision, flavour=flavour, max_operations=max_operations)
+    output.wrote_to(out, run(experiment, out, **choices))

@@ -3,9 +3,8 @@
 from os import PathLike
 from pathlib import Path
 
-from dualwinch.export import provenance, symbol, write
-from dualwinch.simulation.blocks import block as block_of
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import Experiment, export
+from dualwinch.toolbox import block as block_of
 from dualwinch.toolboxes.plc.structured_text import MAX_OPERATIONS, st_package
 
 
@@ -35,6 +34,6 @@ def export_st(
         ConfigurationError: an unknown block, or a folder that cannot be written to.
         CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
     """
-    made, about = block_of(block, experiment), provenance(experiment)
-    files = st_package(made, symbol(made), about, precision, flavour=flavour, max_operations=max_operations)
-    return write(files, out)
+    made, about = block_of(block, experiment), export.provenance(experiment)
+    files = st_package(made, export.symbol(made), about, precision, flavour=flavour, max_operations=max_operations)
+    return export.write(files, out)

@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.model.quantities.tables import readable_unit
+from dualwinch.toolbox import ConfigurationError, errors, tables
 from dualwinch.toolboxes.server.plant import ServedPlant
 from dualwinch.toolboxes.server.registers import NAMESPACE, Register, registers
 
@@ -48,7 +47,7 @@ class Protocol(ABC):
         try:
             __import__(self.library)
         except ImportError:
-            raise MissingExtraError(self.library, "serve") from None
+            raise errors.MissingExtraError(self.library, "serve") from None
         logging.getLogger(self.library).setLevel(logging.CRITICAL)  # errors of clients are reported to the clients
         self.host, self.port = host, port
 
@@ -250,7 +249,7 @@ class OpcUa(Protocol):
 
         quantity, node_id = register.leaf.quantity, node_at(space, register.name)
         node = await folder.add_variable(node_id, f"{space}:{register.name}", 0.0, ua.VariantType.Double)
-        meaning = f"{quantity.meaning} [{readable_unit(quantity.unit) or '1'}]"
+        meaning = f"{quantity.meaning} [{tables.readable_unit(quantity.unit) or '1'}]"
         text = ua.DataValue(ua.Variant(ua.LocalizedText(meaning), ua.VariantType.LocalizedText))
         await node.write_attribute(AttributeIds.Description, text)
         self._nodes[register.name] = node_id

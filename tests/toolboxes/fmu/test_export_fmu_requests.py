@@ -64,7 +64,7 @@ def test_without_zig_there_are_binaries_for_this_machine_alone(
             raise CompilerNotFoundError
         return find_compiler(wanted)
 
-    monkeypatch.setattr("dualwinch.toolboxes.fmu.build.find_compiler", systems_own)
+    monkeypatch.setattr("dualwinch.codegen.compiler.find_compiler", systems_own)
     other = next(name for name in PLATFORMS if name != host_platform().name)
     with pytest.raises(SystemExit, match="1"):
         main(["export", "fmu", "--platforms", other, "--out", str(tmp_path / "a.fmu")])

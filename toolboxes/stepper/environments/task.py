@@ -8,13 +8,15 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.external_commands import CommandName
-from dualwinch.simulation.paper import CASES, case
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    ensemble_file,
+    external_commands,
+    paper,
+    quantities,
+)
 from dualwinch.toolboxes.stepper.stepper import SENSED, Observation, Stepper
 
 Floats = NDArray[np.float64]
@@ -78,7 +80,7 @@ def weighted(weights: Mapping[str, float]) -> Reward:
     known = [field.name for field in fields(Reward)]
     for name in weights:
         if name not in known:
-            raise ConfigurationError(f"reward: {unknown('weight', name, known)}")
+            raise ConfigurationError(f"reward: {quantities.unknown('weight', name, known)}")
     return Reward(**weights)
 
 
@@ -99,7 +101,7 @@ class Task:
         experiment: Experiment | Ensemble | str,
         lanes: int,
         *,
-        command: CommandName,
+        command: external_commands.CommandName,
         hold: int,
         reward: Reward | Mapping[str, float] | None,
         exact: bool,
@@ -212,8 +214,8 @@ def named(name: str) -> Experiment | Ensemble:
     Raises:
         ConfigurationError: no such case, ensemble or file.
     """
-    cases = {f"case-{number}": number for number in CASES}
-    return case(cases[name]) if name in cases else load_ensemble(name)
+    cases = {f"case-{number}": number for number in paper.CASES}
+    return paper.case(cases[name]) if name in cases else ensemble_file.load_ensemble(name)
 
 
 def with_fresh_noise(given: Experiment | Ensemble) -> Experiment | Ensemble:
@@ -244,7 +246,7 @@ def _bounds(experiment: Experiment) -> dict[str, tuple[float, float]]:
     return {name: by_name[name] for name in SENSED}
 
 
-def _limits(experiment: Experiment, command: CommandName) -> dict[str, tuple[float, float]]:
+def _limits(experiment: Experiment, command: external_commands.CommandName) -> dict[str, tuple[float, float]]:
     limits, plant = experiment.controller.limits, experiment.plant
     if command == "force":
         return {"u": (-limits.force, limits.force)}
