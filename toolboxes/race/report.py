@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from dualwinch.analysis.idealisations import idealisations, summary
-from dualwinch.config.ensemble_file import loads_ensemble
-from dualwinch.reports.page import data_uri, sentence, write_page
+from dualwinch.toolbox import ensemble_file, idealisations, report_page
 from dualwinch.toolboxes.race.comparison import RULE
 from dualwinch.toolboxes.race.result import BenchmarkResult
 
@@ -22,8 +20,10 @@ def write_race_report(path: Path, result: BenchmarkResult, facts: Mapping[str, s
         OSError: the file cannot be written.
     """
     headings, rows = result.table()
-    idealised = summary(idealisations(loads_ensemble(result.terms.configuration).experiment))
-    write_page(
+    idealised = idealisations.summary(
+        idealisations.idealisations(ensemble_file.loads_ensemble(result.terms.configuration).experiment)
+    )
+    report_page.write_page(
         path,
         "race.html.j2",
         Path(__file__).parent / "templates",
@@ -31,9 +31,9 @@ def write_race_report(path: Path, result: BenchmarkResult, facts: Mapping[str, s
         rule=RULE,
         headings=headings,
         rows=rows,
-        notes=[*result.notes(), *([sentence(idealised)] if idealised else [])],
-        picture=data_uri(result.plot()),
-        fronts=data_uri(result.plot_fronts()),
+        notes=[*result.notes(), *([report_page.sentence(idealised)] if idealised else [])],
+        picture=report_page.data_uri(result.plot()),
+        fronts=report_page.data_uri(result.plot_fronts()),
         ablations=result.ablations(),
         stress=result.stress_rows(),
         searches=result.search_rows(),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dualwinch.reports.page import data_uri, template, write_section
+from dualwinch.toolbox import report_page
 from dualwinch.toolboxes.stress.result import RobustnessResult
 
 
@@ -20,11 +20,11 @@ def show_stress(report: Path, result: RobustnessResult) -> bool:
         OSError: the report cannot be written.
     """
     headings, rows = result.table()
-    section = template("stress.html.j2", Path(__file__).parent / "templates").render(
+    section = report_page.template("stress.html.j2", Path(__file__).parent / "templates").render(
         heading=result.heading,
         headings=headings,
         rows=rows,
         notes=result.notes(),
-        picture=data_uri(result.plot()),
+        picture=report_page.data_uri(result.plot()),
     )
-    return write_section(report, "stress", section)
+    return report_page.write_section(report, "stress", section)
