@@ -17,7 +17,7 @@ from dualwinch.tuning.scoring.progress import (
 from dualwinch.tuning.scoring.ranking import Evaluation, undominated
 from dualwinch.tuning.scoring.test_set import TestSet
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import SampleSizes, default_method
+from dualwinch.tuning.selection_config import SCENARIOS, SampleSizes, default_method
 from dualwinch.tuning.space import own_bounds
 from dualwinch.tuning.storage.connection import is_database, shown
 from dualwinch.tuning.storage.opening import join_store
@@ -40,6 +40,7 @@ __all__ = [
     "ESTIMATOR",
     "NO_PROGRESS",
     "REFERENCES",
+    "SCENARIOS",
     "SCORING",
     "SEARCHING",
     "Evaluation",

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
-from importlib import import_module
 from inspect import cleandoc, signature
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +17,18 @@ from typing import Any, NoReturn
 from cyclopts import App, CycloptsError, Parameter
 
 from dualwinch import __version__, extensions
+from dualwinch.cli.certify import certify
+from dualwinch.cli.compare import compare
+from dualwinch.cli.config import config
+from dualwinch.cli.doctor import doctor
+from dualwinch.cli.export import export
+from dualwinch.cli.linearise import linearise
+from dualwinch.cli.preload import preload
+from dualwinch.cli.reproduce import reproduce
+from dualwinch.cli.sensitivities import sensitivities
+from dualwinch.cli.simulate import simulate
+from dualwinch.cli.sweep import sweep
+from dualwinch.cli.tune import tune
 from dualwinch.codegen.files import WRITTEN
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
@@ -42,30 +53,21 @@ Add `--traceback` to any command to see where in the program a failure occurred.
     suppress_keyboard_interrupt=False,
 )
 
-KERNEL_COMMANDS = (
-    "reproduce",
-    "simulate",
-    "sweep",
-    "sensitivities",
-    "linearise",
-    "compare",
-    "tune",
-    "preload",
-    "config",
-    "certify",
-    "export",
-    "doctor",
-)
-"""Names of the kernel's commands, in the order of the help; each is a function, or an application, in the module of
-its name."""
-
-
-def _commands() -> Iterator[tuple[str, Any]]:
-    """Name and function, or application, of every command: those of the kernel, then those of the toolboxes."""
-    for name in KERNEL_COMMANDS:
-        yield name, getattr(import_module(f"dualwinch.cli.{name}"), name)
-    for entry in extensions.extensions(extensions.COMMANDS):
-        yield entry.name, entry.load()
+KERNEL_COMMANDS: dict[str, Any] = {
+    "reproduce": reproduce,
+    "simulate": simulate,
+    "sweep": sweep,
+    "sensitivities": sensitivities,
+    "linearise": linearise,
+    "compare": compare,
+    "tune": tune,
+    "preload": preload,
+    "config": config,
+    "certify": certify,
+    "export": export,
+    "doctor": doctor,
+}
+"""The kernel's commands, in the order of the help: name and function, or application."""
 
 
 def _take_help(command: App) -> None:
@@ -84,11 +86,11 @@ def _take_help(command: App) -> None:
             command.help_epilogue = f"Examples:\n\n{examples}\n"
 
 
-COMMANDS = dict(_commands())
+COMMANDS = KERNEL_COMMANDS | {entry.name: entry.load() for entry in extensions.extensions(extensions.COMMANDS)}
 """Every command by its name, in the order of the help."""
 
 for entry in extensions.extensions(extensions.EXPORTS):
-    COMMANDS["export"].command(entry.load(), name=entry.name)
+    export.command(entry.load(), name=entry.name)
 
 for name, command in COMMANDS.items():
     application = command if isinstance(command, App) else App(name=name, default_command=command)

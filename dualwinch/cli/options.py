@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 import shlex
 import warnings
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from importlib import import_module
 from inspect import signature
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -79,24 +77,27 @@ Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
 
-def own_default(place: str, argument: str = "") -> Any:
-    """The default of a function's argument, or the value of a constant.
+def own_default(source: str | Callable[[], Any], argument: str = "") -> Any:
+    """The default of a function's argument, or a constant.
 
-    The place is a public function such as ``race``, or module and name of a class or constant below ``dualwinch``,
-    such as ``tuning.selection_config:TRIALS``.
+    Args:
+        source: name of a public function, such as ``race``; or a function that imports and returns another one, a
+            dataclass or a constant.
+        argument: of the function, or field of the dataclass; none for a constant.
     """
-    module, _, name = place.rpartition(":")
-    found = attrgetter(name)(import_module(f"dualwinch.{module}".rstrip(".")))
-    return signature(found).parameters[argument].default if argument else found
+    import dualwinch
+
+    value = getattr(dualwinch, source) if isinstance(source, str) else source()
+    return signature(value).parameters[argument].default if argument else value
 
 
-def default_of(place: str, argument: str = "", words: str = "{}") -> Parameter:
+def default_of(source: str | Callable[[], Any], argument: str = "", words: str = "{}") -> Parameter:
     """Show in an option's help the default of the function that gets it; the option itself is None if not given.
 
-    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone. Place
+    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone. Source
     and argument are those of `own_default`, the words a format string with one field.
     """
-    return Parameter(show_default=lambda _: words.format(own_default(place, argument)))
+    return Parameter(show_default=lambda _: words.format(own_default(source, argument)))
 
 
 def stated(**options: Any) -> dict[str, Any]:

@@ -48,9 +48,31 @@ from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
+    from dualwinch.tuning.selection_config import SelectionConfig
 
 METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
+
+
+def default_trials() -> int:
+    """The default number of trials, imported for the help alone."""
+    from dualwinch.tuning.selection_config import TRIALS
+
+    return TRIALS
+
+
+def default_scenarios() -> int:
+    """The default number of scenarios."""
+    from dualwinch.tuning.selection_config import SCENARIOS
+
+    return SCENARIOS
+
+
+def chance_constraint() -> type[SelectionConfig]:
+    """The class with the defaults of the chance constraint."""
+    from dualwinch.tuning.selection_config import SelectionConfig
+
+    return SelectionConfig
 
 
 def usual_methods(_: object) -> str:
@@ -82,9 +104,7 @@ class StudyOptions:
     method: Annotated[str | None, Parameter(help=f"Optimiser: {METHODS}.", show_default=usual_methods)] = None
     trials: Annotated[
         Whole,
-        default_of(
-            "tuning.selection_config:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"
-        ),
+        default_of(default_trials, words="{}, or as many as the gains need, without --time and --rollouts"),
     ] = None
     time: str | None = None
     rollouts: Whole = None
@@ -108,20 +128,16 @@ class StudyOptions:
         return str(self.storage or self.out / "study.journal")
 
 
-SELECTION = "tuning.selection_config:SelectionConfig"
-"""Class with the defaults of the chance constraint."""
-
-
 def tune(
     *,
     given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
-    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    scenarios: Annotated[Whole, default_of(default_scenarios)] = None,
     space: list[str] | None = None,
     objective: list[str] | None = None,
     constraint: list[str] | None = None,
-    violation: Annotated[str | None, default_of(SELECTION, "violation", "{:.1%}")] = None,
-    confidence: Annotated[str | None, default_of(SELECTION, "confidence", "{:.0%}")] = None,
+    violation: Annotated[str | None, default_of(chance_constraint, "violation", "{:.1%}")] = None,
+    confidence: Annotated[str | None, default_of(chance_constraint, "confidence", "{:.0%}")] = None,
     seed: Annotated[int, WHOLE] = 0,
     options: StudyOptions = StudyOptions(),
 ) -> None:
@@ -175,8 +191,8 @@ def tune(
             constraints=constraint,
             scenarios=scenarios,
             seed=seed,
-            violation=share_from(violation, "--violation", own_default(SELECTION, "violation")),
-            confidence=share_from(confidence, "--confidence", own_default(SELECTION, "confidence")),
+            violation=share_from(violation, "--violation", own_default(chance_constraint, "violation")),
+            confidence=share_from(confidence, "--confidence", own_default(chance_constraint, "confidence")),
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)

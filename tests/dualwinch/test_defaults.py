@@ -84,8 +84,8 @@ def test_an_option_has_the_default_of_its_function(command: str) -> None:
 
 def test_the_defaults_that_are_shown_stand_where_they_are_said_to() -> None:
     assert own_default("race", "rollouts") == 30_000
-    assert own_default("tuning.selection_config:TRIALS") == TRIALS
-    shown = default_of("tuning.selection_config:SelectionConfig", "violation", "{:.1%}").show_default
+    assert own_default(lambda: TRIALS) == TRIALS
+    shown = default_of(lambda: SelectionConfig, "violation", "{:.1%}").show_default
     assert callable(shown)
     assert shown(None) == f"{SelectionConfig().violation:.1%}"
     assert stated(a=None, b=0, c=False) == {"b": 0, "c": False}

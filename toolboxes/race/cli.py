@@ -22,6 +22,13 @@ OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch t
 """End of a help text."""
 
 
+def default_scenarios() -> int:
+    """The default number of scenarios of the training set, imported for the help alone."""
+    from dualwinch.toolbox import searching
+
+    return searching.SCENARIOS
+
+
 def race(
     *,
     ensemble: Annotated[str | None, options.default_of("race", "ensemble")] = None,
@@ -35,7 +42,7 @@ def race(
     config: Path | None = None,
     rollouts: Annotated[options.Whole, options.default_of("race", "rollouts")] = None,
     searches: Annotated[options.Whole, options.default_of("race", "searches")] = None,
-    scenarios: Annotated[options.Whole, options.default_of("tuning.selection_config:SCENARIOS")] = None,
+    scenarios: Annotated[options.Whole, options.default_of(default_scenarios)] = None,
     test_scenarios: Annotated[options.Whole, options.default_of("race", "test_scenarios")] = None,
     set_: options.Assignments = None,
     constraint: list[str] | None = None,

@@ -15,7 +15,7 @@ from dualwinch.toolbox import ProgressLine, extensions, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolbox import Result
-    from dualwinch.toolboxes.server.plant import ServedPlant
+    from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
     from dualwinch.toolboxes.server.protocols import Protocol
 
 HOST = "127.0.0.1"
@@ -24,8 +24,19 @@ HOST = "127.0.0.1"
 INTERVAL = 0.2
 """Time in s between two updates of the progress line."""
 
-SETTINGS = "toolboxes.server.plant:ServerSettings"
-"""Class with the defaults of the options."""
+
+def server_settings() -> type[ServerSettings]:
+    """The class with the defaults of the options, imported for the help alone."""
+    from dualwinch.toolboxes.server.plant import ServerSettings
+
+    return ServerSettings
+
+
+def default_port() -> int:
+    """The default port of the datagrams."""
+    from dualwinch.toolboxes.server.plant import PORT
+
+    return PORT
 
 
 def serve(
@@ -33,13 +44,13 @@ def serve(
     given: options.ExperimentOptions = options.ExperimentOptions(),
     ensemble: options.NominalMachine = None,
     realtime: Annotated[bool, Parameter(negative="--lockstep")] = True,
-    rate: Annotated[float | None, options.default_of(SETTINGS, "rate")] = None,
+    rate: Annotated[float | None, options.default_of(server_settings, "rate")] = None,
     host: str = HOST,
-    udp: Annotated[options.Whole, options.default_of("toolboxes.server.plant:PORT")] = None,
+    udp: Annotated[options.Whole, options.default_of(default_port)] = None,
     modbus: options.Whole = None,
     opcua: options.Whole = None,
     allow_write: bool = False,
-    watchdog: Annotated[float | None, options.default_of(SETTINGS, "watchdog")] = None,
+    watchdog: Annotated[float | None, options.default_of(server_settings, "watchdog")] = None,
     safe: str | None = None,
     priority: options.Whole = None,
     runs: options.Whole = None,

@@ -9,6 +9,13 @@ from dualwinch.toolbox import ProgressLine, options, output
 from dualwinch.toolboxes.identification.cli.identify import prior_from
 
 
+def default_max_trials() -> int:
+    """The default of an option, imported for the help alone."""
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    return DEFAULTS.excitation.max_trials
+
+
 def excite(
     *,
     fit: list[str],
@@ -23,9 +30,7 @@ def excite(
     torque: float | None = None,
     trials: Annotated[
         options.Whole,
-        options.default_of(
-            "toolboxes.identification.options:DEFAULTS.excitation.max_trials", words="{} without --time"
-        ),
+        options.default_of(default_max_trials, words="{} without --time"),
     ] = None,
     time: str | None = None,
     seed: Annotated[options.Whole, options.default_of("excite", "seed")] = None,

@@ -13,6 +13,13 @@ if TYPE_CHECKING:
     from dualwinch.toolboxes.identification.result import IdentificationResult
 
 
+def default_max_unrecorded() -> float:
+    """The default of an option, imported for the help alone."""
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    return DEFAULTS.plausibility.max_unrecorded
+
+
 def identify(
     logs: list[Path],
     *,
@@ -29,7 +36,7 @@ def identify(
     disturbance: Path | None = None,
     unrecorded: Annotated[
         str | None,
-        options.default_of("toolboxes.identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}"),
+        options.default_of(default_max_unrecorded, words="{:.0%}"),
     ] = None,
     out: Path | None = None,
     plot: options.Figure = None,
