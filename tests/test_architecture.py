@@ -1,35 +1,42 @@
-"""What may import what, read from the sources: neither files nor sub-packages import in a circle, and folders import
-downwards only. A class name stands once.
+"""The house as its sources have it: what may import what, and what toolboxes use of the kernel.
 
-All imports count, also those inside functions and for type checkers alone. Not read is the stub of `dualwinch` itself,
-the list of all floors' names for users.
+All imports count, also those inside functions, for type checkers alone and by a string. Not read is the stub of
+`dualwinch` itself, the list of all floors' names for users.
 """
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from dualwinch import toolbox
+from dualwinch.simulation import paper
+from dualwinch.simulation.experiment import Experiment
+
 ROOT = Path(__file__).parents[1]
-FLOORS = ("codegen", "model", "controllers", "simulation", "config", "analysis", "tuning", "toolboxes")
-"""Folders at the repository's top that are packages of `dualwinch`, the lowest first."""
-FACE = ("reports", "cli")
-"""`dualwinch`'s own folders, likewise; all stand above the packages of the kernel, and below the toolboxes."""
-ORDER = (*FLOORS[:-1], *FACE, FLOORS[-1])
+FLOORS = ("codegen", "model", "controllers", "simulation", "config", "analysis", "tuning", "dualwinch", "toolboxes")
+"""Folders at the repository's top, the lowest first; all but `dualwinch` are packages of it."""
+PACKAGES = tuple(folder for folder in FLOORS if folder != "dualwinch")
+LIST = "dualwinch.toolbox"
+"""The module with the names of the kernel that toolboxes use."""
+MOST_NAMES = 80
 
 
 @dataclass(frozen=True)
 class Import:
-    """One imported name: in which module, on which line, and its full name."""
+    """One imported name: in which module, on which line, its full name, and whether it is imported by a string."""
 
     module: str
     line: int
     name: str
+    by_string: bool = False
 
     def __str__(self) -> str:
         return f"{self.module}, line {self.line}: imports {self.name}"
@@ -38,20 +45,39 @@ class Import:
 @cache
 def modules() -> dict[str, Path]:
     """Every module of the product, by its name in Python."""
-    found: dict[str, Path] = {}
-    for folder, prefix in [(ROOT / floor, "dualwinch.") for floor in FLOORS] + [(ROOT / "dualwinch", "")]:
-        for path in folder.rglob("*.py"):
-            if folder.name == "dualwinch" and path.relative_to(folder).parts[0] in FLOORS:
+    files: dict[str, Path] = {}
+    for folder in FLOORS:
+        for path in (ROOT / folder).rglob("*.py"):
+            if folder == "dualwinch" and path.relative_to(ROOT / folder).parts[0] in PACKAGES:
                 continue  # the links to the folders at the top
             parts = path.relative_to(ROOT).with_suffix("").parts
-            found[prefix + ".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+            parts = parts[:-1] if parts[-1] == "__init__" else parts
+            files[".".join(parts if folder == "dualwinch" else ("dualwinch", *parts))] = path
+    return files
 
 
-def imports_of(module: str, source: str, *, package: bool) -> Iterator[Import]:
-    """Every import of a module's source; ``from a import b`` is a.b."""
+def by_string(call: ast.Call) -> str:
+    """The module of the product that a call imports by a string, or the beginning of its name; empty for others."""
+    function = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    if function not in {"import_module", "__import__"}:
+        return ""
+    for argument in call.args[:1]:
+        text = argument.values[0] if isinstance(argument, ast.JoinedStr) and argument.values else argument
+        if isinstance(text, ast.Constant) and str(text.value).startswith("dualwinch"):
+            return str(text.value).rstrip(".")
+    return ""
+
+
+@cache
+def syntax(module: str) -> ast.Module:
+    """A module's syntax tree."""
+    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+
+
+def imports_of(module: str, tree: ast.Module, *, package: bool) -> Iterator[Import]:
+    """Every import of a module; ``from a import b`` is a.b."""
     parents = module.split(".") if package else module.split(".")[:-1]
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield Import(module, node.lineno, alias.name)
@@ -60,15 +86,17 @@ def imports_of(module: str, source: str, *, package: bool) -> Iterator[Import]:
             origin = ".".join([*above, *([node.module] if node.module else [])])
             for alias in node.names:
                 yield Import(module, node.lineno, f"{origin}.{alias.name}")
+        elif isinstance(node, ast.Call) and (name := by_string(node)):
+            yield Import(module, node.lineno, name, by_string=True)
 
 
 @cache
 def imports() -> tuple[Import, ...]:
     """Every import of every module."""
     return tuple(
-        found
+        each
         for module, path in modules().items()
-        for found in imports_of(module, path.read_text(encoding="utf-8"), package=path.name == "__init__.py")
+        for each in imports_of(module, syntax(module), package=path.name == "__init__.py")
     )
 
 
@@ -79,19 +107,28 @@ def target(name: str) -> str | None:
     return name or None
 
 
-def floor(module: str) -> int | None:
-    """How high a module stands; None: in `dualwinch` itself, which gives users the names of all floors."""
+def floor(module: str) -> int:
+    """How high a module stands."""
+    package = [*module.split("."), ""][1]
+    return FLOORS.index(package if package in PACKAGES else "dualwinch")
+
+
+def toolbox_of(module: str) -> str:
+    """The toolbox that a module belongs to; empty: the kernel."""
     parts = module.split(".")
-    return ORDER.index(parts[1]) if len(parts) > 1 and parts[1] in ORDER else None
+    return parts[2] if parts[1:2] == ["toolboxes"] and len(parts) > 2 else ""
 
 
-def upward(found: Import) -> bool:
-    """Whether an import goes to a higher floor than its own, or to the face's names for users."""
-    own, other = floor(found.module), target(found.name)
-    if own is None or other is None:
-        return False
-    theirs = floor(other)
-    return theirs > own if theirs is not None else own < len(FLOORS) - 1
+def upward(each: Import) -> bool:
+    """Whether an import goes to a higher floor than its own."""
+    goal = target(each.name)
+    return goal is not None and floor(goal) > floor(each.module)
+
+
+def past_the_list(each: Import) -> bool:
+    """Whether a toolbox imports another toolbox, or a name of the kernel from elsewhere than the list."""
+    goal, own = target(each.name), toolbox_of(each.module)
+    return bool(goal and own) and toolbox_of(goal or "") != own and goal != LIST
 
 
 def circle(dependencies: dict[str, set[str]]) -> list[str]:
@@ -127,59 +164,105 @@ def cycles(dependencies: Mapping[str, set[str]]) -> set[frozenset[str]]:
     }
 
 
-@cache
-def sub_packages() -> dict[str, set[str]]:
-    """What every sub-package imports from others."""
-    found: dict[str, set[str]] = {sub_package(module): set() for module in modules()}
-    for one in imports():
-        imported = target(one.name)
-        if imported and sub_package(imported) != sub_package(one.module):
-            found[sub_package(one.module)].add(sub_package(imported))
-    return found
-
-
 def class_names() -> Counter[str]:
     """How many classes of the product have each name; names that begin with an underscore are a file's own."""
-    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in modules().values())
-    classes = (node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    nodes = (node for module in modules() for node in ast.walk(syntax(module)))
+    classes = (node.name for node in nodes if isinstance(node, ast.ClassDef))
     return Counter(name for name in classes if not name.startswith("_"))
 
 
-def test_sub_packages_do_not_import_in_a_circle() -> None:
-    found = cycles(sub_packages())
-    assert not found, "; ".join(" ↔ ".join(sorted(cycle)) for cycle in found)
+@cache
+def listed() -> dict[str, str]:
+    """Every name of the list, with the comment above its import."""
+    lines = modules()[LIST].read_text(encoding="utf-8").splitlines()
+    meanings: dict[str, str] = {}
+    for above, line in pairwise(lines):
+        if match := re.fullmatch(r"    from [\w.]+ import (?:\w+ as )?(\w+)", line):
+            meanings[match[1]] = above.strip().removeprefix("# ") if above.strip().startswith("# ") else ""
+    return meanings
 
 
-def test_a_class_name_stands_once() -> None:
-    found = {name for name, count in class_names().items() if count > 1}
-    assert not found, ", ".join(sorted(found))
+UNTIL_RESULTS_HOLD_THEIR_FIGURES = {"dualwinch.simulation.results"}
+"""A module that still imports figures by a string: its figures are to stand beside it, then this goes."""
+
+
+def read_imports() -> list[Import]:
+    """All imports but those by a string that are to go."""
+    return [each for each in imports() if not (each.by_string and each.module in UNTIL_RESULTS_HOLD_THEIR_FIGURES)]
 
 
 def test_all_modules_are_read() -> None:
-    found = modules()
-    assert {"dualwinch", "dualwinch.cli.app", "dualwinch.codegen.sampled", "dualwinch.model.linear"} <= set(found)
-    assert {floor(module) for module in found} == {None, *range(len(ORDER))}
-    assert all((ROOT / "dualwinch" / folder).is_dir() for folder in ORDER)
-    assert len(imports()) > 5 * len(found)
+    names = set(modules())
+    assert {"dualwinch", "dualwinch.cli.app", "dualwinch.codegen.sampled", "dualwinch.model.linear", LIST} <= names
+    assert {floor(module) for module in names} == set(range(len(FLOORS)))
+    assert all((ROOT / "dualwinch" / folder).is_dir() for folder in PACKAGES)
+    assert len(imports()) > 5 * len(names)
+
+
+def test_imports_point_down() -> None:
+    assert not [str(each) for each in read_imports() if upward(each)]
+
+
+def test_no_module_is_imported_by_a_string() -> None:
+    """Entry points are loaded by their names, which are not the kernel's."""
+    assert not [str(each) for each in read_imports() if each.by_string]
 
 
 def test_files_do_not_import_in_a_circle() -> None:
     dependencies: dict[str, set[str]] = {module: set() for module in modules()}
-    for found in imports():
-        imported = target(found.name)
-        if imported and imported != found.module:
-            dependencies[found.module].add(imported)
+    for each in read_imports():
+        goal = target(each.name)
+        if goal and goal != each.module:
+            dependencies[each.module].add(goal)
     assert not circle(dependencies), " → ".join(circle(dependencies))
 
 
-def test_imports_point_down() -> None:
-    assert not [str(found) for found in imports() if upward(found)]
+def test_sub_packages_do_not_import_in_a_circle() -> None:
+    dependencies: dict[str, set[str]] = {sub_package(module): set() for module in modules()}
+    for each in read_imports():
+        goal = target(each.name)
+        if goal and sub_package(goal) != sub_package(each.module):
+            dependencies[sub_package(each.module)].add(sub_package(goal))
+    circles = cycles(dependencies)
+    assert not circles, "; ".join(" ↔ ".join(sorted(cycle)) for cycle in circles)
+
+
+def test_a_toolbox_imports_itself_and_the_list_alone() -> None:
+    assert not [str(each) for each in read_imports() if past_the_list(each)]
+
+
+def test_the_list_is_short_and_says_what_each_name_is() -> None:
+    names = listed()
+    assert set(names) == set(toolbox.SOURCES)
+    assert len(names) <= MOST_NAMES
+    assert not [name for name, meaning in names.items() if len(meaning.split()) < 3 or meaning.startswith("-")]
+    assert len(set(names.values())) == len(names)
+
+
+def test_a_name_of_the_list_is_imported_when_first_used() -> None:
+    assert (toolbox.Experiment, toolbox.paper) == (Experiment, paper)
+    assert dir(toolbox) == sorted(listed())
+    with pytest.raises(AttributeError, match="nothing_here"):
+        toolbox.nothing_here  # noqa: B018
+
+
+def test_every_name_of_the_list_is_used() -> None:
+    used = {each.name.removeprefix(f"{LIST}.") for each in imports() if each.name.startswith(f"{LIST}.")}
+    missing_toolboxes = {"fmu", "identification", "lab", "plc", "race", "server", "stepper", "stress"} - {
+        toolbox_of(module) for module in modules()
+    }
+    assert missing_toolboxes or used == set(listed())
+
+
+def test_a_class_name_stands_once() -> None:
+    repeated = {name for name, count in class_names().items() if count > 1}
+    assert not repeated, ", ".join(sorted(repeated))
 
 
 def test_folders_are_imported_by_their_names_in_dualwinch() -> None:
     """Not as ``model``, which a user's own file may be called, and not by a relative name."""
-    tops = {*FLOORS, "benchmarks", "tests"}
-    assert not [str(found) for found in imports() if found.name.split(".")[0] in tops]
+    tops = {*PACKAGES, "benchmarks", "tests"}
+    assert not [str(each) for each in imports() if each.name.split(".")[0] in tops]
     assert not [module for module, path in modules().items() if "\nfrom ." in path.read_text(encoding="utf-8")]
 
 
@@ -192,17 +275,19 @@ def test_folders_are_imported_by_their_names_in_dualwinch() -> None:
         ("from .winch import Winch", "dualwinch.model.winch.Winch"),
         ("from ..codegen import cache", "dualwinch.codegen.cache"),
         ("import model.winch", "model.winch"),
+        ("importlib.import_module('dualwinch.plots')", "dualwinch.plots"),
+        ("import_module(f'dualwinch.cli.{name}')", "dualwinch.cli"),
+        ("__import__('dualwinch.plots')", "dualwinch.plots"),
     ],
 )
-def test_every_kind_of_import_is_found(line: str, name: str) -> None:
-    assert [found.name for found in imports_of("dualwinch.model.vehicle", line, package=False)] == [name]
+def test_every_kind_of_import_is_read(line: str, name: str) -> None:
+    assert [each.name for each in imports_of("dualwinch.model.vehicle", ast.parse(line), package=False)] == [name]
 
 
-def test_a_circle_and_an_import_upwards_are_noticed() -> None:
+def test_circles_and_forbidden_imports_are_noticed() -> None:
     assert cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}) == {frozenset("abc")}
     assert cycles({"a": {"b"}, "b": {"a"}, "c": {"a", "d"}, "d": {"c"}}) == {frozenset("ab"), frozenset("cd")}
-    found = circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})
-    assert "→".join(found) in {"a→b→c→a", "b→c→a→b", "c→a→b→c"}
+    assert "→".join(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) in {"a→b→c→a", "b→c→a→b", "c→a→b→c"}
     assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
     higher, lower = "dualwinch.simulation.simulate", "dualwinch.model.winch"
     assert upward(Import(lower, 1, f"{higher}.simulate"))
@@ -210,3 +295,9 @@ def test_a_circle_and_an_import_upwards_are_noticed() -> None:
     assert upward(Import(lower, 1, "dualwinch.simulate"))
     assert upward(Import("dualwinch.simulation.settings", 1, "dualwinch.cli.tune"))
     assert not upward(Import("dualwinch.cli.tune", 1, "numpy.linalg"))
+    any_toolbox = "dualwinch.toolboxes.lab.live"
+    if any_toolbox in modules():
+        assert upward(Import("dualwinch.cli.tune", 1, f"{any_toolbox}.live_page"))
+    assert past_the_list(Import(any_toolbox, 1, f"{lower}.Winch"))
+    assert not past_the_list(Import(any_toolbox, 1, f"{LIST}.Experiment"))
+    assert not past_the_list(Import("dualwinch.cli.tune", 1, f"{lower}.Winch"))
