@@ -55,9 +55,9 @@ def _check_own(files: Mapping[str, str | bytes], folder: Path) -> None:
     Raises:
         ConfigurationError: one was not.
     """
-    there = {name: (folder / name).read_bytes() for name in files if (folder / name).exists()}
-    generated = [content for content in there.values() if GENERATED.search(content)]
-    for name, content in there.items():
+    contents = {name: (folder / name).read_bytes() for name in files if (folder / name).exists()}
+    generated = [content for content in contents.values() if GENERATED.search(content)]
+    for name, content in contents.items():
         named = Path(name).suffix in WITHOUT_COMMENTS and any(name.encode() in text for text in generated)
         named |= name == VARIABLES and bool(generated)  # CasADi's code stays as it is, and does not name it
         if not (named or content in generated):
@@ -111,13 +111,13 @@ def export_c(
             that cannot be written to.
         CodegenError: a controller with inputs that a served plant does not send.
     """
-    made, origin = block_of(block, experiment), provenance(experiment)
-    files = c_package(made, symbol(made), origin, precision, freeze=freeze)
+    exported, origin = block_of(block, experiment), provenance(experiment)
+    files = c_package(exported, symbol(exported), origin, precision, freeze=freeze)
     if udp:
         if block != "controller":
             raise ConfigurationError(f"udp: must be off for the {block}; only a controller can be connected")
         udp_client = extensions.extension(extensions.FUNCTIONS, "udp_client", "--udp")
-        files["udp.c"] = udp_client(frozen(made) if freeze else made, symbol(made), origin)
+        files["udp.c"] = udp_client(frozen(exported) if freeze else exported, symbol(exported), origin)
     return write(files, out)
 
 
@@ -155,9 +155,9 @@ def generate_c(
     if isinstance(source, ca.Function):
         files = generated_c({source.name(): source}, source.name(), header=header, main=main, mex=mex)
     else:
-        made = [block_of(name, source) for name in blocks]
-        files = generated_c(functions_of_blocks(made), "dualwinch", header=header, main=main, mex=mex)
-        files |= {VARIABLES: variables_of(made)}
+        exported = [block_of(name, source) for name in blocks]
+        files = generated_c(functions_of_blocks(exported), "dualwinch", header=header, main=main, mex=mex)
+        files |= {VARIABLES: variables_of(exported)}
     return write(files, folder)
 
 

@@ -183,8 +183,8 @@ def _kept(written: list[Path]) -> str:
     """What an interrupted command leaves behind."""
     if not written:
         return "nothing was written"
-    others = f" and {len(written) - 1} more" if len(written) > 1 else ""
-    return f"{written[0]}{others} had been written before, and {'are' if others else 'is'} complete"
+    remainder = f" and {len(written) - 1} more" if len(written) > 1 else ""
+    return f"{written[0]}{remainder} had been written before, and {'are' if remainder else 'is'} complete"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -201,9 +201,9 @@ def main(arguments: list[str] | None = None) -> None:
     written: list[Path] = []
     WRITTEN.set(written)
     try:
-        wanted = [word for word in words if word != TRACEBACK]
+        command = [word for word in words if word != TRACEBACK]
         with _warnings_in_a_line():
-            app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
+            app(command, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)

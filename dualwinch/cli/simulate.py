@@ -107,8 +107,8 @@ def simulate(
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
         simulate_one(given, stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
         return
-    for name, wanted in (("stride", stride != 1), ("animate", animate)):
-        if wanted:
+    for name, requested in (("stride", stride != 1), ("animate", animate)):
+        if requested:
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
@@ -234,18 +234,18 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
-    found = idealisations(experiment)
-    columns = [FigureColumn.of(*known) for known in metric_quantities(experiment.metrics).items()]
+    simplifications = idealisations(experiment)
+    columns = [FigureColumn.of(*metric) for metric in metric_quantities(experiment.metrics).items()]
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
     table = FigureTable("statistics", [FigureColumn("statistic", "", words=kinds), *columns], rows)
     completed = result.outcome_counts.get("completed", 0)
-    said = ensemble_remarks(experiment, statistics, completed=completed == len(result))
-    noted = [in_full(words, typed) for words in said]
+    remarks = ensemble_remarks(experiment, statistics, completed=completed == len(result))
+    noted = [in_full(words, typed) for words in remarks]
     if json:
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
-        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in found]}
+        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in simplifications]}
         print_json({**facts, "units": table.record()["units"], "statistics": statistics})
         return
     console = terminal()
@@ -260,4 +260,4 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
         console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
     for words in noted:
         print_note(words)
-    print_idealisations(found)
+    print_idealisations(simplifications)

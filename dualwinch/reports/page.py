@@ -61,8 +61,8 @@ def write_section(report: Path, name: str, content: str) -> bool:
     """
     if not report.is_file():
         return False
-    before, begin, rest = report.read_text(encoding="utf-8").partition(f"<!-- {name}: begin -->")
-    _, end, after = rest.partition(f"<!-- {name}: end -->")
+    before, begin, remainder = report.read_text(encoding="utf-8").partition(f"<!-- {name}: begin -->")
+    _, end, after = remainder.partition(f"<!-- {name}: end -->")
     if not (begin and end):
         return False
     write_whole(report, f"{before}{begin}\n{content}{end}{after}")

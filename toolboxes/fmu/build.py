@@ -53,7 +53,7 @@ PLATFORMS = {
 
 def find_platform(name: str) -> Platform | None:
     """The platform of a name in FMI 2 or FMI 3; None if unknown."""
-    return next((known for known in PLATFORMS.values() if name in {known.name, known.tuple_}), None)
+    return next((entry for entry in PLATFORMS.values() if name in {entry.name, entry.tuple_}), None)
 
 
 def host_platform() -> Platform:
@@ -63,10 +63,10 @@ def host_platform() -> Platform:
         CodegenError: it is no platform of an FMU.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    found = find_platform(f"{machine}-{platform.system().lower()}")
-    if found is None:
+    platform_here = find_platform(f"{machine}-{platform.system().lower()}")
+    if platform_here is None:
         raise errors.CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
-    return found
+    return platform_here
 
 
 def compiler_for(wanted: Platform) -> tuple[compilers.Compiler, tuple[str, ...]]:
@@ -112,16 +112,16 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
 def _definitions(model: FmuModel) -> list[str]:
     """Sizes as macros; names, start values and ranges of all variables; outputs with direct feedthrough."""
     counts, signals = {role: len(model.of(role)) for role in ROLES}, model.signals
-    held = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
+    input_use = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
     macros: dict[str, object] = {}
-    for (role, count), first in zip(counts.items(), accumulate(counts.values(), initial=0), strict=False):
-        macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": first}
+    for (role, count), offset in zip(counts.items(), accumulate(counts.values(), initial=0), strict=False):
+        macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": offset}
     macros |= {
         "DERIVED": model.functions.derive.numel_out("derived"),
         "TIME": len(signals) - 1,
         "VARIABLES": len(signals),
         "HAS_DERIVATIVES": int(counts["derivative"] > 0),
-        "HAS_HELD": int(any(held)),
+        "HAS_HELD": int(any(input_use)),
         "SAMPLE_TIME": repr(model.block.sample_time),
         "MODEL_IDENTIFIER": model.block.name,
         "OFFERS_MODEL_EXCHANGE": int(model.flows),
@@ -135,7 +135,7 @@ def _definitions(model: FmuModel) -> list[str]:
         _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in signals]),
         _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in signals]),
         *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
-        _table("int held", "OUTPUTS", [str(each) for each in held]),
+        _table("int held", "OUTPUTS", [str(each) for each in input_use]),
     ]
 
 

@@ -169,8 +169,8 @@ def _listed(model: FmuModel) -> tuple[FmuVariable, ...]:
     Derivatives only with model exchange, states of the integrator only with co-simulation.
     """
     continuous = {signal.state for signal in model.of("derivative")}
-    shown = {"derivative": model.flows, "state": model.steps}
-    return tuple(signal for signal in model.signals if shown.get(signal.role, True) or signal.reference in continuous)
+    visible = {"derivative": model.flows, "state": model.steps}
+    return tuple(signal for signal in model.signals if visible.get(signal.role, True) or signal.reference in continuous)
 
 
 def _interfaces(model: FmuModel) -> list[tuple[str, dict[str, str]]]:
@@ -202,11 +202,11 @@ def _role_attributes(signal: FmuVariable) -> dict[str, str]:
     """Name, value reference, description, and the role in FMI's terms."""
     causality, variability, initial = CAUSALITY[signal.role]
     variable = signal.variable
-    beyond = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
+    exclusion = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
     attributes = {
         "name": signal.name,
         "valueReference": str(signal.reference),
-        "description": variable.description + beyond,
+        "description": variable.description + exclusion,
         "causality": causality,
         "variability": variability,
     }

@@ -49,9 +49,9 @@ def _add(path: Path, scopes: dict[Path, str], instead: Mapping[Path, Path], abov
     body = IMPORT.sub(lambda match: f"const {{{match[1].replace(' as ', ': ')}}} = {_scope(needed[match[2]])};", text)
     names = [match[2] for match in EXPORT.finditer(body)]
     body = EXPORT.sub(r"\1 \2", body)
-    left = re.search(r"^(import|export)\b.*", body, re.MULTILINE)
-    if left:
-        raise ValueError(f"{path.name}: cannot bundle {left[0]!r}")
+    remainder = re.search(r"^(import|export)\b.*", body, re.MULTILINE)
+    if remainder:
+        raise ValueError(f"{path.name}: cannot bundle {remainder[0]!r}")
     scopes[path] = f"const {_scope(path)} = (() => {{\n{body.strip()}\nreturn {{{', '.join(names)}}};\n}})();"
 
 
@@ -127,15 +127,15 @@ def assemble(
         run: the user's run (`own_run`), shown beside the page's.
         engine: the JavaScript module that runs the WebAssembly.
     """
-    instead = {ENGINE: engine}
+    replacements = {ENGINE: engine}
     parts = {
         "style": "\n".join(path.read_text(encoding="utf-8") for path in STYLES),
         "libraries": "\n".join(path.read_text(encoding="utf-8") for path in LIBRARIES),
         "catalogue": _json(catalogue),
         "modules": _json(_packed(modules)),
         "run": _json(run),
-        "worker": UNPACKER.read_text(encoding="utf-8") + bundle(PAGE / "worker.js", instead),
-        "main": bundle(PAGE / "main.js", instead),
+        "worker": UNPACKER.read_text(encoding="utf-8") + bundle(PAGE / "worker.js", replacements),
+        "main": bundle(PAGE / "main.js", replacements),
     }
     page = (PAGE / "index.html").read_text(encoding="utf-8")
     return re.sub(r"/\* (\w+) \*/", lambda match: parts[match[1]].replace("</script", "<\\/script"), page)

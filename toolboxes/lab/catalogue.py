@@ -64,18 +64,18 @@ def described(structure: LabStructure, rig: Ensemble) -> dict[str, dict[str, Any
         structure: of the lab.
         rig: an ensemble of real machines; it gives the ranges of imperfections that the paper's machine lacks.
     """
-    known = structure.module.described
-    return {key: _key_entry(key, known[key], structure, rig) for key in structure.module.keys}
+    descriptions = structure.module.described
+    return {key: _key_entry(key, descriptions[key], structure, rig) for key in structure.module.keys}
 
 
 def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
     """Key → its entry in the catalogue, for every choice in which structures differ, with the options' labels."""
-    usual, found = structures[0], {}
+    usual, entries = structures[0], {}
     for key, default in usual.settings:
         leaf = description.describe_parts(usual.experiment)[key]
         options = list(dict.fromkeys(structure.chosen[key] for structure in structures))
         registry = REGISTRIES.get(key)
-        found[key] = {
+        entries[key] = {
             "unit": leaf.quantity.unit,
             "meaning": leaf.quantity.meaning,
             "source": leaf.quantity.source,
@@ -85,7 +85,7 @@ def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
             "choices": options,
             "labels": [registry.find(option).label if registry else str(option).lower() for option in options],
         }
-    return found
+    return entries
 
 
 def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
@@ -243,15 +243,15 @@ def cases(usual: LabStructure, offered: Sequence[LabStructure] = ()) -> list[dic
     ]
     machines = {one.machine: one for one in reversed(offered) if one.machine}
     begun += [(f"case-{name}", f"Case 4 on the nominal machine of '{name}'", one) for name, one in machines.items()]
-    found = []
+    entries = []
     for name, label, there in begun:
         values = {key: default_of(key, there) for key in (there if there.machine else usual).module.keys}
-        known = leaves(usual.experiment)
-        changed = {key: value for key, value in values.items() if value != number_of(key, known)}
+        usual_values = leaves(usual.experiment)
+        changed = {key: value for key, value in values.items() if value != number_of(key, usual_values)}
         structure = there.id if there.machine else usual.id
         steady = list(there.experiment.steady_window)
-        found.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
-    return found
+        entries.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
+    return entries
 
 
 def reproduced() -> dict[str, dict[str, dict[str, float]]]:
@@ -318,9 +318,11 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
     keys: dict[str, dict[str, Any]] = {}
     entries = []
     for structure in structures:
-        own = described(structure, rig)
-        keys |= {key: entry for key, entry in own.items() if key not in keys}
-        differing = {key: entry["default"] for key, entry in own.items() if entry["default"] != keys[key]["default"]}
+        descriptions = described(structure, rig)
+        keys |= {key: entry for key, entry in descriptions.items() if key not in keys}
+        differing = {
+            key: entry["default"] for key, entry in descriptions.items() if entry["default"] != keys[key]["default"]
+        }
         entries.append(_structure_entry(structure, differing))
     return {
         "version": version,

@@ -83,13 +83,13 @@ def content(
 
 
 def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progress: progresses.Progress) -> Content:
-    found = {}
+    modules_by_id = {}
     for structure, code in zip(offered, modules(structure.module for structure in offered), strict=True):
-        found[structure.id] = code
-        progress(len(found) / (len(offered) + 1))
+        modules_by_id[structure.id] = code
+        progress(len(modules_by_id) / (len(offered) + 1))
     described = catalogue(offered, rig, version)
     progress(1.0)
-    return Content(described, found)
+    return Content(described, modules_by_id)
 
 
 def _sources() -> str:
@@ -103,8 +103,8 @@ def _sources() -> str:
 
 
 def _read(file: Path) -> Content:
-    kept = json.loads(gzip.decompress(file.read_bytes()))
-    return Content(kept["catalogue"], {name: base64.b64decode(code) for name, code in kept["modules"].items()})
+    record = json.loads(gzip.decompress(file.read_bytes()))
+    return Content(record["catalogue"], {name: base64.b64decode(code) for name, code in record["modules"].items()})
 
 
 def _write(file: Path, made: Content) -> None:

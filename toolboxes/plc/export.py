@@ -34,6 +34,8 @@ def export_st(
         ConfigurationError: an unknown block, or a folder that cannot be written to.
         CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
     """
-    made, about = block_of(block, experiment), export.provenance(experiment)
-    files = st_package(made, export.symbol(made), about, precision, flavour=flavour, max_operations=max_operations)
+    exported, about = block_of(block, experiment), export.provenance(experiment)
+    files = st_package(
+        exported, export.symbol(exported), about, precision, flavour=flavour, max_operations=max_operations
+    )
     return export.write(files, out)

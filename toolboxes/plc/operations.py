@@ -142,8 +142,8 @@ class StructuredText(language.Style):
 
 def work_variables(statements: Sequence[str]) -> list[str]:
     """The work variables of some statements, by their numbers."""
-    found = {name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line)}
-    return sorted(found, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
+    names = {name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line)}
+    return sorted(names, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
 
 
 def floor_function(style: StructuredText) -> tuple[str, list[str]]:

@@ -38,8 +38,8 @@ def identifier(name: str, flavour: Flavour = "iec") -> str:
     """A valid name in IEC 61131-3: ASCII, no double or final underscore; a keyword gets the suffix ``_value``."""
     plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).rstrip("_")
     plain = plain if re.match(r"[A-Za-z_]", plain) else f"n{plain}"
-    taken = KEYWORDS if flavour == "iec" else KEYWORDS | INSTRUCTIONS
-    return f"{plain}_value" if plain.lower() in taken else plain
+    reserved = KEYWORDS if flavour == "iec" else KEYWORDS | INSTRUCTIONS
+    return f"{plain}_value" if plain.lower() in reserved else plain
 
 
 def comment(text: object) -> str:

@@ -64,8 +64,10 @@ class OperationCount:
 def operation_count(function: ca.Function) -> OperationCount:
     """Count the operations of a function of SX expressions, without constants and copies."""
     idle = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    every = Counter(made.operation for made in language.instructions(function) if made.operation not in idle)
-    kinds = {kind: sum(every.pop(operation, 0) for operation in kept) for kind, kept in COUNTED.items()}
+    every = Counter(
+        instruction.operation for instruction in language.instructions(function) if instruction.operation not in idle
+    )
+    kinds = {kind: sum(every.pop(operation, 0) for operation in operations) for kind, operations in COUNTED.items()}
     return OperationCount(kinds | {"comparisons and choices": sum(every.values())})
 
 
@@ -94,31 +96,31 @@ def st_package(
     """
     if precision not in language.PRECISIONS:
         raise errors.CodegenError(f"unknown precision '{precision}': must be {' or '.join(language.PRECISIONS)}")
-    known: dict[str, Flavour] = {name: name for name in FLAVOURS}
-    chosen = known.get(flavour)
-    if chosen is None:
+    dialects: dict[str, Flavour] = {name: name for name in FLAVOURS}
+    dialect = dialects.get(flavour)
+    if dialect is None:
         raise errors.CodegenError(f"unknown flavour '{flavour}': must be {' or '.join(FLAVOURS)}")
-    made = _Package(block, name, provenance, precision, chosen)
-    count = operation_count(made.apart.step)
+    writer = _Package(block, name, provenance, precision, dialect)
+    count = operation_count(writer.apart.step)
     if count.total > max_operations:
         raise errors.CodegenError(
             f"{block.name}: {count.total} operations per call; must be <= {max_operations} (--max-operations)"
         )
-    project = made.project()
-    files = files_of(project, chosen)
+    project = writer.project()
+    files = files_of(project, dialect)
     if flavour != "siemens-scl":
-        files[f"{name}.xml"] = plcopen_xml(project, chosen)
+        files[f"{name}.xml"] = plcopen_xml(project, dialect)
     facts = {
         "block": block,
         "name": name,
         "provenance": provenance,
         "flavour": flavour,
-        "real": made.style.real,
+        "real": writer.style.real,
         "files": tuple(files),
         "step": count,
-        "prepare": operation_count(made.apart.derive),
-        "numbers": made.numbers(project),
-        "identifier": made.named,
+        "prepare": operation_count(writer.apart.derive),
+        "numbers": writer.numbers(project),
+        "identifier": writer.named,
         "silent": 2 * blocks.NO_READING,
         "duration": project.duration,
     }
@@ -196,7 +198,7 @@ class _Package:
     def _structures(self) -> tuple[Structure, ...]:
         block, name, real = self.block, self.name, self.style.real
         derived, lost = self.apart.derived, self.apart.lost
-        kept = [PlcVariable(self.named(variable), real) for variable in self.apart.kept]
+        members = [PlcVariable(self.named(variable), real) for variable in self.apart.kept]
         follows = PlcVariable("derived", f"ARRAY[0..{derived - 1}] OF {real}", "", "derived from parameters")
         valid = PlcVariable("valid", "BOOL", "FALSE", "whether this has been prepared")
         took = PlcVariable("lost", f"ARRAY[0..{lost - 1}] OF {real}", "", "rounding errors of sums")
@@ -210,7 +212,7 @@ class _Package:
             ),
             Structure(
                 f"{name}_prepared",
-                (*kept, *([follows] if derived else []), valid),
+                (*members, *([follows] if derived else []), valid),
                 f"Values for a sample that depend on the parameters alone, computed by {name}_prepare.",
             ),
             Structure(f"{name}_output", tuple(map(self._variable, block.outputs)), "Outputs."),
@@ -232,12 +234,12 @@ class _Package:
             "output": ("next.output.", block.outputs),
         }
         arrays = {"lost": "state.lost", "next_lost": "next.lost", "derived": "prepared.derived"}
-        first = vectors | {"parameters": ("own.", block.parameters), "output": ("state.output.", block.outputs)}
-        given = {"parameters": ("parameters.", block.parameters)}
+        initial = vectors | {"parameters": ("own.", block.parameters), "output": ("state.output.", block.outputs)}
+        parameter_vectors = {"parameters": ("parameters.", block.parameters)}
         return (
             package.of_structures(vectors, arrays, self.named),
-            package.of_structures(first, {"derived": "own.derived"}, self.named),
-            package.of_structures(given, {"derived": "prepared.derived"}, self.named),
+            package.of_structures(initial, {"derived": "own.derived"}, self.named),
+            package.of_structures(parameter_vectors, {"derived": "prepared.derived"}, self.named),
         )
 
     def _work(self, lines: Sequence[str]) -> tuple[PlcVariable, ...]:
@@ -261,7 +263,10 @@ class _Package:
         body = [
             *self._finite([f"parameters.{self.named(variable)}" for variable in block.parameters]),
             "IF finite THEN",
-            *(f"  prepared.{self.named(kept)} := parameters.{self.named(kept)};" for kept in self.apart.kept),
+            *(
+                f"  prepared.{self.named(parameter)} := parameters.{self.named(parameter)};"
+                for parameter in self.apart.kept
+            ),
             *derive,
             "  prepared.valid := TRUE;",
             "  status := 0;",
@@ -309,7 +314,7 @@ class _Package:
         block, name = self.block, self.name
         start = self._start()
         outputs = [self.named(variable) for variable in block.outputs]
-        rest = [f"state.output.{self.named(out)} := {self.style.number(out.start)};" for out in block.outputs]
+        start_values = [f"state.output.{self.named(out)} := {self.style.number(out.start)};" for out in block.outputs]
         lost = [f"state.lost[{k}] := {self.style.number(0)};" for k in range(self.apart.lost)]
         call = "sample(state := state, now := now, prepared := own, next := next);"
         body = [
@@ -322,7 +327,7 @@ class _Package:
             "END_IF;",
             "(* the state before the first sample *)",
             "IF reset OR NOT started THEN",
-            *(f"  {line}" for line in (*rest, *lost)),
+            *(f"  {line}" for line in (*start_values, *lost)),
             *(f"  state.{self.named(each)} := {self.style.number(each.start)};" for each in block.states),
             "  IF own.valid THEN",
             *(f"    {line.strip()}" for line in start),
@@ -358,7 +363,7 @@ class _Package:
             "IF status <> 0 THEN",
             *(f"  {line}" for line in self._finite([f"state.output.{each}" for each in outputs])),
             "  IF NOT finite THEN",
-            *(f"    {line}" for line in rest),
+            *(f"    {line}" for line in start_values),
             "  END_IF;",
             "END_IF;",
             *(f"{each} := state.output.{each};" for each in outputs),
@@ -453,9 +458,9 @@ def _elements(kind: str, of_structure: dict[str, int]) -> int:
 
 def _check_names(owner: str, groups: Iterable[Sequence[PlcVariable]]) -> None:
     """Raise `CodegenError` for names that differ only in case."""
-    seen: dict[str, str] = {}
+    names: dict[str, str] = {}
     for variable in (each for group in groups for each in group):
-        other = seen.setdefault(variable.name.lower(), variable.name)
+        other = names.setdefault(variable.name.lower(), variable.name)
         if other is not variable.name:
             raise errors.CodegenError(
                 f"{owner}: no Structured Text with both '{other}' and '{variable.name}'; rename one"

@@ -237,8 +237,8 @@ def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
         console.print(words, highlight=False)
     if plant.settings.lockstep:
         return
-    late = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
+    lateness = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
     counted = f"{timing['missed']} of {timing['ticks']} samples more than a period late"
     words = f": {counted}, the latest {timing['latest_us']:.0f} us"
     console.print(output.styled("bold", "time", words))
-    console.print(f"  samples by lateness: {late}", highlight=False)
+    console.print(f"  samples by lateness: {lateness}", highlight=False)

@@ -193,15 +193,15 @@ class ServedPlant:
         )
         if not sensing.silence_of(experiment.sensors):
             self._signals[:, self._column(loops.SILENT)] = 0.0
-        limits, own = experiment.controller.limits, self.settings.largest
+        limits, largest = experiment.controller.limits, self.settings.largest
         full, half = (
             physics.holding_torques(pull, experiment.plant) for pull in (2 * limits.tension_max, limits.preload)
         )
-        self._largest = (own, own) if own else (float(2 * full.tau_1), float(2 * full.tau_2))
+        self._largest = (largest, largest) if largest else (float(2 * full.tau_1), float(2 * full.tau_2))
         tau_1, tau_2 = self.settings.safe or (half.tau_1, half.tau_2)
         self.safe = float(tau_1), float(tau_2)
-        if not all(abs(torque) <= most for torque, most in zip(self.safe, self._largest, strict=True)):
-            allowed = " and ".join(f"±{most:g}" for most in self._largest)
+        if not all(abs(torque) <= limit for torque, limit in zip(self.safe, self._largest, strict=True)):
+            allowed = " and ".join(f"±{limit:g}" for limit in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
         self.inputs, self.outputs = self._described()
         self._socket = _bound(host, port)
@@ -218,10 +218,12 @@ class ServedPlant:
         inputs = description.describe(Inputs)
         length = self.experiment.plant.track.length
         inputs["target"] = replace(inputs["target"], constraints=(at.Ge(0), at.Le(length)))
-        for name, most in zip(TORQUE_COMMANDS, self._largest, strict=True):
-            inputs[name] = replace(inputs[name], constraints=(at.Ge(-most), at.Le(most)))
-        known = {name: self._loop.quantities[name] for name in SIGNALS}
-        outputs = {signal_name(name): Leaf(signal_name(name), quantity, float) for name, quantity in known.items()}
+        for name, limit in zip(TORQUE_COMMANDS, self._largest, strict=True):
+            inputs[name] = replace(inputs[name], constraints=(at.Ge(-limit), at.Le(limit)))
+        quantities_read = {name: self._loop.quantities[name] for name in SIGNALS}
+        outputs = {
+            signal_name(name): Leaf(signal_name(name), quantity, float) for name, quantity in quantities_read.items()
+        }
         return inputs, outputs | description.describe(Status)
 
     def _reset(self) -> None:
@@ -405,15 +407,15 @@ def approach(t: Floats, x: float, v: float, target: float, reference: references
     cruising speed, acceleration and jerk limit; braking ignores the jerk limit.
     """
     braking = abs(v) / reference.acceleration
-    rest = x + v * braking / 2
+    standstill = x + v * braking / 2
     limits = motions.MoveLimits(references.cruise_speed(reference), reference.acceleration, reference.jerk_limit)
-    way = motions.moves((abs(target - rest),), (), limits)
+    way = motions.moves((abs(target - standstill),), (), limits)
     motion = motions.way_point_motion(np.maximum(t - braking, 0.0), way, reference.jerk_limit)
-    sign, slowing = math.copysign(1.0, target - rest), -math.copysign(reference.acceleration, v)
+    sign, slowing = math.copysign(1.0, target - standstill), -math.copysign(reference.acceleration, v)
     brakes = t < braking
     return np.array(
         [
-            np.where(brakes, x + v * t + slowing * t**2 / 2, rest + sign * motion.x),
+            np.where(brakes, x + v * t + slowing * t**2 / 2, standstill + sign * motion.x),
             np.where(brakes, v + slowing * t, sign * motion.v),
             np.where(brakes, slowing, sign * motion.a),
         ]
@@ -476,14 +478,14 @@ def _bound(host: str, port: int) -> socket.socket:
             with socket.socket(family, kind) as any_free:
                 any_free.bind(address)
                 address = any_free.getsockname()
-        made = socket.socket(family, kind)
+        endpoint = socket.socket(family, kind)
         try:
-            made.bind(address)
+            endpoint.bind(address)
         except OSError:
-            made.close()
+            endpoint.close()
             raise
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ConfigurationError(f"cannot listen at {host}, port {port} (UDP): {reason}") from error
-    made.settimeout(0.0)
-    return made
+    endpoint.settimeout(0.0)
+    return endpoint

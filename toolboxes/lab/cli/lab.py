@@ -70,8 +70,8 @@ def page_of(own: dict[str, Any] | None = None) -> str:
     from dualwinch.toolboxes.lab.content import content
 
     with ProgressLine("building the lab", command="lab", patient=True) as progress:
-        made = content(ensemble_file.load_ensemble("rig"), version("dualwinch"), progress=progress)
-    return assemble(made.catalogue, made.modules, own)
+        contents = content(ensemble_file.load_ensemble("rig"), version("dualwinch"), progress=progress)
+    return assemble(contents.catalogue, contents.modules, own)
 
 
 def write_page(page: str, out: Path) -> None:

@@ -88,18 +88,18 @@ def wide_loop(experiment: Experiment) -> WideLoop:
     sizes, states = loop.sizes, loop.states
     state, exogenous = ca.SX.sym("state", sizes["STATES"]), ca.SX.sym("exogenous", sizes["EXOGENOUS"])
     parameters = ca.SX.sym("parameters", sizes["PARAMETERS"] + 1)
-    known, delay = parameters[:-1], parameters[-1]
-    sent, _ = loop.sample(state, exogenous, known)
+    values, delay = parameters[:-1], parameters[-1]
+    sent, _ = loop.sample(state, exogenous, values)
     arriving = {
         name: scalar.where(delay > 0, state[states.index(name)], sent[states.index(name) - sizes["MOTION"]])
         for name in QUEUE
     }
     now = ca.vertcat(*(arriving.get(name, state[index]) for index, name in enumerate(states)))
     inputs = {"state": state, "exogenous": exogenous, "parameters": parameters}
-    discrete, hold = loop.sample(now, exogenous, known)
+    discrete, hold = loop.sample(now, exogenous, values)
     return WideLoop(
         sample=loops.named_function("sample", inputs, {"discrete": discrete, "hold": hold}),
-        observe=loops.named_function("observe", inputs, {"row": loop.observe(now, exogenous, known)}),
+        observe=loops.named_function("observe", inputs, {"row": loop.observe(now, exogenous, values)}),
         move=_with_delay(loop.move, parameters),
         parts=loop.parts,
         one_step=_with_delay(loop.one_step, parameters) if loop.one_step else None,
@@ -113,9 +113,9 @@ def _with_delay(function: ca.Function, parameters: ca.SX) -> ca.Function:
         name: parameters if name == "parameters" else ca.SX.sym(name, function.size1_in(name))
         for name in function.name_in()
     }
-    given = [parameters[:-1] if name == "parameters" else symbol for name, symbol in inputs.items()]
+    arguments = [parameters[:-1] if name == "parameters" else symbol for name, symbol in inputs.items()]
     return loops.named_function(
-        function.name(), inputs, dict(zip(function.name_out(), function.call(given), strict=True))
+        function.name(), inputs, dict(zip(function.name_out(), function.call(arguments), strict=True))
     )
 
 
@@ -164,22 +164,22 @@ class Settings:
         every = [ca.SX(0)]
         for function in (*loop.functions, loops.start_function(structures.structure_of(self.wide))):
             sizes = {name: function.sparsity_in(name) for name in function.name_in()}
-            given = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
-            every += function.call(given)
+            arguments = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
+            every += function.call(arguments)
         matter = {symbol.name().partition(".")[2] for symbol in ca.symvar(ca.vertcat(*every))}
         return frozenset(f"plant.{key}" for key in tree.numbers(self.wide.plant) if key not in matter) - DRAWN
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Keys with an effect, in the order of the vector."""
-        own = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
+        keys = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
         ahead = [
             key
             for key, leaf in self.described.items()
             if Mark.DRAWN_AHEAD in leaf.marks and leaf.kind is float and not key.startswith(UNHEEDED)
         ]
         nominal = list(leaves(nominal_model.Nominal(), "controller.nominal."))
-        return (*dict.fromkeys([*own, *ahead, *nominal, REFERENCE_KIND, DURATION, DELAY]),)
+        return (*dict.fromkeys([*keys, *ahead, *nominal, REFERENCE_KIND, DURATION, DELAY]),)
 
     @cached_property
     def optional(self) -> tuple[str, ...]:

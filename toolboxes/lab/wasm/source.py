@@ -42,28 +42,28 @@ SPEED, JERK = "reference.speed", "reference.jerk_limit"
 
 def duration_function(settings: Settings) -> ca.Function:
     """``duration_of(parameters) -> duration``: length of the run in s."""
-    own: scalar.Scalar = 0.0
+    duration: scalar.Scalar = 0.0
     for number, kind in enumerate(MOTIONS):
-        own = scalar.where(settings.symbols[REFERENCE_KIND] == number, references.PAPER_DURATION[kind], own)
-    return settings.function("duration_of", duration=[settings.given(DURATION, own)])
+        duration = scalar.where(settings.symbols[REFERENCE_KIND] == number, references.PAPER_DURATION[kind], duration)
+    return settings.function("duration_of", duration=[settings.given(DURATION, duration)])
 
 
 def motion_names(settings: Settings) -> tuple[str, ...]:
     """The exogenous signals that follow from the reference."""
-    given = ("reference.", "steady", "ahead.")
-    return tuple(name for name in settings.loop.closed.exogenous if name.startswith(given))
+    prefixes = ("reference.", "steady", "ahead.")
+    return tuple(name for name in settings.loop.closed.exogenous if name.startswith(prefixes))
 
 
 def motion_function(settings: Settings) -> ca.Function:
     """``motion(t, parameters) -> given``: the reference's signals at a sample, in the order of `motion_names`."""
     t, symbols = ca.SX.sym("t"), settings.symbols
-    found: dict[str, scalar.Scalar] = {}
+    signals: dict[str, scalar.Scalar] = {}
     for number, kind in enumerate(MOTIONS):
         for limited in (False, True):
             here = _given(t, settings, kind, symbols[JERK] if limited else None)
-            chosen = scalar.both(symbols[REFERENCE_KIND] == number, symbols[GIVEN + JERK] == limited)
-            found = {name: scalar.where(chosen, value, found.get(name, 0.0)) for name, value in here.items()}
-    return settings.function("motion", {"t": t}, given=[found[name] for name in motion_names(settings)])
+            condition = scalar.both(symbols[REFERENCE_KIND] == number, symbols[GIVEN + JERK] == limited)
+            signals = {name: scalar.where(condition, value, signals.get(name, 0.0)) for name, value in here.items()}
+    return settings.function("motion", {"t": t}, given=[signals[name] for name in motion_names(settings)])
 
 
 def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: scalar.Scalar | None) -> dict[str, scalar.Scalar]:
@@ -73,11 +73,11 @@ def _given(t: ca.SX, settings: Settings, kind: str, jerk_limit: scalar.Scalar | 
     reference = with_leaves(replace(references.Reference(), kind=kind), numbers, "reference.")
     now, half = references.setpoint(t, reference), settings.symbols[SAMPLE_TIME] / 2
     start, end = references.steady_window(reference, settings.given(DURATION, references.PAPER_DURATION[kind]))
-    found = {"reference.x": now.x, "reference.v": now.v, "reference.a": now.a}
-    found["steady"] = scalar.both(t >= start - half, t <= end + half)
+    signals = {"reference.x": now.x, "reference.v": now.v, "reference.a": now.a}
+    signals["steady"] = scalar.both(t >= start - half, t <= end + half)
     times = settings.wide.controller.preview
     ahead = (value for column in vars(references.departures(t, times, reference)).values() for value in column)
-    return found | dict(zip(leaves(motions.no_departures(times), "ahead."), ahead, strict=True))
+    return signals | dict(zip(leaves(motions.no_departures(times), "ahead."), ahead, strict=True))
 
 
 SIGNAL_FIELDS = ("kind", "sigma", "decay", "limit", "period", "length", "from_zero")
@@ -89,8 +89,8 @@ def parameters_function(settings: Settings) -> ca.Function:
     lags = {key: scalar.maximum(settings.symbols[key], SHORTEST_LAG) for key in LAGS}
     symbols = structures.parameters_of(settings.wide) | settings.symbols | lags
     nominal = _nominal_plant(settings)
-    known = tree.numbers(settings.wide.plant, "nominal.")
-    symbols |= {key: value for key, value in leaves(nominal, "nominal.").items() if key in known}
+    plant_keys = tree.numbers(settings.wide.plant, "nominal.")
+    symbols |= {key: value for key, value in leaves(nominal, "nominal.").items() if key in plant_keys}
     return settings.function("parameters_of", values=[symbols[name] for name in settings.loop.parameters])
 
 
@@ -160,7 +160,7 @@ INLINED = language.Style(compares=True, inlined=True)
 def module_source(settings: Settings) -> str:
     """C99 translation unit of a structure's module."""
     loop = settings.loop
-    figures, idealised, given = figures_function(settings), idealised_function(settings), motion_names(settings)
+    figures, idealised, names = figures_function(settings), idealised_function(settings), motion_names(settings)
     functions = [
         *translation_unit.hoisted_all(loop.functions),
         *language.hoisted(motion_function(settings)),
@@ -176,14 +176,14 @@ def module_source(settings: Settings) -> str:
         "SAMPLE_TIME": settings.keys.index(SAMPLE_TIME),
         "QUEUE": loop.queue,
         "KINDS": len(SIGNAL_FIELDS),
-        "GIVEN": len(given),
+        "GIVEN": len(names),
         "METRICS": figures.numel_out("metrics"),
         "CHECKS": idealised.numel_out("checks"),
     }
     streams = (f"UINT64_C({exogenous_signals.stream_number(name)})" for name in exogenous)
-    listed = translation_unit.macros_of_lists(STREAMS=streams, GIVEN_AT=map(exogenous.index, given))
-    own = files("dualwinch.toolboxes.lab.wasm")
-    delay, run = ((own / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
+    listed = translation_unit.macros_of_lists(STREAMS=streams, GIVEN_AT=map(exogenous.index, names))
+    folder = files("dualwinch.toolboxes.lab.wasm")
+    delay, run = ((folder / name).read_text(encoding="utf-8") for name in ("delay.h", "run.c"))
     # the decay of random signals must be exact: the effect of an error of 1e-9 grows with their correlation time
     written = language.c_source(functions, INLINED), language.c_source([drawn_function(settings)])
     return translation_unit.unit(sizes, functions, *compiled.FILL_PARTS, listed, *written, delay, "rollout.c", run)

@@ -96,8 +96,8 @@ class LabStructure:
     def label(self) -> str:
         """Name for users."""
         usual, parts = leaves(Experiment()), [registries.POSITION_LAWS.find(self.chosen[LAW]).label]
-        others = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
-        parts += [REGISTRIES[key].find(self.chosen[key]).label for key in others]
+        differing = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
+        parts += [REGISTRIES[key].find(self.chosen[key]).label for key in differing]
         parts += ["" if self.chosen[SLACK] else "ropes that push", f"machine {self.machine}" if self.machine else ""]
         return ", ".join(filter(None, parts))
 
@@ -110,10 +110,10 @@ def structures() -> tuple[LabStructure, ...]:
     changes += [{LAW: law, ESTIMATOR: estimator} for law in FILTERED for estimator in FILTERS]
     changes += [{COORDINATION: kind} for kind in registries.COORDINATIONS if kind != usual[COORDINATION]]
     changes += [{SLACK: False}]
-    found = [LabStructure(tuple((usual | change).items())) for change in changes]
+    light = [LabStructure(tuple((usual | change).items())) for change in changes]
     heavy = [
         tuple((usual | {ESTIMATOR: estimator, COORDINATION: coordination}).items())
         for coordination in HEAVY_COORDINATIONS
         for estimator in HEAVY_ESTIMATORS
     ]
-    return (*found, *(LabStructure(settings, heavy_machine(), HEAVY) for settings in heavy))
+    return (*light, *(LabStructure(settings, heavy_machine(), HEAVY) for settings in heavy))

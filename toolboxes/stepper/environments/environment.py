@@ -179,22 +179,22 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         """
         if isinstance(seed, int | np.integer):
             arguments.whole_number("seed", seed)
-        given = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-        if given is not None and not isinstance(given, Sequence | np.ndarray):
-            raise ConfigurationError(f"seed = {given!r}: must be a whole number, or one a lane")
-        for number in () if given is None else given:
+        seeds = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if seeds is not None and not isinstance(seeds, Sequence | np.ndarray):
+            raise ConfigurationError(f"seed = {seeds!r}: must be a whole number, or one a lane")
+        for number in () if seeds is None else seeds:
             if number is not None:
                 arguments.whole_number("seed", number)
-        if given is not None and len(given) != self.num_envs:
-            raise ConfigurationError(f"seed: has {len(given)} numbers: must have {self.num_envs}, one a lane")
-        first = next((number for number in (() if given is None else given) if number is not None), None)
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ConfigurationError(f"seed: has {len(seeds)} numbers: must have {self.num_envs}, one a lane")
+        first = next((number for number in (() if seeds is None else seeds) if number is not None), None)
         super().reset(seed=first, options=options)
         self._episodes += 1
         if not self._seeds:
-            own = int(self.np_random.integers(2**31))
-            self._seeds = [own + lane for lane in range(self.num_envs)]
+            drawn_seed = int(self.np_random.integers(2**31))
+            self._seeds = [drawn_seed + lane for lane in range(self.num_envs)]
             self._episodes[:] = 0
-        for lane, number in enumerate(() if given is None else given):
+        for lane, number in enumerate(() if seeds is None else seeds):
             if number is not None:
                 self._seeds[lane], self._episodes[lane] = int(number), 0
         self._start(np.arange(self.num_envs))
