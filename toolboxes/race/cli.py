@@ -134,17 +134,17 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.toolbox import drawing, folders, report_page
+    from dualwinch.toolbox import drawing, folders, whole_files
     from dualwinch.toolboxes.race.report import write_race_report
 
-    report_page.write_whole(out / "race.json", output.json_text(to_record(found)))
+    whole_files.write_whole(out / "race.json", output.json_text(to_record(found)))
     drawing.save(found.plot(), out / "race.svg")
     drawing.save(found.plot_fronts(), out / "fronts.svg")
     write_race_report(out / "report.html", found, output.versions())
     folders.make_folder(out / GAINS)
     for scored in found.entries:
         if text := configuration(found, scored):
-            report_page.write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
+            whole_files.write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 

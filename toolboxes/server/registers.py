@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from dualwinch.toolbox import ConfigurationError, Leaf, blocks, errors, package, report_page, texts
+from dualwinch.toolbox import ConfigurationError, Leaf, blocks, errors, package, texts, whole_files
 from dualwinch.toolboxes.server.plant import PORT, SIGNALS, ServedPlant, signal_name
 
 FIRST_INPUT = 1000
@@ -105,7 +105,7 @@ def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
     path = Path(path)
     if path.suffix not in FORMATS:
         raise ConfigurationError(f"{path.name}: the name of a register map must end with {' or '.join(FORMATS)}")
-    report_page.write_whole(path, FORMATS[path.suffix](plant))
+    whole_files.write_whole(path, FORMATS[path.suffix](plant))
 
 
 COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"

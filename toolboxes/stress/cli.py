@@ -156,10 +156,10 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.toolbox import drawing, report_page
+    from dualwinch.toolbox import drawing, whole_files
     from dualwinch.toolboxes.stress.report import show_stress
 
-    report_page.write_whole(out / "stress.json", output.json_text(to_record(found)))
+    whole_files.write_whole(out / "stress.json", output.json_text(to_record(found)))
     drawing.save(found.plot(), out / "stress.svg")
     shown = ["report.html"] if show_stress(out / "report.html", found) else []
     return ["stress.json", "stress.svg", *shown]

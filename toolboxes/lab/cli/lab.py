@@ -76,9 +76,9 @@ def page_of(own: dict[str, Any] | None = None) -> str:
 
 def write_page(page: str, out: Path) -> None:
     """Write the page, and print its size."""
-    from dualwinch.toolbox import report_page
+    from dualwinch.toolbox import whole_files
 
-    report_page.write_whole(out, page)
+    whole_files.write_whole(out, page)
     output.wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
 
 
