@@ -29,4 +29,21 @@ import lazy_loader
 __version__ = "0.1.0"
 
 # without __all__, for which help() would print the documentation of every public class
-__getattr__, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)
+_attribute, __dir__, _ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """A public name, imported when first used.
+
+    Raises:
+        AttributeError: no such name.
+        ImportError: it is of a toolbox that is not installed.
+    """
+    try:
+        return _attribute(name)
+    except ModuleNotFoundError as error:
+        from dualwinch.extensions import TOOLBOXES, absent
+
+        if not (error.name or "").startswith(TOOLBOXES):
+            raise
+        raise ImportError(f"dualwinch.{name}: {absent(error.name or '')}", name=error.name) from None

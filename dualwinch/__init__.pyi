@@ -59,9 +59,7 @@ from .controllers.parts import PositionLaw as PositionLaw
 from .controllers.parts import PositionOutput as PositionOutput
 from .export import export_c as export_c
 from .export import export_casadi as export_casadi
-from .export import export_fmu as export_fmu
 from .export import export_mex as export_mex
-from .export import export_st as export_st
 from .export import generate_c as generate_c
 from .model.actuators import Actuator as Actuator
 from .model.actuators import Demand as Demand
@@ -121,10 +119,12 @@ from .simulation.settings import override as override
 from .simulation.simulate import simulate as simulate
 from .simulation.sweep import Sweep as Sweep
 from .simulation.sweep import sweep as sweep
+from .toolboxes.fmu.export import export_fmu as export_fmu
 from .toolboxes.identification.experiment_design import excite as excite
 from .toolboxes.identification.identify import identify as identify
 from .toolboxes.identification.options import EstimationOptions as EstimationOptions
 from .toolboxes.identification.result import IdentificationResult as IdentificationResult
+from .toolboxes.plc.export import export_st as export_st
 from .toolboxes.race.race import race as race
 from .toolboxes.race.result import BenchmarkResult as BenchmarkResult
 from .toolboxes.server.plant import ServedPlant as ServedPlant

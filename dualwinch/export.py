@@ -1,17 +1,16 @@
-"""Export of controller, plant and closed loop as files for other tools."""
+"""Export of controller, plant and closed loop as C, CasADi functions and MEX sources; what every export writes."""
 
 import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
 
 import casadi as ca
 
-from dualwinch import __version__
+from dualwinch import __version__, extensions
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.export.casadi import casadi_files, functions_of_blocks, generated_c, variables_of
 from dualwinch.codegen.export.mex import mex_files
@@ -21,26 +20,10 @@ from dualwinch.config.experiment_file import to_toml
 from dualwinch.config.folders import check_place, make_folder
 from dualwinch.model.arguments import instance, path_of
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import unknown
 from dualwinch.simulation.blocks import BLOCKS, BlockName
 from dualwinch.simulation.blocks import block as block_of
 from dualwinch.simulation.exogenous.signals import asked_motion
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, no_progress
-from dualwinch.toolboxes.fmu import (
-    PLATFORMS,
-    About,
-    Kind,
-    Platform,
-    Version,
-    archive,
-    build_fmu,
-    find_platform,
-    fmu_model,
-)
-from dualwinch.toolboxes.fmu import host_platform as host
-from dualwinch.toolboxes.plc.structured_text import MAX_OPERATIONS, st_package
-from dualwinch.toolboxes.server.registers import udp_client
 
 
 def provenance(experiment: Experiment) -> Provenance:
@@ -72,9 +55,9 @@ def _check_own(files: Mapping[str, str | bytes], folder: Path) -> None:
     Raises:
         ConfigurationError: one was not.
     """
-    there = {name: (folder / name).read_bytes() for name in files if (folder / name).exists()}
-    generated = [content for content in there.values() if GENERATED.search(content)]
-    for name, content in there.items():
+    contents = {name: (folder / name).read_bytes() for name in files if (folder / name).exists()}
+    generated = [content for content in contents.values() if GENERATED.search(content)]
+    for name, content in contents.items():
         named = Path(name).suffix in WITHOUT_COMMENTS and any(name.encode() in text for text in generated)
         named |= name == VARIABLES and bool(generated)  # CasADi's code stays as it is, and does not name it
         if not (named or content in generated):
@@ -124,46 +107,17 @@ def export_c(
         The files.
 
     Raises:
-        ConfigurationError: an unknown block, `udp` without a controller, or a folder that cannot be written to.
+        ConfigurationError: an unknown block, `udp` without a controller or without the toolbox server, or a folder
+            that cannot be written to.
         CodegenError: a controller with inputs that a served plant does not send.
     """
-    made, origin = block_of(block, experiment), provenance(experiment)
-    files = c_package(made, symbol(made), origin, precision, freeze=freeze)
+    exported, origin = block_of(block, experiment), provenance(experiment)
+    files = c_package(exported, symbol(exported), origin, precision, freeze=freeze)
     if udp:
         if block != "controller":
             raise ConfigurationError(f"udp: must be off for the {block}; only a controller can be connected")
-        files["udp.c"] = udp_client(frozen(made) if freeze else made, symbol(made), origin)
-    return write(files, out)
-
-
-def export_st(
-    experiment: Experiment,
-    out: str | PathLike[str],
-    *,
-    block: str = "controller",
-    precision: str = "double",
-    flavour: str = "iec",
-    max_operations: int = MAX_OPERATIONS,
-) -> list[Path]:
-    """Write a block in Structured Text (IEC 61131-3): function blocks, PLCopen XML, README and an example program.
-
-    Args:
-        experiment: structure and values.
-        out: folder, made if missing.
-        block: ``controller``, ``plant`` or ``closed-loop``.
-        precision: ``double`` (LREAL) or ``float`` (REAL), of every number.
-        flavour: ``iec``, ``codesys``, ``twincat`` or ``siemens-scl``.
-        max_operations: largest number of operations of a call.
-
-    Returns:
-        The files.
-
-    Raises:
-        ConfigurationError: an unknown block, or a folder that cannot be written to.
-        CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
-    """
-    made, about = block_of(block, experiment), provenance(experiment)
-    files = st_package(made, symbol(made), about, precision, flavour=flavour, max_operations=max_operations)
+        udp_client = extensions.extension(extensions.FUNCTIONS, "udp_client", "--udp")
+        files["udp.c"] = udp_client(frozen(exported) if freeze else exported, symbol(exported), origin)
     return write(files, out)
 
 
@@ -201,9 +155,9 @@ def generate_c(
     if isinstance(source, ca.Function):
         files = generated_c({source.name(): source}, source.name(), header=header, main=main, mex=mex)
     else:
-        made = [block_of(name, source) for name in blocks]
-        files = generated_c(functions_of_blocks(made), "dualwinch", header=header, main=main, mex=mex)
-        files |= {VARIABLES: variables_of(made)}
+        exported = [block_of(name, source) for name in blocks]
+        files = generated_c(functions_of_blocks(exported), "dualwinch", header=header, main=main, mex=mex)
+        files |= {VARIABLES: variables_of(exported)}
     return write(files, folder)
 
 
@@ -233,82 +187,3 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
     controller, plant = block_of("controller", experiment), block_of("plant", experiment)
     reference = asked_motion(experiment)
     return write(mex_files(plant, controller, symbol, reference, provenance(experiment)), out)
-
-
-SAMPLE_TIME = "simulation.sample_time"
-"""A constant in every FMU, as FMI has no way to change it."""
-
-
-def platforms_of(text: str | None) -> tuple[Platform, ...]:
-    """Parse a list of platforms, separated by commas; None: this machine's own.
-
-    Raises:
-        ConfigurationError: an unknown platform.
-    """
-    if text is None:
-        return (host(),)
-    if text == "all":
-        return tuple(PLATFORMS.values())
-    found: dict[str, Platform] = {}
-    for name in filter(None, map(str.strip, text.split(","))):
-        platform = find_platform(name)
-        if platform is None:
-            raise ConfigurationError(f"--platforms: {unknown('platform', name, PLATFORMS, ', or all')}")
-        found[platform.name] = platform
-    return tuple(found.values())
-
-
-def export_fmu(
-    experiment: Experiment,
-    out: str | PathLike[str],
-    *,
-    block: str = "controller",
-    fmi: Version = 2,
-    kind: Kind | None = None,
-    platforms: str | None = None,
-    progress: PhaseProgress = no_progress,
-) -> str:
-    """Write an FMU; the request is checked before anything is compiled.
-
-    Args:
-        experiment: structure and values.
-        out: the file, ``.fmu``.
-        block: ``controller``, ``plant`` or ``closed-loop``.
-        fmi: version, 2 or 3.
-        kind: interfaces; default: all that the block can have.
-        platforms: names separated by commas, or ``all``; default: this machine's.
-        progress: receives the fraction of finished platforms, and the platform being compiled.
-
-    Returns:
-        A summary of the file in words.
-
-    Raises:
-        ConfigurationError: an unknown block or platform, an interface that the block cannot have, or a file that
-            cannot be written.
-        DualwinchError: no compiler for a platform.
-    """
-    out = path_of("out", out)
-    if out.suffix.lower() != ".fmu":
-        raise ConfigurationError(f"{out.name}: the name of an FMU must end with .fmu")
-    check_place(out)
-    targets = platforms_of(platforms)
-    made = block_of(block, experiment)
-    if kind not in {None, "co-simulation"} and made.derivative is None:
-        raise ConfigurationError(f"--kind {kind}: the {block} is sampled; only the plant can be model-exchange or both")
-    model = fmu_model(replace(frozen(made, {SAMPLE_TIME}), name=symbol(made)), fmi, kind)
-    origin = provenance(experiment)
-    about = About(origin.product, experiment.duration, f"configuration {origin.configuration}")
-    files = build_fmu(
-        model,
-        targets,
-        about,
-        lambda name: progress(
-            [target.name for target in targets].index(name) / len(targets),
-            f"compiling for {name} (the first time for a platform takes up to a minute)",
-        ),
-    )
-    with atomic(out) as unfinished:
-        unfinished.write_bytes(archive(files))
-    interfaces = "co-simulation and model exchange" if model.kind == "both" else model.kind
-    binaries = ", ".join(target.name for target in targets) or "no binaries"
-    return f"{out}: FMI {fmi}.0, {interfaces}, {binaries}, sources"

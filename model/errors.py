@@ -1,6 +1,23 @@
-"""Errors caused by user input."""
+"""Errors caused by user input, beside those of code generation: the whole family."""
 
-from dualwinch.codegen.errors import DualwinchError, installing
+from dualwinch.codegen.errors import (
+    CacheError,
+    CodegenError,
+    CompilerNotFoundError,
+    DualwinchError,
+    installing,
+)
+
+__all__ = [
+    "CacheError",
+    "CodegenError",
+    "CompilerNotFoundError",
+    "ConfigurationError",
+    "DualwinchError",
+    "MissingExtraError",
+    "UnknownNameError",
+    "installing",
+]
 
 
 class ConfigurationError(DualwinchError):

@@ -18,11 +18,11 @@ from rich.table import Table
 
 from benchmarks.document import markdown, put
 from benchmarks.importers.co_simulation import IMPORTERS, Floats, error
-from dualwinch.export import export_fmu
 from dualwinch.simulation.blocks import BLOCKS, block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
+from dualwinch.toolboxes.fmu.export import export_fmu
 
 SLOPES = "CasADi's `DaeBuilder`, plant: Jacobian from directional derivatives"
 """Row of what CasADi imports: relative to the largest element."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.document import put
-from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
+from dualwinch.toolboxes.fmu.export import export_fmu
 
 TORQUES, DURATION = {"tau_1": 60.0, "tau_2": 20.0}, 10.0
 """Held for so many seconds: the vehicle moves off, both ropes stay taut."""

@@ -12,9 +12,10 @@ import re
 import zlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import casadi as ca
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from dualwinch.codegen.block import NO_READING, Block, Variable
 from dualwinch.codegen.errors import CodegenError
@@ -269,10 +270,14 @@ def c_package(
     return {file: environment.get_template(template).render(facts) for file, template in files.items()}
 
 
-def templates(precision: Precision) -> Environment:
-    """The templates of generated files, with filters for names, numbers and texts."""
+TEMPLATES = Path(__file__).parent / "templates"
+"""Folder of the templates of C packages."""
+
+
+def templates(precision: Precision, folder: Path = TEMPLATES) -> Environment:
+    """The templates of generated files in a folder, with filters for names, numbers and texts."""
     environment = Environment(
-        loader=PackageLoader("dualwinch.codegen.export"),
+        loader=FileSystemLoader(folder),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

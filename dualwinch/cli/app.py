@@ -9,9 +9,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
-from importlib import import_module
-from importlib.metadata import entry_points
-from importlib.util import find_spec
 from inspect import cleandoc, signature
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +16,19 @@ from typing import Any, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
-from dualwinch import __version__
+from dualwinch import __version__, extensions
+from dualwinch.cli.certify import certify
+from dualwinch.cli.compare import compare
+from dualwinch.cli.config import config
+from dualwinch.cli.doctor import doctor
+from dualwinch.cli.export import export
+from dualwinch.cli.linearise import linearise
+from dualwinch.cli.preload import preload
+from dualwinch.cli.reproduce import reproduce
+from dualwinch.cli.sensitivities import sensitivities
+from dualwinch.cli.simulate import simulate
+from dualwinch.cli.sweep import sweep
+from dualwinch.cli.tune import tune
 from dualwinch.codegen.files import WRITTEN
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
@@ -44,44 +53,21 @@ Add `--traceback` to any command to see where in the program a failure occurred.
     suppress_keyboard_interrupt=False,
 )
 
-KERNEL_COMMANDS = (
-    "reproduce",
-    "simulate",
-    "sweep",
-    "sensitivities",
-    "linearise",
-    "compare",
-    "tune",
-    "preload",
-    "config",
-    "certify",
-    "export",
-    "doctor",
-)
-"""Names of the kernel's commands, in the order of the help; each is a function, or an application, in the module of
-its name."""
-
-COMMAND_GROUP = "dualwinch.commands"
-"""Group of the entry points by which toolboxes register their commands: name and function, or application."""
-
-
-def _commands() -> Iterator[tuple[str, Any]]:
-    """Name and function, or application, of every command: those of the kernel, then those of the toolboxes present.
-
-    The metadata of an installation may list toolboxes whose folders have been removed since; these are left out.
-    """
-    for name in KERNEL_COMMANDS:
-        yield name, getattr(import_module(f"dualwinch.cli.{name}"), name)
-    for entry in entry_points(group=COMMAND_GROUP):
-        if _is_present(entry.module):
-            yield entry.name, entry.load()
-
-
-def _is_present(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:  # one of its packages
-        return False
+KERNEL_COMMANDS: dict[str, Any] = {
+    "reproduce": reproduce,
+    "simulate": simulate,
+    "sweep": sweep,
+    "sensitivities": sensitivities,
+    "linearise": linearise,
+    "compare": compare,
+    "tune": tune,
+    "preload": preload,
+    "config": config,
+    "certify": certify,
+    "export": export,
+    "doctor": doctor,
+}
+"""The kernel's commands, in the order of the help: name and function, or application."""
 
 
 def _take_help(command: App) -> None:
@@ -100,8 +86,11 @@ def _take_help(command: App) -> None:
             command.help_epilogue = f"Examples:\n\n{examples}\n"
 
 
-COMMANDS = dict(_commands())
+COMMANDS = KERNEL_COMMANDS | {entry.name: entry.load() for entry in extensions.extensions(extensions.COMMANDS)}
 """Every command by its name, in the order of the help."""
+
+for entry in extensions.extensions(extensions.EXPORTS):
+    export.command(entry.load(), name=entry.name)
 
 for name, command in COMMANDS.items():
     application = command if isinstance(command, App) else App(name=name, default_command=command)
@@ -194,8 +183,8 @@ def _kept(written: list[Path]) -> str:
     """What an interrupted command leaves behind."""
     if not written:
         return "nothing was written"
-    others = f" and {len(written) - 1} more" if len(written) > 1 else ""
-    return f"{written[0]}{others} had been written before, and {'are' if others else 'is'} complete"
+    remainder = f" and {len(written) - 1} more" if len(written) > 1 else ""
+    return f"{written[0]}{remainder} had been written before, and {'are' if remainder else 'is'} complete"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -212,9 +201,9 @@ def main(arguments: list[str] | None = None) -> None:
     written: list[Path] = []
     WRITTEN.set(written)
     try:
-        wanted = [word for word in words if word != TRACEBACK]
+        command = [word for word in words if word != TRACEBACK]
         with _warnings_in_a_line():
-            app(wanted, exit_on_error=False, print_error=False, result_action="return_value")
+            app(command, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except CycloptsError as error:
         _fail(str(error), WRONG_INPUT)

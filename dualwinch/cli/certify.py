@@ -143,7 +143,7 @@ def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
     from dualwinch.config.experiment_file import to_toml
 
     result, terms, conditions = certificate.result, certificate.terms, certificate.conditions
-    judged = {"printed": [each for each in conditions if each.basis != REAL], "with_ropes": conditions}
+    by_basis = {"printed": [each for each in conditions if each.basis != REAL], "with_ropes": conditions}
     stride = max(1, -(-len(result["t"]) // POINTS))
     names = ("surface", "auxiliary", "estimate", "adaptation")
     curves = {"t": result["t"], "V": terms.total} | {name: getattr(terms, name) for name in names}
@@ -158,8 +158,8 @@ def to_record(certificate: Certificate, near: NearbyGains) -> dict[str, Any]:
         "within_claim_share": certificate.within_claim,
         "largest_V": float(terms.total.max()),
         "last_V": float(terms.total[-1]),
-        "failing_conditions": {name: sum(not each.holds for each in those) for name, those in judged.items()},
-        "judged_conditions": {name: len(those) for name, those in judged.items()},
+        "failing_conditions": {name: sum(not each.holds for each in those) for name, those in by_basis.items()},
+        "judged_conditions": {name: len(those) for name, those in by_basis.items()},
         "units": {"end_time": "s", "t": "s", "decreasing_share": "1", "within_claim_share": "1"},
         "curves": {name: values[::stride] for name, values in curves.items()}
         | {"dV_dt": certificate.rate[::stride].tolist()},

@@ -70,15 +70,15 @@ def compare(
         if key.startswith("controller."):
             raise ConfigurationError(f"{key}: the controller comes from the files of gains; set it there")
     use_parts(given.plugin)
-    wanted, drawn = controllers(files), given.ensemble(ensemble)
+    contenders, population = controllers(files), given.ensemble(ensemble)
     for name in files:
         if name != PAPER:
-            note_other_ensemble(Path(name), drawn.name)
+            note_other_ensemble(Path(name), population.name)
             if Path(name) != given.config:
-                note_other_machine(Path(name), ensemble, drawn)
+                note_other_machine(Path(name), ensemble, population)
     check_file(out, ".json")
     with ProgressLine("simulating", command="compare", patient=True) as progress, where.workers(progress) as workers:
-        result = run(wanted, drawn, scenarios, seed, workers=workers, progress=progress)
+        result = run(contenders, population, scenarios, seed, workers=workers, progress=progress)
         progress(0.0, "finding infeasible scenarios")
         result.find_least_errors(progress)
         facts = to_record(result)
@@ -113,9 +113,9 @@ def controllers(names: Sequence[str]) -> dict[str, Controller]:
     twice = next((name for index, name in enumerate(names) if name in names[:index]), None)
     if twice is not None:
         raise ConfigurationError(f"{twice}: given twice")
-    found = {name: load(Path(name)).controller for name in names if name != PAPER}
-    paper = paper_controller(next(iter(found.values()), None))
-    return {name: paper if name == PAPER else found[name] for name in names}
+    controllers_by_name = {name: load(Path(name)).controller for name in names if name != PAPER}
+    paper = paper_controller(next(iter(controllers_by_name.values()), None))
+    return {name: paper if name == PAPER else controllers_by_name[name] for name in names}
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
@@ -124,9 +124,11 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
     All names stay whole if two would become equal.
     """
     paths = [Path(name) for name in names if name != PAPER]
-    alike = len({path.name for path in paths}) == 1 < len(paths)
-    shown = {name: name if name == PAPER else str(Path(name).parent) if alike else Path(name).name for name in names}
-    return shown if len(set(shown.values())) == len(shown) else {name: name for name in names}
+    same_name = len({path.name for path in paths}) == 1 < len(paths)
+    labels = {
+        name: name if name == PAPER else str(Path(name).parent) if same_name else Path(name).name for name in names
+    }
+    return labels if len(set(labels.values())) == len(labels) else {name: name for name in names}
 
 
 def statistics_table(result: Comparison, shown: Mapping[str, str] | None = None) -> FigureTable:
@@ -206,11 +208,11 @@ def print_comparison(result: Comparison) -> None:
     console.print(f"{len(result)} scenarios of '{result.ensemble.name}', seed {result.seed}, the same for all")
     if result.partial:
         console.print(f"interrupted: {len(result)} of {result.asked} scenarios were finished by all and are kept")
-    shown = short_names(list(result.contenders))
-    if PAPER in shown and (own := adapted(result.contenders[PAPER].controller)):
-        first_file = next(words for name, words in shown.items() if name != PAPER)
+    labels = short_names(list(result.contenders))
+    if PAPER in labels and (own := adapted(result.contenders[PAPER].controller)):
+        first_file = next(words for name, words in labels.items() if name != PAPER)
         console.print(f"{PAPER}: the paper's gains, with the {own} of {first_file}")
-    console.print(statistics_table(result, shown).render_down())
+    console.print(statistics_table(result, labels).render_down())
     bounds = result.least_errors
     if bounds.infeasible:
         least, foreseeing = (measured(1e6 * value, ".3g") for value in bounds.means)
@@ -228,7 +230,7 @@ def print_comparison(result: Comparison) -> None:
         return
     console.print(f"Means over those of {first}, with {100 * CONFIDENCE:g} % intervals:")
     pairs = {name: result.paired(name) for name in others}
-    columns, rows = [FigureColumn("name", "")], [[shown[name]] for name in others]
+    columns, rows = [FigureColumn("name", "")], [[labels[name]] for name in others]
     for metric in pairs[others[0]]:
         columns.append(FigureColumn(metric, heading=metric.replace("_", " ")))
         columns.append(FigureColumn("better", heading="  smaller in", factor=100, shown_unit="%"))

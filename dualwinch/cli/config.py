@@ -55,6 +55,6 @@ def _start(given: ExperimentOptions, ensemble: str | None) -> str:
     before = given.nominal(ensemble)
     problem = tuning_problem(case=given.case, config=given.config, settings=given.assignments, ensemble=ensemble)
     values, usual = leaves(problem.experiment), leaves(before)
-    chosen = {key for key, value in values.items() if usual.get(key) != value}
-    mine = own_keys(given.config) | given.values.keys() | chosen if given.config else None
+    differing = {key for key, value in values.items() if usual.get(key) != value}
+    mine = own_keys(given.config) | given.values.keys() | differing if given.config else None
     return "".join(f"# {line}\n" for line in problem.choices) + to_toml(problem.experiment, mine)

@@ -14,14 +14,14 @@ from dualwinch.cli.output import print_json, terminal, versions
 
 def doctor(*, json: Json = False) -> None:
     """Show which compiler, cache folder, processor features and optional parts are in use."""
-    found = findings()
+    facts = findings()
     if json:
-        print_json({"units": {"size": "MB", "most": "MB", "unused": "d"}, **found})
+        print_json({"units": {"size": "MB", "most": "MB", "unused": "d"}, **facts})
         return
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
-    for part, what in found.items():
+    for part, what in facts.items():
         table.add_row(part, what["text"] if isinstance(what, dict) else what)
     terminal().print(table)
 
@@ -40,29 +40,29 @@ def findings() -> dict[str, str | dict[str, Any]]:
     from dualwinch.codegen.compiler import find_compiler, processor_name, vector_features
     from dualwinch.codegen.errors import DualwinchError
 
-    found: dict[str, str | dict[str, Any]] = {**versions()}
-    found["python"] = f"{found['python']} ({sys.executable})"
+    facts: dict[str, str | dict[str, Any]] = {**versions()}
+    facts["python"] = f"{facts['python']} ({sys.executable})"
     for name, purpose in OPTIONAL.items():
         try:
-            found[name] = version(name)
+            facts[name] = version(name)
         except PackageNotFoundError:
-            found[name] = f"not installed; {purpose}"
+            facts[name] = f"not installed; {purpose}"
     try:
         compiler = find_compiler()
-        found["C compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
-        found["flags"] = " ".join(compiler.flags)
+        facts["C compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
+        facts["flags"] = " ".join(compiler.flags)
     except DualwinchError as error:
-        found["C compiler"] = str(error)
+        facts["C compiler"] = str(error)
     try:
         folder, limits = cache_folder(), cache_limits()
-        kept = libraries(folder)
-        size = sum(file.stat().st_size for file in kept) / 1e6
-        most = f"at most {limits.megabytes:g} MB, unused for {limits.days:g} days"
-        text = f"{folder} ({len(kept)} libraries, {size:.1f} MB; {most})"
-        found["cache"] = {"text": text, "folder": str(folder), "libraries": len(kept), "size": size}
-        found["cache"] |= {"most": limits.megabytes, "unused": limits.days}
+        stored = libraries(folder)
+        size = sum(file.stat().st_size for file in stored) / 1e6
+        limit = f"at most {limits.megabytes:g} MB, unused for {limits.days:g} days"
+        text = f"{folder} ({len(stored)} libraries, {size:.1f} MB; {limit})"
+        facts["cache"] = {"text": text, "folder": str(folder), "libraries": len(stored), "size": size}
+        facts["cache"] |= {"most": limits.megabytes, "unused": limits.days}
     except DualwinchError as error:
-        found["cache"] = str(error)
-    found["processor"] = f"{processor_name()}, {os.cpu_count()} cores"
-    found["vector instructions"] = ", ".join(vector_features()) or "none known"
-    return found
+        facts["cache"] = str(error)
+    facts["processor"] = f"{processor_name()}, {os.cpu_count()} cores"
+    facts["vector instructions"] = ", ".join(vector_features()) or "none known"
+    return facts

@@ -173,10 +173,10 @@ def grid(given: dict[str, float | None], sweep: str | None, experiment: Experime
     if given[name] is not None:
         raise ConfigurationError(f"--{name} and --sweep {name}: give one of them")
     wrong = f"--sweep {sweep}: must be name=first:last:step, e.g. x=1:47:2"
-    found = [float(value) for value in numbers_between(sweep.partition("=")[2], wrong)]
-    if len(found) < 2:
-        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{name} {found[0]:g}")
-    return [point._replace(**{name: value}) for value in found]
+    numbers = [float(value) for value in numbers_between(sweep.partition("=")[2], wrong)]
+    if len(numbers) < 2:
+        raise ConfigurationError(f"--sweep {sweep}: one point only; give --{name} {numbers[0]:g}")
+    return [point._replace(**{name: value}) for value in numbers]
 
 
 def _swept_name(sweep: str) -> str:
@@ -212,9 +212,9 @@ def linear_systems(
     if loop == "open":
         return [linear_open_loop(_with_preload(experiment, preload), x, v, opening) for x, v, preload in points], []
     limits = experiment.controller.limits
-    most = limits.tension_max if loop == "plant" else limits.command_max
+    tension_max = limits.tension_max if loop == "plant" else limits.command_max
     x, v, preload = np.array(points).T
-    found = operating_points(x, v, preload, experiment.plant, tension_min=limits.tension_min, tension_max=most)
+    found = operating_points(x, v, preload, experiment.plant, tension_min=limits.tension_min, tension_max=tension_max)
     if loop == "plant":
         return list(linearise_at(found, experiment.plant, dt)), found
     return [linear_closed_loop(_with_preload(experiment, preload), x, v) for x, v, preload in points], found
@@ -243,14 +243,16 @@ def _drawn(
         return linear.loop_bode(systems, list(map(margins, systems)), swept)
     match figure or ("modes" if swept else "bode"):
         case "shapes":
-            found = linear.mode_shapes(systems[0], experiment.plant)
+            drawing = linear.mode_shapes(systems[0], experiment.plant)
         case "poles":
-            found = linear.pole_map(systems, swept or "", experiment.plant)
+            drawing = linear.pole_map(systems, swept or "", experiment.plant)
         case "modes":
-            found = linear.modal_frequencies(systems, swept or "", experiment.plant, experiment.simulation.sample_time)
+            drawing = linear.modal_frequencies(
+                systems, swept or "", experiment.plant, experiment.simulation.sample_time
+            )
         case _:
-            found = linear.bode(systems, swept)
-    return found
+            drawing = linear.bode(systems, swept)
+    return drawing
 
 
 def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[FigureColumn]:
@@ -258,9 +260,11 @@ def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[Fig
     from dualwinch.model.linear.operating_point import OperatingPoint
     from dualwinch.model.quantities.description import describe, describe_parts
 
-    known = describe(OperatingPoint) if point is None else describe_parts(point)
+    descriptions = describe(OperatingPoint) if point is None else describe_parts(point)
     rounded_off = {"residual", "tension_rate"}
-    return [FigureColumn.of(name, known[name].quantity, ".2g" if name in rounded_off else ".7g") for name in names]
+    return [
+        FigureColumn.of(name, descriptions[name].quantity, ".2g" if name in rounded_off else ".7g") for name in names
+    ]
 
 
 PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -306,8 +310,8 @@ def print_open(
         [*([getattr(point, swept)] if swept else []), *_margin_row(margins(system))]
         for point, system in zip(points, systems, strict=True)
     ]
-    first = _point_columns(swept) if swept else []
-    tables = [FigureTable("margins", (*first, *MARGIN_COLUMNS), rows)]
+    point_columns = _point_columns(swept) if swept else []
+    tables = [FigureTable("margins", (*point_columns, *MARGIN_COLUMNS), rows)]
     console.print(tables[0].render())
     for words in contact(systems[0].operating_point, experiment.plant):
         console.print(words)
@@ -376,9 +380,9 @@ def print_closed_sweep(
     )
     rows = []
     for point, system in zip(points, systems, strict=True):
-        found = modes(system, plant)
-        slowest = max(found, key=lambda mode: abs(mode.eigenvalue))
-        least_damped = min(found, key=lambda mode: mode.damping)
+        system_modes = modes(system, plant)
+        slowest = max(system_modes, key=lambda mode: abs(mode.eigenvalue))
+        least_damped = min(system_modes, key=lambda mode: mode.damping)
         frequency = least_damped.natural_frequency / (2 * math.pi)
         decay = abs(slowest.eigenvalue), slowest.time_constant
         rows.append((getattr(point, swept), *decay, least_damped.damping, frequency))
@@ -472,27 +476,27 @@ def print_sweep(
 
     console, tracks = terminal(), track_modes(systems, plant)
     values = [getattr(point, swept) for point in points]
-    (first,) = _point_columns(swept)
+    (point_column,) = _point_columns(swept)
     console.print("natural frequency in Hz (damping ratio)")
     wide = len(tracks) > MOST_COLUMNS  # then a row per mode, at the ends and in the middle of the sweep
-    shown = sorted({0, (len(points) - 1) // 2, len(points) - 1}) if wide else range(len(points))
+    indices = sorted({0, (len(points) - 1) // 2, len(points) - 1}) if wide else range(len(points))
     cells = [
         [
             f"{measured(mode.natural_frequency / (2 * math.pi))} ({mode.damping:.3g})"
-            for mode in map(track.modes.__getitem__, shown)
+            for mode in map(track.modes.__getitem__, indices)
         ]
         for track in tracks
     ]
     if wide:
-        columns = [FigureColumn("mode", ""), *(FigureColumn(f"{swept} = {values[k]:g}") for k in shown)]
+        columns = [FigureColumn("mode", ""), *(FigureColumn(f"{swept} = {values[k]:g}") for k in indices)]
         rows = [[track.label, *line] for track, line in zip(tracks, cells, strict=True)]
     else:
-        columns = [FigureColumn(swept, first.unit, f"{swept} ({first.unit})", form="g")]
+        columns = [FigureColumn(swept, point_column.unit, f"{swept} ({point_column.unit})", form="g")]
         columns += [FigureColumn(track.label) for track in tracks]
         rows = [[value, *line] for value, line in zip(values, zip(*cells, strict=True), strict=True)]
     console.print(FigureTable("", columns, rows).render())
-    found = [mode for track in tracks for mode in track.modes]
-    highest = max(mode.sample_rate for mode in [mode for mode in found if mode.rate.imag] or found)
+    tracked_modes = [mode for track in tracks for mode in track.modes]
+    highest = max(mode.sample_rate for mode in [mode for mode in tracked_modes if mode.rate.imag] or tracked_modes)
     console.print(f"{SAMPLES_A_PERIOD} samples a period of the fastest mode: {measured(highest)} Hz")
     passed = [(value, words) for value, point in zip(values, points, strict=True) for words in point.violations]
     if passed:
@@ -502,7 +506,7 @@ def print_sweep(
     return [
         FigureTable(
             "modes",
-            (first, *_mode_columns(systems[0].dt)),
+            (point_column, *_mode_columns(systems[0].dt)),
             [
                 (value, track.label, *_mode_row(track.modes[k])[1:])
                 for k, value in enumerate(values)
@@ -511,7 +515,7 @@ def print_sweep(
         ),
         FigureTable("highest_sample_rate", (FigureColumn("sample_rate", "Hz"),), [(highest,)]),
         FigureTable("sampling", (FigureColumn("samples_per_period"),), [(SAMPLES_A_PERIOD,)]),
-        FigureTable("limits_passed", (first, FigureColumn("limit", "")), passed),
+        FigureTable("limits_passed", (point_column, FigureColumn("limit", "")), passed),
     ]
 
 
@@ -566,15 +570,17 @@ def _print_structure(system: LinearSystem) -> list[FigureTable]:
 
     console = terminal()
     torques = [name for name in system.inputs if name.startswith("tau_")]
-    moved = [(chosen, is_controllable(system, chosen)) for chosen in (*([name] for name in torques), torques)]
-    for chosen, able in moved:
-        verb = ("move" if able else "do not move") if chosen[1:] else ("moves" if able else "does not move")
-        console.print(f"{' and '.join(chosen)} {verb} every mode")
-    sets = [" + ".join(chosen) for chosen in sufficient_sensors(system)]
+    controllable = [(inputs, is_controllable(system, inputs)) for inputs in (*([name] for name in torques), torques)]
+    for inputs, able in controllable:
+        verb = ("move" if able else "do not move") if inputs[1:] else ("moves" if able else "does not move")
+        console.print(f"{' and '.join(inputs)} {verb} every mode")
+    sets = [" + ".join(inputs) for inputs in sufficient_sensors(system)]
     words = "; or ".join(sets) if sets else "none: not even all outputs together"
     console.print(f"outputs from which every mode can be seen: {words}")
     return [
-        FigureTable("controllability", (FigureColumn("inputs", ""), FigureColumn("moves_every_mode", "")), moved),
+        FigureTable(
+            "controllability", (FigureColumn("inputs", ""), FigureColumn("moves_every_mode", "")), controllable
+        ),
         FigureTable("sufficient_outputs", (FigureColumn("outputs", ""),), [(each,) for each in sets]),
     ]
 

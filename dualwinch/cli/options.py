@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 import shlex
 import warnings
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from importlib import import_module
 from inspect import signature
-from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
@@ -71,27 +69,35 @@ Figure = Annotated[
     ),
 ]
 
+Block = Literal["controller", "plant", "closed-loop"]
+"""What can be exported."""
+
+Out = Annotated[Path, Parameter(help="Folder for the files; made if missing.")]
+
 Json = Annotated[bool, Parameter(help="Print JSON instead of tables.")]
 
 
-def own_default(place: str, argument: str = "") -> Any:
-    """The default of a function's argument, or the value of a constant.
+def own_default(source: str | Callable[[], Any], argument: str = "") -> Any:
+    """The default of a function's argument, or a constant.
 
-    The place is a public function such as ``race``, or module and name of a class or constant below ``dualwinch``,
-    such as ``tuning.selection_config:TRIALS``.
+    Args:
+        source: name of a public function, such as ``race``; or a function that imports and returns another one, a
+            dataclass or a constant.
+        argument: of the function, or field of the dataclass; none for a constant.
     """
-    module, _, name = place.rpartition(":")
-    found = attrgetter(name)(import_module(f"dualwinch.{module}".rstrip(".")))
-    return signature(found).parameters[argument].default if argument else found
+    import dualwinch
+
+    value = getattr(dualwinch, source) if isinstance(source, str) else source()
+    return signature(value).parameters[argument].default if argument else value
 
 
-def default_of(place: str, argument: str = "", words: str = "{}") -> Parameter:
+def default_of(source: str | Callable[[], Any], argument: str = "", words: str = "{}") -> Parameter:
     """Show in an option's help the default of the function that gets it; the option itself is None if not given.
 
-    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone. Place
+    A command passes such an option on only if it is given (`stated`). Modules are imported for the help alone. Source
     and argument are those of `own_default`, the words a format string with one field.
     """
-    return Parameter(show_default=lambda _: words.format(own_default(place, argument)))
+    return Parameter(show_default=lambda _: words.format(own_default(source, argument)))
 
 
 def stated(**options: Any) -> dict[str, Any]:
@@ -162,7 +168,7 @@ class ExperimentOptions:
         """The options as typed for another command about the same experiment."""
         parts = {"--case": [self.case] * (self.case is not None), "--config": [self.config] * bool(self.config)}
         parts |= {"--set": self.assignments, "--plugin": self.plugin or []}
-        return shlex.join(str(word) for name, given in parts.items() for value in given for word in (name, value))
+        return shlex.join(str(word) for name, values in parts.items() for value in values for word in (name, value))
 
     def experiment(self, *defaults: str) -> Experiment:
         """The experiment; print notes on values that may be oversights.
@@ -176,12 +182,23 @@ class ExperimentOptions:
 
         use_parts(self.plugin)
         values = self.values
-        others = [text for text in defaults if text.partition("=")[0] not in values]
-        found = experiment_from(self.case, self.config, None, [*others, *self.assignments])
-        own = own_keys(self.config) if self.config else frozenset()
+        remaining_defaults = [text for text in defaults if text.partition("=")[0] not in values]
+        experiment = experiment_from(self.case, self.config, None, [*remaining_defaults, *self.assignments])
+        keys_of_user = own_keys(self.config) if self.config else frozenset()
         note_empty(self.config)
-        note_left_defaults(found, own | values.keys())
-        return found
+        note_left_defaults(experiment, keys_of_user | values.keys())
+        return experiment
+
+    def exported(self, block: str | None = None) -> Experiment:
+        """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
+        from dualwinch.analysis.remarks import in_full, loop_remarks
+        from dualwinch.simulation.experiment import Experiment
+
+        experiment = self.experiment()
+        if block != "plant" and experiment.plant != Experiment().plant:
+            for words in loop_remarks(experiment):
+                print_note(in_full(words, self.typed), stderr=True)
+        return experiment
 
     def nominal(self, ensemble: str | None) -> Experiment:
         """The experiment, or the nominal machine of an ensemble with the values of case, file and options.
@@ -203,11 +220,11 @@ class ExperimentOptions:
         """
         from dualwinch.config.ensemble_file import reset
 
-        drawn = self._unchanged(name)
-        if not drawn.distributions:
+        base = self._unchanged(name)
+        if not base.distributions:
             words = "it has no [distributions], so no value is drawn, and scenarios differ in their noise at most"
-            print_note(f"the ensemble '{drawn.name}': {words}", stderr=True)
-        return reset(drawn, self.values)
+            print_note(f"the ensemble '{base.name}': {words}", stderr=True)
+        return reset(base, self.values)
 
     def _unchanged(self, ensemble: str) -> Ensemble:
         """An ensemble without the values of ``--set``; print notes on differences from the machine of the file."""
@@ -215,11 +232,11 @@ class ExperimentOptions:
         from dualwinch.config.experiment_file import experiment_from
 
         use_parts(self.plugin)
-        drawn = load_ensemble(ensemble, experiment_from(self.case, self.config))
+        population = load_ensemble(ensemble, experiment_from(self.case, self.config))
         note_empty(self.config)
-        note_other_machine(self.config, ensemble, drawn)
-        note_papers_machine(self, ensemble, drawn)
-        return drawn
+        note_other_machine(self.config, ensemble, population)
+        note_papers_machine(self, ensemble, population)
+        return population
 
 
 @Parameter(name="*")
@@ -246,8 +263,8 @@ def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
     from dualwinch.simulation.experiment import Experiment
 
     same = experiment.plant == Experiment().plant
-    left = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
-    for words in [*left, *without_effect(experiment, own)]:
+    remarks = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
+    for words in [*remarks, *without_effect(experiment, own)]:
         print_note(words, stderr=True)
 
 
@@ -307,21 +324,23 @@ def sizes_of_ensemble(file: Path, name: str, drawn: Ensemble) -> str:
 
     if name not in built_in_ensembles() or load(file).plant == Experiment().plant:
         return ""
-    own, usual = leaves(load_ensemble(name).experiment), leaves(Experiment())
+    nominal, usual = leaves(load_ensemble(name).experiment), leaves(Experiment())
     absolute = {key: "" for key, how in drawn.distributions.items() if not how.relative}
-    sizes = {key: f" = {value:g}" for key, value in own.items() if isinstance(value, float) and value != usual.get(key)}
-    given = given_keys(file)
+    sizes = {
+        key: f" = {value:g}" for key, value in nominal.items() if isinstance(value, float) and value != usual.get(key)
+    }
+    keys_of_file = given_keys(file)
     found = {
         key: words
         for key, words in (sizes | absolute).items()
         if key.startswith("plant.")
-        and key not in given
+        and key not in keys_of_file
         and leaf_of(key, drawn.experiment).quantity.unit not in {"", "1", "rad"}
     }
     if not found:
         return ""
-    alike = [f"{starred(key) if swapped(key) in found else key}{words}" for key, words in found.items()]
-    sizes_there = first(list(dict.fromkeys(alike)), 5)
+    merged = [f"{starred(key) if swapped(key) in found else key}{words}" for key, words in found.items()]
+    sizes_there = first(list(dict.fromkeys(merged)), 5)
     return (
         f"the ensemble '{drawn.name}' has sizes that do not follow from {file}: {sizes_there}; for your own, edit a "
         f"copy of it (dualwinch config --ensemble {name} > my.toml)"
@@ -338,15 +357,15 @@ def other_machine(file: Path, name: str, drawn: Ensemble) -> str:
     from dualwinch.model.quantities.tree import leaves
     from dualwinch.simulation.experiment import Experiment
 
-    own = load(file)
-    there, here, usual = (leaves(each) for each in (own, drawn.experiment, Experiment()))
-    around = leaves(load_ensemble(name, own).experiment)
-    keys = [key for key in given_keys(file) if key.startswith("plant.") and there.get(key) != here.get(key)]
-    missed = sorted(key for key in keys if around.get(key) == there.get(key))
-    replaced = sorted(key for key in keys if key not in missed and there.get(key) != usual.get(key))
+    experiment_of_file = load(file)
+    file_values, here, usual = (leaves(each) for each in (experiment_of_file, drawn.experiment, Experiment()))
+    around = leaves(load_ensemble(name, experiment_of_file).experiment)
+    keys = [key for key in given_keys(file) if key.startswith("plant.") and file_values.get(key) != here.get(key)]
+    missed = sorted(key for key in keys if around.get(key) == file_values.get(key))
+    replaced = sorted(key for key in keys if key not in missed and file_values.get(key) != usual.get(key))
     if not (missed or replaced):
         return ""
-    differences = [f"{key} = {there.get(key)} there, {here.get(key)} here" for key in missed + replaced]
+    differences = [f"{key} = {file_values.get(key)} there, {here.get(key)} here" for key in missed + replaced]
     about = f"{file}: for another machine ({first(differences, 2)})"
     if missed:
         return f"{about}; to judge it on its own: --config {file}"
@@ -382,8 +401,8 @@ def other_ensemble(file: Path, *names: str) -> str:
     judged = f"judged in {' with '.join(repr(name) for name in names if name != NO_ENSEMBLE)}"
     if tuned_in == NO_ENSEMBLE:
         return f"{file}: tuned in one run, {judged}"
-    known = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"
-    return f"{file}: tuned in '{tuned_in}', {judged}; to judge it where it was tuned: --ensemble {known}"
+    source = tuned_in if tuned_in in built_in_ensembles() else f"with the file of '{tuned_in}'"
+    return f"{file}: tuned in '{tuned_in}', {judged}; to judge it where it was tuned: --ensemble {source}"
 
 
 LONGEST_TIME = 1e7
@@ -463,11 +482,13 @@ class WorkerOptions:
 
             with cluster_client(self.cluster) as client:
                 info = client.scheduler_info(n_workers=-1)
-                known = info["workers"]
-                threads = sum(worker["nthreads"] for worker in known.values())
-                there = f"{len(known)} workers with {threads} threads" if known else "no worker yet"
-                line.say(f"cluster {info['address']}: {there}; dashboard {client.dashboard_link}")
-                if not known:
+                workers_present = info["workers"]
+                threads = sum(worker["nthreads"] for worker in workers_present.values())
+                summary = (
+                    f"{len(workers_present)} workers with {threads} threads" if workers_present else "no worker yet"
+                )
+                line.say(f"cluster {info['address']}: {summary}; dashboard {client.dashboard_link}")
+                if not workers_present:
                     line.say(f"waiting for workers; to start one: dask worker {info['address']}")
                 yield client.get_executor(pure=False)
         finally:

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dualwinch.analysis.idealisations import Idealisation
     from dualwinch.model.quantities.quantity import Quantity
     from dualwinch.simulation.metrics.metric import MetricQuantity
+    from dualwinch.simulation.results.result import Result
 
 
 def terminal(*, stderr: bool = False, soft_wrap: bool = False) -> Console:
@@ -72,8 +73,8 @@ class FigureColumn:
     def of_metric(cls, name: str, quantity: "MetricQuantity", heading: str = "", form: str = "") -> "FigureColumn":
         """The column of a figure of merit, printed in its customary unit; heading and form default to its own."""
         unit, factor, own_form = quantity.shown
-        words, shown = heading or quantity.label, unit or quantity.shown_unit
-        return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=shown, meaning=quantity.meaning)
+        words, unit_text = heading or quantity.label, unit or quantity.shown_unit
+        return cls(name, quantity.unit, words, factor, form or own_form, shown_unit=unit_text, meaning=quantity.meaning)
 
     @property
     def title(self) -> str:
@@ -89,8 +90,8 @@ class FigureColumn:
 
     def cell(self, value: Any) -> "str | Text | CellWords":
         """A value as a cell of a table, in which words may break."""
-        shown = self.shown(value)
-        return CellWords(shown) if isinstance(shown, str) and not self.unit else shown
+        number = self.shown(value)
+        return CellWords(number) if isinstance(number, str) and not self.unit else number
 
 
 HEADING_WIDTH = 10
@@ -122,11 +123,11 @@ class CellWords:
 
     def lines(self, width: int) -> list[str]:
         """Break the words into lines of a width; a name without a place to break makes a longer line."""
-        found = []
+        lines = []
         for line in self.words.splitlines():
             words = (f"{word} " for word in BETWEEN_WORDS.split(line))
-            found += _filled([piece for word in words for piece in _pieces(word, width, *WITHIN_NAMES)], width)
-        return found
+            lines += _filled([piece for word in words for piece in _pieces(word, width, *WITHIN_NAMES)], width)
+        return lines
 
 
 def _pieces(word: str, width: int, *places: re.Pattern[str]) -> list[str]:
@@ -266,6 +267,11 @@ def wrote(file: object) -> None:
     terminal(stderr=True, soft_wrap=True).print(f"wrote {file}", highlight=False)
 
 
+def wrote_to(folder: Path, files: Sequence[Path]) -> None:
+    """Print which files were written to a folder."""
+    wrote(f"{folder}: {', '.join(path.name for path in files)}")
+
+
 @contextmanager
 def if_interrupted(words: str) -> Iterator[None]:
     """Let the message of an interrupt say how to go on, in place of which files have been written."""
@@ -293,6 +299,34 @@ def print_idealisations(found: "Sequence[Idealisation]") -> None:
 
     if words := summary(found):
         terminal(soft_wrap=True).print(words, highlight=False)
+
+
+def print_result(result: "Result", typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
+    """Print outcome, figures of merit and remarks of a run; commands in remarks have the options `typed`.
+
+    With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
+    """
+    from dualwinch.analysis.idealisations import idealisations
+    from dualwinch.analysis.remarks import in_full, remarks
+    from dualwinch.simulation.loop.structure import is_automatic, solver_of
+
+    metrics, simplifications = result.metrics, idealisations(result.experiment)
+    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
+    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
+    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
+    kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
+    if json:
+        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
+        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
+        print_json({**facts, "idealisations": [asdict(one) for one in simplifications], **further})
+        return
+    words = f" ({solver})" if is_automatic(result.experiment) else ""
+    console = terminal()
+    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
+    console.print(table.render_down())
+    for words in noted:
+        print_note(words)
+    print_idealisations(simplifications)
 
 
 def write_text(file: Path | None, text: Callable[[], str]) -> None:
@@ -337,21 +371,21 @@ def numbers_between(text: str, wrong: str) -> list[float] | list[int]:
     words = text.split(":")
     by_factors = len(words) == 4 and words[3].strip() == "log"
     try:
-        first, last, step = (float(word) for word in (words[:3] if by_factors else words))
+        start, last, step = (float(word) for word in (words[:3] if by_factors else words))
     except ValueError:
         raise ConfigurationError(wrong) from None
     if by_factors:
-        if not (0 < first < math.inf and 0 < last < math.inf and 2 <= step <= MOST and step == int(step)):
+        if not (0 < start < math.inf and 0 < last < math.inf and 2 <= step <= MOST and step == int(step)):
             raise ConfigurationError(f"{wrong}; first and last must be > 0, and the count 2 to {MOST}")
-        inner = [float(f"{first * (last / first) ** (k / (step - 1)):.12g}") for k in range(1, int(step) - 1)]
-        return [first, *inner, last]
-    if not all(map(math.isfinite, (first, last, step))) or step == 0 or (last - first) / step < 0:
+        inner = [float(f"{start * (last / start) ** (k / (step - 1)):.12g}") for k in range(1, int(step) - 1)]
+        return [start, *inner, last]
+    if not all(map(math.isfinite, (start, last, step))) or step == 0 or (last - start) / step < 0:
         raise ConfigurationError(f"{wrong}; the step must be finite, not 0, and lead from first to last")
-    if not math.isfinite((last - first) / step):
+    if not math.isfinite((last - start) / step):
         raise ConfigurationError(f"{wrong}; too many points, must be <= {MOST}")
-    count = math.floor((last - first) / step * (1 + 1e-12) + 1e-9) + 1
+    count = math.floor((last - start) / step * (1 + 1e-12) + 1e-9) + 1
     if count > MOST:
         raise ConfigurationError(f"{wrong}; these are {count:.12g} points, must be <= {MOST}")
     if all(word.strip().lstrip("+-").isdecimal() for word in words):
-        return [int(first) + k * int(step) for k in range(count)]
-    return [round(first + k * step, 12) for k in range(count)]
+        return [int(start) + k * int(step) for k in range(count)]
+    return [round(start + k * step, 12) for k in range(count)]

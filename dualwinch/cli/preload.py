@@ -62,7 +62,7 @@ def preload(
     experiment = given.experiment(f"{COORDINATION}={ScheduledPreload.kind}")
     check_file(out, ".json")
     with ProgressLine("solving and simulating", command="preload", patient=True) as progress:
-        found = preloads(
+        comparison = preloads(
             experiment,
             minimise,
             error=error,
@@ -70,10 +70,10 @@ def preload(
             configured=_as_configured(given, experiment),
             progress=progress,
         )
-    record = to_record(found, given.typed)
-    print_preloads(record, found)
+    record = to_record(comparison, given.typed)
+    print_preloads(record, comparison)
     write_json(out, record)
-    write_figure(plot, "preloads", found)
+    write_figure(plot, "preloads", comparison)
 
 
 COORDINATION = "controller.coordination.kind"
@@ -87,12 +87,12 @@ def _as_configured(given: ControllerOptions, scheduled: Experiment) -> Experimen
 
     if COORDINATION in given.values:
         return scheduled
-    own = f"controller.{ScheduledPreload.table()}."
+    prefix = f"controller.{ScheduledPreload.table()}."
     before = experiment_from(given.case, given.config)
     if isinstance(before.controller.coordination, ScheduledPreload):
         return scheduled
     return experiment_from(
-        given.case, given.config, None, [words for words in given.assignments if not words.strip().startswith(own)]
+        given.case, given.config, None, [words for words in given.assignments if not words.strip().startswith(prefix)]
     )
 
 
@@ -122,13 +122,13 @@ def print_preloads(record: dict[str, Any], found: Preloads) -> None:
         console.print("No constant preload has an error as small as the schedule's and keeps both ropes as taut.")
     else:
         over_best = record["measure_over_best_constant"]
-        taken = f"The schedule takes {over_best['scheduled']:.3g} of the {found.measure.replace('_', ' ')}"
+        share = f"The schedule takes {over_best['scheduled']:.3g} of the {found.measure.replace('_', ' ')}"
         saved = f"{100 * found.saved:.3g} % of the possible saving" if found.saved > 0 else "no saving"
         words = (
             " of the best constant preload that is as precise and keeps the ropes as taut; the optimum is "
             f"{over_best['optimum']:.3g}: {saved}."
         )
-        console.print(styled("bold", taken, words), soft_wrap=True)
+        console.print(styled("bold", share, words), soft_wrap=True)
     for words in record["remarks"]:
         print_note(words)
 
@@ -136,12 +136,12 @@ def print_preloads(record: dict[str, Any], found: Preloads) -> None:
 def _coordinations(found: Preloads) -> str:
     """Which coordination each run has, where that of the experiment is another one."""
     kinds = {name: run.experiment.controller.coordination.kind for name, run in found.runs.items()}
-    own, constant, scheduled = kinds["as configured"], kinds["constant"], kinds["scheduled"]
-    held = "constant" if found.best is None else "constant and best constant"
+    configured, constant, scheduled = kinds["as configured"], kinds["constant"], kinds["scheduled"]
+    constants = "constant" if found.best is None else "constant and best constant"
     share = "shares" if found.best is None else "share"
     return (
-        f"as configured: {own}, as `simulate` runs it; {held} {share} the force by {constant}, scheduled by "
-        f"{scheduled}, each with the gains that it has in common with {own}."
+        f"as configured: {configured}, as `simulate` runs it; {constants} {share} the force by {constant}, scheduled "
+        f"by {scheduled}, each with the gains that it has in common with {configured}."
     )
 
 
@@ -176,8 +176,8 @@ def to_record(found: Preloads, typed: str) -> dict[str, Any]:
     over_best = {}
     if found.best is not None:
         best = found.best.metrics[found.measure]
-        ours, bound = found.scheduled.metrics[found.measure], getattr(optimum, found.measure)
-        over_best = {"scheduled": ours / best, "optimum": bound / best}
+        scheduled, bound = found.scheduled.metrics[found.measure], getattr(optimum, found.measure)
+        over_best = {"scheduled": scheduled / best, "optimum": bound / best}
     units = {"t": "s", "F1": "N", "F2": "N", "e": "m", "preload": "N", "preload_extremes": "N"}
     units |= dict.fromkeys(("saved_share", "measure_over_best_constant"), "1")
     return report | {

@@ -94,8 +94,8 @@ class ProgressLine:
 
     def _left(self) -> str:
         """The time left, extrapolated from the time of the phase so far."""
-        done = self._fraction - self._first
-        if not done >= 0.01 or self._fraction >= 1:
+        progress = self._fraction - self._first
+        if not progress >= 0.01 or self._fraction >= 1:
             return ""
-        left = (time.monotonic() - self._began) * (1 - self._fraction) / done
-        return f" · {left / 60:.0f} min left" if left >= 90 else f" · {left:.0f} s left"
+        seconds = (time.monotonic() - self._began) * (1 - self._fraction) / progress
+        return f" · {seconds / 60:.0f} min left" if seconds >= 90 else f" · {seconds:.0f} s left"

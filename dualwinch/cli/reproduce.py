@@ -86,14 +86,14 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
     contents = [figure for figure in FIGURES if figure.case in numbers]
     compared = 4 in numbers and {"fando-nftsm", "nftsm"} <= set(kinds)
     beyond = list(product(numbers, variants_beyond_paper())) if extended else []
-    steps, done = 2 * len(jobs) + len(contents) + compared + 1 + len(beyond), count()
+    steps, steps_finished = 2 * len(jobs) + len(contents) + compared + 1 + len(beyond), count()
     runs: Runs = {}
     variants: Variants = {}
     images: dict[int, bytes] = {}
     with ProgressLine(command="reproduce", patient=True) as progress:
 
         def step(phase: str) -> None:
-            progress(next(done) / steps, phase)
+            progress(next(steps_finished) / steps, phase)
 
         for number, kind in jobs:
             step(f"case {number}, {kind}: simulate")
@@ -115,13 +115,13 @@ def _reproduce(out: Path, numbers: list[int], kinds: list[str], *, extended: boo
         from dualwinch.reports.reproduction import write_report
 
         observers = other_observers(runs, engine) if compared else {}
-        found = claims(runs, observers)
-        _write_metrics(out / "metrics.json", runs, variants, observers, found)
-        write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), found)
+        results = claims(runs, observers)
+        _write_metrics(out / "metrics.json", runs, variants, observers, results)
+        write_report(out / "report.html", runs, images, to_toml(case(numbers[-1])), versions(), results)
     console = terminal()
     for table in tables(runs, variants):
         console.print(table.render())
-    print_claims(console, found)
+    print_claims(console, results)
     console.print("Figures, data and report are in", styled("bold", str(out), f"; open {out / 'report.html'}"))
 
 
@@ -182,12 +182,12 @@ def other_observers(runs: Runs, engine: EngineName = "compiled") -> dict[float, 
     from dualwinch.simulation.simulate import simulate
 
     without = runs[4, "nftsm"].metrics.steady_mae
-    found = {}
+    comparisons = {}
     for gain in OTHER_GAINS:
         gains = {"controller.observer.l0": gain, "controller.observer.kf": gain}
         with_it = simulate(override(case(4), gains), stride=0, engine=engine)
-        found[gain] = with_it.metrics.steady_mae / without - 1
-    return found
+        comparisons[gain] = with_it.metrics.steady_mae / without - 1
+    return comparisons
 
 
 TRACKING = ("mae", "max_abs_error", "mse", "steady_mae", "steady_max_abs_error", "steady_mse")
@@ -219,7 +219,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
     from dualwinch.simulation.paper import CONTROLLERS, REDUCTIONS, reductions
 
     named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
-    found = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
+    tables = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
     if change := reductions(runs):
         title = "Figure 21: effect of the observer\n(Case 4, steady state)"
         merits = metric_quantities()
@@ -227,7 +227,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
             FigureColumn(key, heading=merits[key].label, factor=100, form="+.3g", shown_unit="%") for key in change
         ]
         rows = [("here", *change.values()), ("paper", *(REDUCTIONS[key] for key in change))]
-        found.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
+        tables.append(FigureTable("reductions", (FigureColumn("", ""), *columns), rows, title))
     for case in dict.fromkeys(number for number, *_ in variants):
         beyond = {
             (number, law if coordination == PAPERS_COORDINATION else coordination): result
@@ -236,8 +236,8 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
         }
         title = f"Beyond the paper, Case {case}: position laws, and coordinations with {PAPERS_LAW}"
         table = runs_table(title, beyond, FURTHER_METRICS)
-        found.append(replace(table, columns=table.columns[1:], rows=[row[1:] for row in table.rows]))
-    return found
+        tables.append(replace(table, columns=table.columns[1:], rows=[row[1:] for row in table.rows]))
+    return tables
 
 
 def print_claims(console: Console, found: list[Claim]) -> None:
@@ -262,5 +262,5 @@ def variants_beyond_paper() -> list[tuple[str, str]]:
     from dualwinch.controllers.controller import POSITION_LAWS
     from dualwinch.controllers.registry import COORDINATIONS
 
-    others = (coordination for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION)
-    return [*((law, PAPERS_COORDINATION) for law in POSITION_LAWS), *((PAPERS_LAW, other) for other in others)]
+    alternatives = (coordination for coordination in COORDINATIONS if coordination != PAPERS_COORDINATION)
+    return [*((law, PAPERS_COORDINATION) for law in POSITION_LAWS), *((PAPERS_LAW, other) for other in alternatives)]

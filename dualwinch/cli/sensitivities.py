@@ -69,21 +69,21 @@ def sensitivities(
     check_memory(base.samples, 1, (len(columns) + 1) * (len(values) + 1))
     check_file(out, *MIXED)
     with ProgressLine("differentiating", command="sensitivities", patient=True) as progress:
-        found = sensitivities(list(values), [list(values.values())], [base], columns=columns, progress=progress)
-    if found.interrupted:
+        derivatives = sensitivities(list(values), [list(values.values())], [base], columns=columns, progress=progress)
+    if derivatives.interrupted:
         raise KeyboardInterrupt
-    record = to_record(base, values, found)
+    record = to_record(base, values, derivatives)
     if json:
         print_json(record)
     else:
-        print_effects(record, base, found, metrics)
+        print_effects(record, base, derivatives, metrics)
     if out:
-        FORMATS[out.suffix.lower()].write(content_of(record, base, found), out)
+        FORMATS[out.suffix.lower()].write(content_of(record, base, derivatives), out)
         wrote(out)
     if plot:
         from dualwinch.analysis.plots.analyses import effects_figure
 
-        write_figure(plot, lambda: effects_figure(base, changes(record, found), found.quantities))
+        write_figure(plot, lambda: effects_figure(base, changes(record, derivatives), derivatives.quantities))
 
 
 def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
@@ -96,17 +96,17 @@ def values_of(words: Sequence[str], experiment: Experiment) -> dict[str, float]:
     from dualwinch.simulation.batch.sensitivities import differentiable_numbers
     from dualwinch.simulation.settings import current
 
-    known = differentiable_numbers(experiment)
-    found: dict[str, float] = {}
+    numbers = differentiable_numbers(experiment)
+    selection: dict[str, float] = {}
     for word in (part.strip() for text in words for part in text.split(",")):
         key = current(word)
-        matching = [name for name in known if fnmatchcase(name, key)] if "*" in key else [key]
+        matching = [name for name in numbers if fnmatchcase(name, key)] if "*" in key else [key]
         if not matching:
             raise ConfigurationError(f"{word}: matches no parameter that runs can be differentiated by")
-        found |= {name: known.get(name, 0.0) for name in matching}
-    if not found:
+        selection |= {name: numbers.get(name, 0.0) for name in matching}
+    if not selection:
         raise ConfigurationError('give keys to differentiate by, e.g. plant.vehicle.mass or "plant.rope_*.modulus"')
-    return found
+    return selection
 
 
 SHARE = 0.01
@@ -123,12 +123,12 @@ def to_record(experiment: Experiment, values: dict[str, float], found: Sensitivi
     from dualwinch.simulation.batch.sensitivities import described
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    known, merits = described(experiment), metric_quantities(experiment.metrics)
+    descriptions, merits = described(experiment), metric_quantities(experiment.metrics)
     keys = {}
     for key, value in values.items():
-        ends = [abs(end) for end in known[key].bounds if math.isfinite(end) and end]
+        ends = [abs(end) for end in descriptions[key].bounds if math.isfinite(end) and end]
         step = SHARE * (abs(value) or max(ends, default=1 / SHARE))
-        keys[key] = {"value": value, "unit": known[key].quantity.unit, "step": step}
+        keys[key] = {"value": value, "unit": descriptions[key].quantity.unit, "step": step}
     steps = np.array([each["step"] for each in keys.values()])
 
     def by_key(numbers: NDArray[np.float64]) -> dict[str, float]:

@@ -7,7 +7,7 @@ import shlex
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from dualwinch.cli.options import (
     WHOLE,
@@ -26,6 +26,7 @@ from dualwinch.cli.output import (
     print_idealisations,
     print_json,
     print_note,
+    print_result,
     styled,
     terminal,
     version_notes,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.result import EnsembleResult
     from dualwinch.simulation.ensembles.streamed import EnsembleStatistics
     from dualwinch.simulation.experiment import EngineName
-    from dualwinch.simulation.results.result import Result
 
 SCENARIOS, SEED = 100, 0
 """Defaults for an ensemble."""
@@ -49,8 +49,8 @@ def simulate(
     *,
     given: ControllerOptions = ControllerOptions(),
     ensemble: str | None = None,
-    scenarios: Annotated[Whole, default_of("cli.simulate:SCENARIOS")] = None,
-    seed: Annotated[Whole, default_of("cli.simulate:SEED")] = None,
+    scenarios: Annotated[Whole, default_of(lambda: SCENARIOS)] = None,
+    seed: Annotated[Whole, default_of(lambda: SEED)] = None,
     out: Path | None = None,
     plot: Figure = None,
     animate: Path | None = None,
@@ -107,8 +107,8 @@ def simulate(
                 raise ConfigurationError(f"--{name}: needs --ensemble{hint}")
         simulate_one(given, stride, engine, out, plot, animate, replace(where, cluster=None), json=json)
         return
-    for name, wanted in (("stride", stride != 1), ("animate", animate)):
-        if wanted:
+    for name, requested in (("stride", stride != 1), ("animate", animate)):
+        if requested:
             raise ConfigurationError(f"--{name} and --ensemble: give one of them")
     if engine:
         given = replace(given, set_=[*(given.set_ or []), f"simulation.engine={engine}"])
@@ -200,34 +200,6 @@ def simulate_ensemble(
         raise where.interrupt
 
 
-def print_result(result: Result, typed: str = "", *, json: bool, loop: bool = True, **further: Any) -> None:
-    """Print outcome, figures of merit and remarks of a run; commands in remarks have the options `typed`.
-
-    With `json` the output is JSON with `further` facts; without `loop` there are no remarks on the control loop.
-    """
-    from dualwinch.analysis.idealisations import idealisations
-    from dualwinch.analysis.remarks import in_full, remarks
-    from dualwinch.simulation.loop.structure import is_automatic, solver_of
-
-    metrics, found = result.metrics, idealisations(result.experiment)
-    noted = [in_full(words, typed) for words in remarks(result, loop=loop)]
-    columns = [FigureColumn.of(name, quantity, ".6g") for name, quantity in metrics.quantities.items()]
-    table = FigureTable("metrics", columns, [list(dict(metrics).values())])
-    kind, solver = result.experiment.controller.law.kind, solver_of(result.experiment)
-    if json:
-        facts = {"outcome": result.outcome, "end_time": result.end_time, "law": kind, "solver": str(solver)}
-        facts |= {"metrics": dict(metrics), "units": table.record()["units"] | {"end_time": "s"}, "remarks": noted}
-        print_json({**facts, "idealisations": [asdict(one) for one in found], **further})
-        return
-    words = f" ({solver})" if is_automatic(result.experiment) else ""
-    console = terminal()
-    console.print(styled("bold", kind, f": {result.outcome} at {result.end_time:g} s{words}"))
-    console.print(table.render_down())
-    for words in noted:
-        print_note(words)
-    print_idealisations(found)
-
-
 NO_COMPILER = (
     "no C compiler found, so CasADi's interpreter runs instead: the same results, tens of times slower; "
     "install gcc or clang, or add the compiler from PyPI: uv run --extra zig dualwinch …"
@@ -262,18 +234,18 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
     experiment, statistics = result.ensemble.experiment, result.statistics
-    found = idealisations(experiment)
-    columns = [FigureColumn.of(*known) for known in metric_quantities(experiment.metrics).items()]
+    simplifications = idealisations(experiment)
+    columns = [FigureColumn.of(*metric) for metric in metric_quantities(experiment.metrics).items()]
     kinds = {"mean": "mean", "median": "median", "p95": "95 %", "worst": "worst"}
     rows = [(kind, *(statistics[column.name][kind] for column in columns)) for kind in kinds]
     table = FigureTable("statistics", [FigureColumn("statistic", "", words=kinds), *columns], rows)
     completed = result.outcome_counts.get("completed", 0)
-    said = ensemble_remarks(experiment, statistics, completed=completed == len(result))
-    noted = [in_full(words, typed) for words in said]
+    remarks = ensemble_remarks(experiment, statistics, completed=completed == len(result))
+    noted = [in_full(words, typed) for words in remarks]
     if json:
         facts = {"ensemble": result.ensemble.name, "seed": result.seed, "outcomes": result.outcome_counts}
         facts |= {"scenarios": len(result), "scenarios_asked": result.asked}
-        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in found]}
+        facts |= {"remarks": noted, "idealisations": [asdict(one) for one in simplifications]}
         print_json({**facts, "units": table.record()["units"], "statistics": statistics})
         return
     console = terminal()
@@ -288,4 +260,4 @@ def print_ensemble(result: EnsembleResult | EnsembleStatistics, typed: str, *, j
         console.print(f"Statistics are those of the {completed} of {len(result)} scenarios that were completed.")
     for words in noted:
         print_note(words)
-    print_idealisations(found)
+    print_idealisations(simplifications)

@@ -68,16 +68,16 @@ def sweep(
     metrics = checked_metrics(metric or ["mse"], base)
     check_file(out, *MIXED)
     with ProgressLine("simulating", command="sweep", patient=True) as progress, where.workers(progress) as workers:
-        found = sweep(base, axes, workers=workers, progress=progress)
+        grid = sweep(base, axes, workers=workers, progress=progress)
     if json:
-        print_json(to_record(found))
+        print_json(to_record(grid))
     else:
-        print_sweep(found, metrics)
+        print_sweep(grid, metrics)
     if out:
-        FORMATS[out.suffix.lower()].write(content_of(found), out)
+        FORMATS[out.suffix.lower()].write(content_of(grid), out)
         wrote(out)
-    write_figure(plot, lambda: found.plot(metrics[0]))
-    if found.interrupted:
+    write_figure(plot, lambda: grid.plot(metrics[0]))
+    if grid.interrupted:
         raise where.interrupt
 
 
@@ -91,10 +91,10 @@ def checked_metrics(names: list[str], experiment: Experiment) -> list[str]:
     from dualwinch.model.quantities.quantity import unknown
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    known = metric_quantities(experiment.metrics)
+    quantities = metric_quantities(experiment.metrics)
     for name in names:
-        if name not in known:
-            raise ConfigurationError(f"--metric {name}: {unknown('metric', name, known)}")
+        if name not in quantities:
+            raise ConfigurationError(f"--metric {name}: {unknown('metric', name, quantities)}")
     return names
 
 
@@ -117,19 +117,19 @@ def axes_from(texts: Sequence[str]) -> dict[str, list[Any]]:
         raise ConfigurationError(
             f"give one or two keys with values, e.g. controller.observer.l0=1:20:1, not {len(texts)}"
         )
-    found: dict[str, list[Any]] = {}
+    axes: dict[str, list[Any]] = {}
     for text in texts:
         key, equals, values = (word.strip() for word in text.partition("="))
         if not (key and equals and values):
             raise ConfigurationError(
                 f"{text!r}: must be key=value,value or key=first:last:step, e.g. controller.observer.l0=1:20:1"
             )
-        if key in found:
+        if key in axes:
             raise ConfigurationError(f"{key}: is given twice")
         if "*" in key:
             raise ConfigurationError(f"{key}: must be one key, a sweep takes no patterns")
-        found[key] = _values(key, values)
-    return found
+        axes[key] = _values(key, values)
+    return axes
 
 
 def _values(key: str, text: str) -> list[Any]:

@@ -43,14 +43,36 @@ from dualwinch.cli.output import (
     versions,
 )
 from dualwinch.cli.progress import ProgressLine
-from dualwinch.toolboxes.stress.cli import write_stress
+from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
 
 if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
+    from dualwinch.tuning.selection_config import SelectionConfig
 
 METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
+
+
+def default_trials() -> int:
+    """The default number of trials, imported for the help alone."""
+    from dualwinch.tuning.selection_config import TRIALS
+
+    return TRIALS
+
+
+def default_scenarios() -> int:
+    """The default number of scenarios."""
+    from dualwinch.tuning.selection_config import SCENARIOS
+
+    return SCENARIOS
+
+
+def chance_constraint() -> type[SelectionConfig]:
+    """The class with the defaults of the chance constraint."""
+    from dualwinch.tuning.selection_config import SelectionConfig
+
+    return SelectionConfig
 
 
 def usual_methods(_: object) -> str:
@@ -82,9 +104,7 @@ class StudyOptions:
     method: Annotated[str | None, Parameter(help=f"Optimiser: {METHODS}.", show_default=usual_methods)] = None
     trials: Annotated[
         Whole,
-        default_of(
-            "tuning.selection_config:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"
-        ),
+        default_of(default_trials, words="{}, or as many as the gains need, without --time and --rollouts"),
     ] = None
     time: str | None = None
     rollouts: Whole = None
@@ -108,20 +128,16 @@ class StudyOptions:
         return str(self.storage or self.out / "study.journal")
 
 
-SELECTION = "tuning.selection_config:SelectionConfig"
-"""Class with the defaults of the chance constraint."""
-
-
 def tune(
     *,
     given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
-    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    scenarios: Annotated[Whole, default_of(default_scenarios)] = None,
     space: list[str] | None = None,
     objective: list[str] | None = None,
     constraint: list[str] | None = None,
-    violation: Annotated[str | None, default_of(SELECTION, "violation", "{:.1%}")] = None,
-    confidence: Annotated[str | None, default_of(SELECTION, "confidence", "{:.0%}")] = None,
+    violation: Annotated[str | None, default_of(chance_constraint, "violation", "{:.1%}")] = None,
+    confidence: Annotated[str | None, default_of(chance_constraint, "confidence", "{:.0%}")] = None,
     seed: Annotated[int, WHOLE] = 0,
     options: StudyOptions = StudyOptions(),
 ) -> None:
@@ -175,15 +191,24 @@ def tune(
             constraints=constraint,
             scenarios=scenarios,
             seed=seed,
-            violation=share_from(violation, "--violation", own_default(SELECTION, "violation")),
-            confidence=share_from(confidence, "--confidence", own_default(SELECTION, "confidence")),
+            violation=share_from(violation, "--violation", own_default(chance_constraint, "violation")),
+            confidence=share_from(confidence, "--confidence", own_default(chance_constraint, "confidence")),
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)
             note_papers_machine(given, ensemble, problem.ensemble)
         following = next_line(options.out / "best.toml", ensemble, given)
         run_study(problem, options, line, given.plugin, following)
+        if options.stress:
+            stress_best(options.out, ensemble, seed, given.plugin)
         line.say(f"next: {following}")
+
+
+def stress_best(out: Path, ensemble: str | None, seed: int, plugins: list[str] | None) -> None:
+    """Run the command ``stress`` on the best gains, with the ensemble that they were tuned in as the base."""
+    stress = extension(COMMANDS, "stress", "--stress")
+    base = "none" if ensemble is None else ensemble if ensemble != own_default("stress", "ensemble") else None
+    stress(out / "best.toml", base=base, seed=seed, out=out, given=ExperimentOptions(plugin=plugins))
 
 
 def next_line(best: Path, ensemble: str | None, given: ExperimentOptions) -> str:
@@ -248,7 +273,6 @@ def run_study(
     from dualwinch.config.folders import made_folder
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.batch.workers import cores
-    from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
     from dualwinch.tuning.optimisers import check_method
     from dualwinch.tuning.scoring.progress import TuningProgress
     from dualwinch.tuning.selection_config import default_method
@@ -261,7 +285,7 @@ def run_study(
     method, seconds = options.method or default_method(len(problem.objectives)), options.seconds
     trials = trials_of(problem, options.trials, seconds, options.rollouts)
     if options.stress:
-        check_stress(problem)
+        extension(FUNCTIONS, "check_stress", "--stress")(problem)
     check_method(method, len(problem.objectives))
     definition, out = definition_of(problem, method), options.out
     for part in definition["parts"]:
@@ -303,11 +327,6 @@ def run_study(
             line.say(f"wrote best.toml, study.json and report.html in {out}")
             if tuned.interrupted:
                 raise KeyboardInterrupt
-            if options.stress:
-                with ProgressLine("robustness margins", command="tune") as progress:
-                    found = stress_tuned(problem, tuned.best, name="best.toml", progress=progress)
-                terminal(soft_wrap=True).print(repr(found), highlight=False)
-                line.say(f"wrote {', '.join(write_stress(out, found))} in {out}")
     return tuned
 
 

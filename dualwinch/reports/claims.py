@@ -157,9 +157,9 @@ def _smooth_profile(runs: Runs) -> Iterator[Claim]:
 def _limits(runs: Runs) -> Iterator[Claim]:
     cases = [number for number in (1, 2, 3, 4) if (number, PROPOSED) in runs]
     if cases:
-        found = {number: _exceeded(runs[number, PROPOSED]) for number in cases}
-        satisfied = [f"Case {number}" for number, words in found.items() if not words]
-        violated = [f"Case {number}: {words}" for number, words in found.items() if words]
+        excesses = {number: _exceeded(runs[number, PROPOSED]) for number in cases}
+        satisfied = [f"Case {number}" for number, words in excesses.items() if not words]
+        violated = [f"Case {number}: {words}" for number, words in excesses.items() if words]
         sentences = [
             f"Satisfied in {' and '.join(satisfied)}." if satisfied else "",
             *(f"{words}." for words in violated),
@@ -168,7 +168,7 @@ def _limits(runs: Runs) -> Iterator[Claim]:
             "5",
             "The coordination avoids actuator saturation and keeps the tensions under control.",
             " ".join(filter(None, sentences)),
-            verdict_of(*(not words for words in found.values())),
+            verdict_of(*(not words for words in excesses.values())),
         )
 
 

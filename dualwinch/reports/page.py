@@ -6,19 +6,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from dualwinch.codegen.files import write_whole
 from dualwinch.simulation.plots.page import encode
 
+TEMPLATES = Path(__file__).parent / "templates"
+"""Folder of the style that pages share, and of the kernel's pages."""
+
 
 @cache
-def template(name: str) -> Template:
-    """Load a template of `dualwinch/reports/templates`; a variable that it is not given is an error."""
+def template(name: str, folder: Path = TEMPLATES) -> Template:
+    """Load a template of a folder, which may include those of `TEMPLATES`; a missing variable is an error."""
     environment = Environment(
-        loader=PackageLoader("dualwinch.reports"),
+        loader=FileSystemLoader([folder, TEMPLATES]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -27,18 +30,50 @@ def template(name: str) -> Template:
     return environment.get_template(name)
 
 
-def write_page(path: Path, name: str, **content: Any) -> None:
+def write_page(path: Path, name: str, folder: Path = TEMPLATES, **content: Any) -> None:
     """Write a report: one self-contained HTML file, which appears whole or not at all.
 
     Args:
         path: the file.
         name: of the template.
+        folder: of the template.
         content: variables of the template.
 
     Raises:
         OSError: the file cannot be written.
     """
-    write_whole(path, template(name).render(**content), errors="xmlcharrefreplace")
+    write_whole(path, template(name, folder).render(**content), errors="xmlcharrefreplace")
+
+
+def write_section(report: Path, name: str, content: str) -> bool:
+    """Write a section into a report that has a place for it: ``<!-- name: begin -->`` and ``<!-- name: end -->``.
+
+    Args:
+        report: the file; a missing one, or one without the section, is left alone.
+        name: of the section.
+        content: HTML that replaces the present content.
+
+    Returns:
+        Whether the report has the section.
+
+    Raises:
+        OSError: the report cannot be written.
+    """
+    if not report.is_file():
+        return False
+    before, begin, remainder = report.read_text(encoding="utf-8").partition(f"<!-- {name}: begin -->")
+    _, end, after = remainder.partition(f"<!-- {name}: end -->")
+    if not (begin and end):
+        return False
+    write_whole(report, f"{before}{begin}\n{content}{end}{after}")
+    return True
+
+
+def sentence(words: str) -> str:
+    """Words as a sentence with a capital letter, except for the name of a statistic, and a full stop."""
+    beginning = words.partition(" ")[0]
+    capital = beginning if "." in beginning else beginning[:1].upper() + beginning[1:]
+    return f"{capital}{words[len(beginning) :]}." if words else ""
 
 
 def data_uri(content: bytes | Figure) -> str:

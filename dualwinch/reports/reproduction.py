@@ -121,15 +121,15 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     kinds = [CONTROLLERS[kind] for kind in CONTROLLERS if any(run == kind for _number, run in runs)]
     cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
-    first = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {_listing(kinds)}."
+    opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {_listing(kinds)}."
     change = reductions(runs)
     if change is None:
-        return first + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
+        return opening + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
     merits = metric_quantities()
     here = _listing([f"{merits[metric].label} by {percent(change[metric])}" for metric in REDUCTIONS])
     paper = _listing([percent(value, "+g") for value in REDUCTIONS.values()])
     second = f"In the steady state of Case 4 the disturbance observer changes {here}; the paper reports {paper}."
-    return f"{first} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
+    return f"{opening} {second}".replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _listing(words: list[str]) -> str:
@@ -176,8 +176,8 @@ def _pictures(number: int, runs: Mapping[tuple[int, str], Result], figures: Mapp
             caption += " " + EVENTS[reference]
         if figure.content == "tensions":
             caption += " " + RINGING
-        drawn = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
-        caption = " ".join([caption, *remarks(figure.content, drawn)])
+        runs_of_case = {kind: runs[number, kind] for kind in CONTROLLERS if (number, kind) in runs}
+        caption = " ".join([caption, *remarks(figure.content, runs_of_case)])
         title = f"Case {number}: {CONTENTS[figure.content]}"
         pictures.append(Picture(figure.number, title, caption, data_uri(figures[figure.number])))
     return pictures
@@ -218,12 +218,12 @@ def _together(content: str, runs: Mapping[str, Result]) -> list[str]:
     columns = DRAWN[content]
     rows = min((len(run["t"]) for run in runs.values()), default=0)
     spans = {name: max((np.ptp(run[name][:rows]) for run in runs.values() if rows), default=0.0) for name in columns}
-    found: list[str] = []
+    labels: list[str] = []
     for one, other in combinations(runs, 2):
-        apart = [np.abs(runs[one][name][:rows] - runs[other][name][:rows]).max(initial=0.0) for name in columns]
-        if all(distance <= COINCIDE * spans[name] for name, distance in zip(columns, apart, strict=True)):
-            found += [one, other]
-    return [CONTROLLERS[kind] for kind in dict.fromkeys(found)]
+        distances = [np.abs(runs[one][name][:rows] - runs[other][name][:rows]).max(initial=0.0) for name in columns]
+        if all(distance <= COINCIDE * spans[name] for name, distance in zip(columns, distances, strict=True)):
+            labels += [one, other]
+    return [CONTROLLERS[kind] for kind in dict.fromkeys(labels)]
 
 
 def _off_the_panel(runs: Mapping[str, Result]) -> list[str]:

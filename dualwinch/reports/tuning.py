@@ -1,4 +1,4 @@
-"""The HTML reports of ``dualwinch tune`` and ``dualwinch race``, and their section on robustness margins."""
+"""The HTML report of ``dualwinch tune``, with a place for the robustness margins of ``dualwinch stress``."""
 
 import math
 import shlex
@@ -8,18 +8,13 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from dualwinch.analysis.idealisations import idealisations, summary
+from dualwinch.analysis.idealisations import idealisations
 from dualwinch.analysis.remarks import in_full
-from dualwinch.codegen.files import write_whole
-from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tables import readable_unit
 from dualwinch.model.quantities.tree import leaves
-from dualwinch.reports.page import data_uri, number_text, template, write_page
+from dualwinch.reports.page import data_uri, number_text, sentence, write_page
 from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.runs import length_unit
-from dualwinch.toolboxes.race.comparison import RULE
-from dualwinch.toolboxes.race.result import BenchmarkResult
-from dualwinch.toolboxes.stress.result import RobustnessResult
 from dualwinch.tuning.plots import (
     before_and_after,
     distributions,
@@ -91,8 +86,8 @@ def write_tuning_report(
         steps=next_steps(tuned, folder, own, following),
         stress=_stress_command(folder, own),
         constraints=f"Constraints of the search: {wanted}.",
-        contenders=" ".join(map(_sentence, contenders(tuned))),
-        authority=" ".join(filter(None, map(_sentence, (*noted, authority(tuned), too_short(tuned))))),
+        contenders=" ".join(map(sentence, contenders(tuned))),
+        authority=" ".join(filter(None, map(sentence, (*noted, authority(tuned), too_short(tuned))))),
         where=where(tuned),
         headings=list(headings(tuned).values()),
         scores=_scores(tuned),
@@ -106,18 +101,11 @@ def write_tuning_report(
     )
 
 
-def _sentence(words: str) -> str:
-    """Words as a sentence with a capital letter, except for the name of a statistic, and a full stop."""
-    first = words.partition(" ")[0]
-    begin = first if "." in first else first[:1].upper() + first[1:]
-    return f"{begin}{words[len(first) :]}." if words else ""
-
-
 def _summary(tuned: TuningResult) -> str:
     feasible = sum(trial.feasible for trial in tuned.trials)
     verb = "satisfies" if tuned.verdict.scored.feasible else "does not satisfy"
     return (
-        f"{_sentence(worth(tuned))} {_sentence(headline(tuned))} It {verb} every constraint there. "
+        f"{sentence(worth(tuned))} {sentence(headline(tuned))} It {verb} every constraint there. "
         f"Of {len(tuned.trials)} trials, {feasible} satisfied them in all tuning scenarios."
     )
 
@@ -264,7 +252,7 @@ def next_steps(tuned: TuningResult, folder: Path, own: str = "", following: str 
     """
     best = shlex.quote(str(folder / "best.toml"))
     ensemble = tuned.problem.ensemble
-    steps = [(f"{sentence[:1].upper()}{sentence[1:]}.", "") for sentence in advice(tuned)]
+    steps = [(f"{words[:1].upper()}{words[1:]}.", "") for words in advice(tuned)]
     if not tuned.verdict.improved:
         return steps
     if ensemble is not None:
@@ -282,69 +270,3 @@ def _length(mean_square: float) -> str:
     size = math.sqrt(mean_square)
     unit, name = length_unit(size)
     return f"{size / unit:.3g} {name}"
-
-
-BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
-"""Marks around the section on robustness margins."""
-
-
-def show_stress(report: Path, found: RobustnessResult) -> bool:
-    """Write robustness margins into a report of `dualwinch tune`, in place of the section's present content.
-
-    Args:
-        report: the file; a missing one, or one without the section, is left alone.
-        found: the robustness margins.
-
-    Returns:
-        Whether the report shows them.
-
-    Raises:
-        OSError: the report cannot be written.
-    """
-    if not report.is_file():
-        return False
-    before, begin, rest = report.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        return False
-    headings, rows = found.table()
-    section = template("stress.html.j2").render(
-        heading=found.heading,
-        headings=headings,
-        rows=rows,
-        notes=found.notes(),
-        picture=data_uri(found.plot()),
-    )
-    write_whole(report, f"{before}{BEGIN}\n{section}{END}{after}")
-    return True
-
-
-def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, str]) -> None:
-    """Write the report: one self-contained HTML file, which appears whole or not at all.
-
-    Args:
-        path: the file.
-        found: the race.
-        facts: provenance, name → value.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    headings, rows = found.table()
-    idealised = summary(idealisations(loads_ensemble(found.terms.configuration).experiment))
-    write_page(
-        path,
-        "race.html.j2",
-        heading=found.heading,
-        rule=RULE,
-        headings=headings,
-        rows=rows,
-        notes=[*found.notes(), *([_sentence(idealised)] if idealised else [])],
-        picture=data_uri(found.plot()),
-        fronts=data_uri(found.plot_fronts()),
-        ablations=found.ablations(),
-        stress=found.stress_rows(),
-        searches=found.search_rows(),
-        facts={"seed": str(found.terms.seed), "method": found.terms.method, **facts},
-        configuration=found.terms.configuration.strip(),
-    )

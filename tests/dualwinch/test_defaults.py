@@ -12,10 +12,12 @@ from dualwinch.analysis.preload import preloads
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS, app
 from dualwinch.cli.options import default_of, own_default, stated
-from dualwinch.export import export_c, export_fmu, export_st, generate_c
+from dualwinch.export import export_c, generate_c
 from dualwinch.model.linear.linearisation import linearise
 from dualwinch.simulation.batch.sensitivities import sensitivities
+from dualwinch.toolboxes.fmu.export import export_fmu
 from dualwinch.toolboxes.identification.options import DEFAULTS
+from dualwinch.toolboxes.plc.export import export_st
 from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
 from dualwinch.tuning.optimisers import METHODS
 from dualwinch.tuning.selection_config import SCENARIOS, TRIALS, SelectionConfig
@@ -82,8 +84,8 @@ def test_an_option_has_the_default_of_its_function(command: str) -> None:
 
 def test_the_defaults_that_are_shown_stand_where_they_are_said_to() -> None:
     assert own_default("race", "rollouts") == 30_000
-    assert own_default("tuning.selection_config:TRIALS") == TRIALS
-    shown = default_of("tuning.selection_config:SelectionConfig", "violation", "{:.1%}").show_default
+    assert own_default(lambda: TRIALS) == TRIALS
+    shown = default_of(lambda: SelectionConfig, "violation", "{:.1%}").show_default
     assert callable(shown)
     assert shown(None) == f"{SelectionConfig().violation:.1%}"
     assert stated(a=None, b=0, c=False) == {"b": 0, "c": False}

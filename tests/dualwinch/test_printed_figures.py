@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
+from dualwinch.toolboxes.stress import cli as stress_command
 from dualwinch.toolboxes.stress import stress as stress_module
 from tests.studies import FEWEST, choosing_by
 
@@ -174,6 +176,7 @@ def few_imperfections(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "few.toml"
     file.write_text(FEW_IMPERFECTIONS)
     monkeypatch.setattr(stress_module, "STRESS_ENSEMBLE", file)
+    monkeypatch.setattr(stress_command, "stress", partial(stress_command.stress, ensemble=str(file)))
 
 
 @pytest.fixture

@@ -13,11 +13,11 @@ from benchmarks.embedded.host import Host, build
 from dualwinch.codegen.block import Block
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.codegen.export.package import Provenance, c_package
-from dualwinch.export import export_fmu
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
+from dualwinch.toolboxes.fmu.export import export_fmu
 from dualwinch.toolboxes.stepper.stepper import Stepper
 from tests.fmus import Instance
 from tests.stepping import interpreted, plausible, values

@@ -9,17 +9,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dualwinch.cli.options import Plugins, Whole, use_parts
-from dualwinch.cli.output import if_interrupted
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 
 def worker(
     *,
     storage: Annotated[str | None, Parameter(env_var="DUALWINCH_STORAGE")] = None,
     study: str = "tuning",
-    threads: Whole = None,
-    plugin: Plugins = None,
+    threads: options.Whole = None,
+    plugin: options.Plugins = None,
 ) -> None:
     """Join a study that `dualwinch tune` has started in a database or a shared file, and work on it until it ends.
 
@@ -37,35 +35,29 @@ def worker(
         DUALWINCH_STORAGE=postgresql+psycopg://me:secret@host/studies dualwinch worker --study sea
     """
     with ProgressLine("joining the study", command="worker") as line:
-        from dualwinch.model.errors import ConfigurationError
-        from dualwinch.tuning.optimisers import optimiser
-        from dualwinch.tuning.scoring.evaluation import Evaluator
-        from dualwinch.tuning.scoring.progress import SEARCHING, TuningProgress
-        from dualwinch.tuning.scoring.training_set import prepare
-        from dualwinch.tuning.storage.connection import is_database, shown
-        from dualwinch.tuning.storage.opening import join_store
-        from dualwinch.tuning.storage.parts import StudyName, recall
-        from dualwinch.tuning.study import search
-        from dualwinch.tuning.tuning_problem import problem_from
+        from dualwinch.toolbox import ConfigurationError, searching
 
-        use_parts(plugin)
+        options.use_parts(plugin)
         if storage is None:
             raise ConfigurationError(
                 "--storage: must be a database, postgresql+psycopg://USER@HOST/DATABASE, or the file of a shared study"
             )
         if threads is not None and threads < 1:
             raise ConfigurationError(f"--threads {threads}: must be a whole number >= 1")
-        with closing(join_store(storage, study)) as store:
+        with closing(searching.join_store(storage, study)) as store:
             definition = store.definition
-            recall(StudyName(study, None if is_database(storage) else Path(storage)), definition.get("parts", []))
-            problem = problem_from(definition)
-            status = TuningProgress(line, problem.objectives)
-            kept = shown(storage) if is_database(storage) else storage
+            searching.recall(
+                searching.StudyName(study, None if searching.is_database(storage) else Path(storage)),
+                definition.get("parts", []),
+            )
+            problem = searching.problem_from(definition)
+            status = searching.TuningProgress(line, problem.objectives)
+            kept = searching.shown(storage) if searching.is_database(storage) else storage
             line.say(f"working on '{study}' in {kept}, {store.count()} trials so far")
-            prepared = prepare(problem, threads, status)
-            proposer = optimiser(definition["method"], prepared, secrets.randbits(31))
-            evaluator = Evaluator(prepared, workers=threads)
-            status.phase(SEARCHING)
-            with if_interrupted("every trial finished here is in the study; the same call joins it again"):
-                done = search(definition["method"], proposer, store, evaluator, status)
+            prepared = searching.prepare(problem, threads, status)
+            proposer = searching.optimiser(definition["method"], prepared, secrets.randbits(31))
+            evaluator = searching.Evaluator(prepared, workers=threads)
+            status.phase(searching.SEARCHING)
+            with output.if_interrupted("every trial finished here is in the study; the same call joins it again"):
+                done = searching.search(definition["method"], proposer, store, evaluator, status)
             line.say(f"the study is over: {done.trials} trials, {evaluator.rollouts} rollouts here")

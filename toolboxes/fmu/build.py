@@ -11,11 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import accumulate
 
-from dualwinch.codegen.cache import library
-from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CodegenError, CompilerNotFoundError, installing
-from dualwinch.codegen.source.c_source import c_source
-from dualwinch.codegen.text import c_comment
+from dualwinch.toolbox import code_cache, compilers, errors, language, texts
 from dualwinch.toolboxes.fmu.description import About, build_description, model_description
 from dualwinch.toolboxes.fmu.model import FmuModel, FmuVariable
 
@@ -57,7 +53,7 @@ PLATFORMS = {
 
 def find_platform(name: str) -> Platform | None:
     """The platform of a name in FMI 2 or FMI 3; None if unknown."""
-    return next((known for known in PLATFORMS.values() if name in {known.name, known.tuple_}), None)
+    return next((entry for entry in PLATFORMS.values() if name in {entry.name, entry.tuple_}), None)
 
 
 def host_platform() -> Platform:
@@ -67,26 +63,26 @@ def host_platform() -> Platform:
         CodegenError: it is no platform of an FMU.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    found = find_platform(f"{machine}-{platform.system().lower()}")
-    if found is None:
-        raise CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
-    return found
+    platform_here = find_platform(f"{machine}-{platform.system().lower()}")
+    if platform_here is None:
+        raise errors.CodegenError(f"{platform.system()} on {machine} is no platform of an FMU; name the platforms")
+    return platform_here
 
 
-def compiler_for(wanted: Platform) -> tuple[Compiler, tuple[str, ...]]:
+def compiler_for(wanted: Platform) -> tuple[compilers.Compiler, tuple[str, ...]]:
     """Compiler and flags for a platform: zig if installed, else the machine's compiler for its own platform.
 
     Raises:
         CompilerNotFoundError: zig is not installed and the platform is not this one, or there is no compiler.
     """
     try:
-        zig = find_compiler("zig")
-    except CompilerNotFoundError:
+        zig = compilers.find_compiler("zig")
+    except errors.CompilerNotFoundError:
         if wanted is not host_platform():
-            raise CompilerNotFoundError(
-                f"no compiler for {wanted.name}: it needs zig; run: {installing('zig')}"
+            raise errors.CompilerNotFoundError(
+                f"no compiler for {wanted.name}: it needs zig; run: {errors.installing('zig')}"
             ) from None
-        return find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
+        return compilers.find_compiler(), (*PORTABLE, f"-march={wanted.machine}")
     return replace(zig, command=(*zig.command, "-target", wanted.target)), PORTABLE
 
 
@@ -103,29 +99,29 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
     body = [
         *_definitions(model),
-        c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
+        language.c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
         *((files("dualwinch.toolboxes.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
     token = f"{{{'-'.join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]))}}}"
     what = f"{model.block.name}: {model.block.description}; functional mock-up unit, FMI {model.version}.0"
-    heading = f"/* {c_comment(what)} */"
+    heading = f"/* {texts.c_comment(what)} */"
     return "\n".join([heading, f'#define TOKEN "{token}"', *body]), token
 
 
 def _definitions(model: FmuModel) -> list[str]:
     """Sizes as macros; names, start values and ranges of all variables; outputs with direct feedthrough."""
     counts, signals = {role: len(model.of(role)) for role in ROLES}, model.signals
-    held = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
+    input_use = [int(row.any()) for row in model.functions.on_input[counts["derivative"] :]]
     macros: dict[str, object] = {}
-    for (role, count), first in zip(counts.items(), accumulate(counts.values(), initial=0), strict=False):
-        macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": first}
+    for (role, count), offset in zip(counts.items(), accumulate(counts.values(), initial=0), strict=False):
+        macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": offset}
     macros |= {
         "DERIVED": model.functions.derive.numel_out("derived"),
         "TIME": len(signals) - 1,
         "VARIABLES": len(signals),
         "HAS_DERIVATIVES": int(counts["derivative"] > 0),
-        "HAS_HELD": int(any(held)),
+        "HAS_HELD": int(any(input_use)),
         "SAMPLE_TIME": repr(model.block.sample_time),
         "MODEL_IDENTIFIER": model.block.name,
         "OFFERS_MODEL_EXCHANGE": int(model.flows),
@@ -139,7 +135,7 @@ def _definitions(model: FmuModel) -> list[str]:
         _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in signals]),
         _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in signals]),
         *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
-        _table("int held", "OUTPUTS", [str(each) for each in held]),
+        _table("int held", "OUTPUTS", [str(each) for each in input_use]),
     ]
 
 
@@ -197,7 +193,7 @@ def build_fmu(
         if progress:
             progress(target.name)
         folder = target.name if model.version == 2 else target.tuple_
-        content[f"binaries/{folder}/{name}{target.suffix}"] = library(source, compiler, flags).read_bytes()
+        content[f"binaries/{folder}/{name}{target.suffix}"] = code_cache.library(source, compiler, flags).read_bytes()
     return content
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from dualwinch.codegen.text import xml_text
+from dualwinch.toolbox import texts
 from dualwinch.toolboxes.fmu.model import FmuModel, FmuVariable
 
 SI: dict[str, dict[str, int]] = {
@@ -169,8 +169,8 @@ def _listed(model: FmuModel) -> tuple[FmuVariable, ...]:
     Derivatives only with model exchange, states of the integrator only with co-simulation.
     """
     continuous = {signal.state for signal in model.of("derivative")}
-    shown = {"derivative": model.flows, "state": model.steps}
-    return tuple(signal for signal in model.signals if shown.get(signal.role, True) or signal.reference in continuous)
+    visible = {"derivative": model.flows, "state": model.steps}
+    return tuple(signal for signal in model.signals if visible.get(signal.role, True) or signal.reference in continuous)
 
 
 def _interfaces(model: FmuModel) -> list[tuple[str, dict[str, str]]]:
@@ -202,11 +202,11 @@ def _role_attributes(signal: FmuVariable) -> dict[str, str]:
     """Name, value reference, description, and the role in FMI's terms."""
     causality, variability, initial = CAUSALITY[signal.role]
     variable = signal.variable
-    beyond = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
+    exclusion = f" (greater than {variable.lower:g})" if variable.exclusive else ""  # FMI's min includes itself
     attributes = {
         "name": signal.name,
         "valueReference": str(signal.reference),
-        "description": variable.description + beyond,
+        "description": variable.description + exclusion,
         "causality": causality,
         "variability": variability,
     }
@@ -229,6 +229,6 @@ def _value_attributes(signal: FmuVariable) -> dict[str, str]:
 def _text(element: Element) -> bytes:
     """The document, with texts made valid in XML."""
     for inner in element.iter():
-        inner.attrib.update({name: xml_text(value) for name, value in inner.attrib.items()})
+        inner.attrib.update({name: texts.xml_text(value) for name, value in inner.attrib.items()})
     indent(element)
     return tostring(element, encoding="utf-8", xml_declaration=True) + b"\n"

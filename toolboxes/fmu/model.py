@@ -10,9 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.block import Block, Variable
-from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.hoist import hoisted_together
+from dualwinch.toolbox import blocks, errors, language
 
 Bools = NDArray[np.bool_]
 
@@ -44,13 +42,13 @@ class FmuFunctions:
     at_start: Bools
 
 
-def functions_of(block: Block) -> FmuFunctions:
+def functions_of(block: blocks.Block) -> FmuFunctions:
     """The functions of a block's FMU."""
-    state, given, parameters = (
+    state, inputs_now, parameters = (
         ca.SX.sym(name, len(variables))
         for name, variables in (("state", block.states), ("input", block.inputs), ("parameters", block.parameters))
     )
-    point, names = [state, given, parameters], ["state", "input", "parameters"]
+    point, names = [state, inputs_now, parameters], ["state", "input", "parameters"]
     next_state, answer = block.step(*point)
     slope, output = ca.SX(0, 1), answer
     if block.derivative is not None:
@@ -62,19 +60,19 @@ def functions_of(block: Block) -> FmuFunctions:
     start_tangent = now_tangent = None
     if block.derivative is not None:
         seeds = [ca.SX.sym(f"{name}_seed", symbol.numel()) for name, symbol in zip(names, point, strict=True)]
-        moved = ca.densify(ca.jtimes(now, ca.vertcat(*point), ca.vertcat(*seeds)))
-        parts = ca.vertsplit(moved, [0, slope.numel(), now.numel()])
+        tangent = ca.densify(ca.jtimes(now, ca.vertcat(*point), ca.vertcat(*seeds)))
+        parts = ca.vertsplit(tangent, [0, slope.numel(), now.numel()])
         inputs, results = [*names, *(f"{name}_seed" for name in names)], ["derivatives_tangent", "output_tangent"]
         now_tangent = ca.Function("now_tangent", [*point, *seeds], parts, inputs, results, cse)
-        moved = [ca.densify(ca.jtimes(at_start, parameters, seeds[2]))]
+        tangent = [ca.densify(ca.jtimes(at_start, parameters, seeds[2]))]
         inputs = ["parameters", "parameters_seed"]
-        start_tangent = ca.Function("start_tangent", [parameters, seeds[2]], moved, inputs, ["state_seed"], cse)
-    whole = (
+        start_tangent = ca.Function("start_tangent", [parameters, seeds[2]], tangent, inputs, ["state_seed"], cse)
+    functions = (
         ca.Function("step", point, [next_state], names, ["next_state"], cse),
         ca.Function("now", point, [slope, output], names, ["derivatives", "output"], cse),
         ca.Function("start", [parameters], [at_start], ["parameters"], ["state"], cse),
     )
-    derive, (step, now_, start) = hoisted_together(whole, exact=True)
+    derive, (step, now_, start) = language.hoisted_together(functions, exact=True)
     return FmuFunctions(
         derive=derive,
         start=start,
@@ -83,8 +81,10 @@ def functions_of(block: Block) -> FmuFunctions:
         start_tangent=start_tangent,
         now_tangent=now_tangent,
         on_state=_dependence(now, state),
-        on_input=_dependence(now, given),
-        at_start=_dependence(ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(given, parameters)),
+        on_input=_dependence(now, inputs_now),
+        at_start=_dependence(
+            ca.vertcat(at_start, ca.substitute(now, state, at_start)), ca.vertcat(inputs_now, parameters)
+        ),
     )
 
 
@@ -115,7 +115,7 @@ class FmuVariable:
     name: str
     role: str
     reference: int
-    variable: Variable
+    variable: blocks.Variable
     state: int | None = None
 
 
@@ -129,7 +129,7 @@ class FmuModel:
         version: version of FMI.
     """
 
-    block: Block
+    block: blocks.Block
     kind: Kind
     version: Version
 
@@ -155,7 +155,7 @@ class FmuModel:
         Raises:
             CodegenError: two variables have one name.
         """
-        block, found = self.block, list[FmuVariable]()
+        block, signals = self.block, list[FmuVariable]()
         vectors = {
             "input": block.inputs,
             "parameter": block.parameters,
@@ -170,14 +170,14 @@ class FmuModel:
                 name = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", state)  # a number in a path is an array index
                 if role == "derivative":
                     of = first_state + position
-                    found.append(FmuVariable(f"der({name})", role, len(found), _rate(variable), of))
+                    signals.append(FmuVariable(f"der({name})", role, len(signals), _rate(variable), of))
                 else:
-                    found.append(FmuVariable(name, role, len(found), variable))
-        found.append(FmuVariable("time", "time", len(found), Variable("time", "s", "time", 0.0)))
-        twice = [name for name, count in Counter(signal.name for signal in found).items() if count > 1]
+                    signals.append(FmuVariable(name, role, len(signals), variable))
+        signals.append(FmuVariable("time", "time", len(signals), blocks.Variable("time", "s", "time", 0.0)))
+        twice = [name for name, count in Counter(signal.name for signal in signals).items() if count > 1]
         if twice:
-            raise CodegenError(f"two variables of {block.name} are called {twice[0]}")
-        return tuple(found)
+            raise errors.CodegenError(f"two variables of {block.name} are called {twice[0]}")
+        return tuple(signals)
 
     def of(self, role: str) -> tuple[FmuVariable, ...]:
         """The variables of one role."""
@@ -190,8 +190,10 @@ class FmuModel:
         inputs, states = self.of("input"), self.of("state") if self.flows else ()
         uses = self.functions
         return {
-            unknown.reference: [known.reference for known, used in zip(inputs, uses.on_input[row], strict=True) if used]
-            + [known.reference for known, used in zip(states, uses.on_state[row], strict=False) if used]
+            unknown.reference: [
+                variable.reference for variable, used in zip(inputs, uses.on_input[row], strict=True) if used
+            ]
+            + [variable.reference for variable, used in zip(states, uses.on_state[row], strict=False) if used]
             for row, unknown in enumerate(unknowns)
         }
 
@@ -204,18 +206,20 @@ class FmuModel:
         unknowns = (*self.of("state"), *self.of("derivative"), *self.of("output"))
         continuous = {signal.state for signal in self.of("derivative")}
         knowns = (*self.of("input"), *self.of("parameter"))
-        wanted = {signal.reference for signal in self.of("output")}
+        references = {signal.reference for signal in self.of("output")}
         if self.flows:
-            wanted |= continuous | {signal.reference for signal in self.of("derivative")}
-        found = {
-            unknown.reference: [known.reference for known, used in zip(knowns, row, strict=True) if used]
+            references |= continuous | {signal.reference for signal in self.of("derivative")}
+        dependencies = {
+            unknown.reference: [
+                known_variable.reference for known_variable, used in zip(knowns, row, strict=True) if used
+            ]
             for unknown, row in zip(unknowns, self.functions.at_start, strict=True)
-            if unknown.reference in wanted
+            if unknown.reference in references
         }
-        return dict(sorted(found.items()))
+        return dict(sorted(dependencies.items()))
 
 
-def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuModel:
+def fmu_model(block: blocks.Block, version: int = 2, kind: str | None = None) -> FmuModel:
     """A block as an FMI model.
 
     Args:
@@ -227,16 +231,16 @@ def fmu_model(block: Block, version: int = 2, kind: str | None = None) -> FmuMod
         CodegenError: an unknown version or kind, or model exchange of a block without derivatives.
     """
     if version not in VERSIONS:
-        raise CodegenError(f"FMI version {version}: must be 2 or 3")
+        raise errors.CodegenError(f"FMI version {version}: must be 2 or 3")
     kind = kind or ("both" if block.derivative is not None else "co-simulation")
     if kind not in FMU_KINDS:
-        raise CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(FMU_KINDS)}")
+        raise errors.CodegenError(f"unknown kind of FMU '{kind}': must be {', '.join(FMU_KINDS)}")
     if kind != "co-simulation" and block.derivative is None:
-        raise CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
+        raise errors.CodegenError(f"{block.name} has no time derivative: the kind of its FMU must be co-simulation")
     return FmuModel(block, kind, version)  # pyright: ignore[reportArgumentType]
 
 
-def _rate(state: Variable) -> Variable:
+def _rate(state: blocks.Variable) -> blocks.Variable:
     """The time derivative of a state."""
     unit = state.unit
     if unit == "1":
@@ -245,4 +249,4 @@ def _rate(state: Variable) -> Variable:
         unit += "^2"
     else:
         unit = f"({unit})/s" if "/" in unit else f"{unit}/s"
-    return Variable(f"der({state.name})", unit, f"time derivative of: {state.description}", 0.0)
+    return blocks.Variable(f"der({state.name})", unit, f"time derivative of: {state.description}", 0.0)

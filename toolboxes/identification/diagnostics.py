@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import holding_torques
-from dualwinch.model.units import UNITS
-from dualwinch.simulation.batch.workers import Workers, in_order, spread
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import ConfigurationError, Experiment, executors, physical_units, physics
 from dualwinch.toolboxes.identification.estimate import ParameterEstimate, PredictionErrorMethod, on_worker
 from dualwinch.toolboxes.identification.likelihood import noise_by_differences
 from dualwinch.toolboxes.identification.log import POSITIONS, TORQUES, UNIT_OF, Log, longest_step
@@ -74,7 +70,7 @@ def _check_ranges(log: Log, experiment: Experiment, options: PlausibilityOptions
         worst = values[rows[0]] if few else values[rows[np.abs(values[rows]).argmax()]]
         least, most = np.nanmin(values), np.nanmax(values)
         fit = dict[str, float]()
-        for unit, by in UNITS[UNIT_OF[name]].items():
+        for unit, by in physical_units.UNITS[UNIT_OF[name]].items():
             for stated, extremes in ((f"-{unit}", (-by * least, -by * most)), (unit, (by * least, by * most))):
                 if low <= min(extremes) and max(extremes) <= high:
                     fit = {each: size for each, size in fit.items() if size != by} | {stated: by}
@@ -170,7 +166,11 @@ def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) 
     if low <= step <= high:
         return
     usual = experiment.simulation.sample_time
-    fit = {unit: abs(np.log(by * step / usual)) for unit, by in UNITS["s"].items() if low <= by * step <= high}
+    fit = {
+        unit: abs(np.log(by * step / usual))
+        for unit, by in physical_units.UNITS["s"].items()
+        if low <= by * step <= high
+    }
     likely = sorted(fit, key=lambda each: fit[each])[:2] or ["UNIT"]
     raise ConfigurationError(
         f"{log.name}: t: has a row every {step:.3g} s: must be {low:g} to {high:g} s; is it in another unit (--column "
@@ -180,7 +180,7 @@ def _check_step(log: Log, experiment: Experiment, options: PlausibilityOptions) 
 
 def _check_pulls(log: Log, experiment: Experiment, options: PlausibilityOptions) -> None:
     """Refuse a log if its mean torques hold other tensions than its load cells read on average."""
-    held = vars(holding_torques(2.0, experiment.plant))  # 1 N in each rope
+    held = vars(physics.holding_torques(2.0, experiment.plant))  # 1 N in each rope
     for number in (1, 2):
         torque, tension = f"tau_{number}", f"F{number}"
         if tension not in log.readings:
@@ -245,7 +245,7 @@ def _swapped(log: Log, held: Mapping[str, float], options: PlausibilityOptions) 
 
 def _unit_by(by: float, name: str) -> str | None:
     """The unit, other than SI, with a factor near `by`; ``None`` if there is none."""
-    units = {unit: factor for unit, factor in UNITS[UNIT_OF[name]].items() if factor != 1}
+    units = {unit: factor for unit, factor in physical_units.UNITS[UNIT_OF[name]].items() if factor != 1}
     unit = min(units, key=lambda each: abs(np.log(units[each] / by)), default=None) if by > 0 else None
     return unit if unit and abs(np.log(units[unit] / by)) < 0.2 else None
 
@@ -254,7 +254,7 @@ def plausible_ranges(experiment: Experiment, options: PlausibilityOptions) -> di
     """Column → lowest and highest plausible value in a log of such a machine, in SI units."""
     plant, strongest = experiment.plant, options.max_tension_ratio * experiment.controller.limits.tension_max
     length, radius_1, radius_2 = plant.track.length, plant.winch_1.drum_radius, plant.winch_2.drum_radius
-    beyond, torques = options.max_beyond_track * length, holding_torques(2 * strongest, plant)
+    beyond, torques = options.max_beyond_track * length, physics.holding_torques(2 * strongest, plant)
     whole = length + beyond
     return {
         "x": (-beyond, whole),
@@ -297,7 +297,7 @@ def check_fit(
     plausibility, name = options.plausibility, sections[0].name
     most = plausibility.max_unrecorded if unrecorded is None else unrecorded
     recorded = np.concatenate([section.torques for section in sections])
-    held = holding_torques(2.0, experiment.plant)  # 1 N in each rope
+    held = physics.holding_torques(2.0, experiment.plant)  # 1 N in each rope
     pulls = recorded[:, 0] / float(held.tau_1), recorded[:, 1] / float(held.tau_2)
     torque, force = float(np.sqrt(np.mean(recorded**2))), float(np.sqrt(np.mean(pulls[0] ** 2 + pulls[1] ** 2)))
     further = {key: each.deviation for key, each in estimate.noise.process.items()}
@@ -555,12 +555,12 @@ class LikelihoodProfile:
 
 
 def likelihood_profiles(
-    method: PredictionErrorMethod, estimate: ParameterEstimate, keys: Sequence[str], workers: Workers = None
+    method: PredictionErrorMethod, estimate: ParameterEstimate, keys: Sequence[str], workers: executors.Workers = None
 ) -> tuple[LikelihoodProfile, ...]:
     """Profile likelihoods of several parameters; an executor's workers compute them in parallel."""
     if isinstance(workers, Executor):
         tasks = ((likelihood_profile, method.made_of, estimate, key) for key in keys)
-        return tuple(in_order(spread(workers, on_worker, tasks)))
+        return tuple(executors.in_order(executors.spread(workers, on_worker, tasks)))
     return tuple(likelihood_profile(method, estimate, key) for key in keys)
 
 

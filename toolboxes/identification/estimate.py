@@ -13,14 +13,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.prediction import FilterPass, compile_predictor
-from dualwinch.controllers.controller import Controller
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.workers import Workers, in_order, spread
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import parameters_of, zeros_of
-from dualwinch.simulation.progress import Progress, no_progress, part
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Controller,
+    Experiment,
+    compiled,
+    executors,
+    progresses,
+    structures,
+    with_leaves,
+)
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.likelihood import (
     Likelihood,
@@ -106,8 +108,10 @@ class PredictionErrorMethod:
         self.made_of = sections, experiment, self.unknowns, options
         self._experiment, self._search, self._threads = experiment, options.search, threads
         keys, self.structure = tuple(unknown.key for unknown in unknowns), predictor_structure(experiment)
-        zeros = zeros_of(self.structure, parameters_of(replace(experiment, controller=Controller())), varying=keys)
-        self._predictor = compile_predictor(predicted_system(self.structure, keys, zeros))
+        zeros = structures.zeros_of(
+            self.structure, structures.parameters_of(replace(experiment, controller=Controller())), varying=keys
+        )
+        self._predictor = compiled.compile_predictor(predicted_system(self.structure, keys, zeros))
         self.filters = self.filters_of(sections)
         columns = [parameter_names(self.structure).index(key) for key in keys]
         self.with_values = partial(_with_values, experiment, keys)  # a bound method would keep logs alive in a cycle
@@ -157,7 +161,7 @@ class PredictionErrorMethod:
     def run(
         self,
         start: Floats,
-        progress: Progress = no_progress,
+        progress: progresses.Progress = progresses.no_progress,
         noise: NoiseCovariances | None = None,
         *,
         unless: Callable[[Experiment, NoiseCovariances, float], bool] | None = None,
@@ -208,7 +212,7 @@ class PredictionErrorMethod:
         return DivergedFilterError(f"{name}: no machine near the experiment's explains this log (the filter diverges)")
 
     def _least_squares_rounds(
-        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: progresses.Progress
     ) -> tuple[Floats, NoiseCovariances]:
         """Values and noise near the optimum, by least squares with new gains in every round."""
         search = self._search
@@ -252,7 +256,7 @@ class PredictionErrorMethod:
         return values, noise
 
     def _newton_steps(
-        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: Progress
+        self, values: Floats, noise: NoiseCovariances, estimated: bool, progress: progresses.Progress
     ) -> tuple[NewtonStep | None, NoiseCovariances, bool]:
         """The last step, ``None`` if filters diverge at the first; the noise with it; and whether steps converged."""
         search, coordinates = self._search, self.coordinates()
@@ -294,7 +298,9 @@ class PredictionErrorMethod:
         column = READINGS.index("v")
         return any(np.isfinite(section.readings[:, column]).any() for section in self.filters.sections)
 
-    def _backtracked(self, here: Floats, there: Floats, noise: NoiseCovariances) -> tuple[Floats, list[FilterPass]]:
+    def _backtracked(
+        self, here: Floats, there: Floats, noise: NoiseCovariances
+    ) -> tuple[Floats, list[compiled.FilterPass]]:
         """Halve the way from `here` to `there` until no filter diverges; return the values and passes with them."""
         for _ in range(self._search.max_shortenings):
             filtered = self.likelihood.filtered(there, noise)
@@ -343,8 +349,8 @@ def multistart(
     drawn: int,
     starts: int,
     seed: int,
-    progress: Progress,
-    workers: Workers = None,
+    progress: progresses.Progress,
+    workers: executors.Workers = None,
 ) -> list[ParameterEstimate]:
     """Estimates from several starts of the first `drawn` unknowns (`starts_of`), the likeliest first.
 
@@ -352,29 +358,29 @@ def multistart(
     """
     others = [unknown.start for unknown in method.unknowns[drawn:]]
     further = [np.array([*own, *others]) for own in starts_of(method.unknowns[:drawn], starts, seed)[1:]]
-    searches = _searches(method, further, part(progress, 1 / starts, 1.0), workers)
+    searches = _searches(method, further, progresses.part(progress, 1 / starts, 1.0), workers)
     found = [first, *(estimate for estimate in searches if isinstance(estimate, ParameterEstimate))]
     return sorted(found, key=lambda estimate: estimate.deviance)
 
 
 def _searches(
-    method: PredictionErrorMethod, starts: Sequence[Floats], progress: Progress, workers: Workers
+    method: PredictionErrorMethod, starts: Sequence[Floats], progress: progresses.Progress, workers: executors.Workers
 ) -> Iterator[ParameterEstimate | ConfigurationError]:
     """The result of a search from each start; an error if the filter diverges there."""
     if isinstance(workers, Executor):
         tasks = ((_search, method.made_of, start) for start in starts)
-        for number, found in enumerate(in_order(spread(workers, on_worker, tasks))):
+        for number, found in enumerate(executors.in_order(executors.spread(workers, on_worker, tasks))):
             progress((number + 1) / len(starts))
             if isinstance(found, ParameterEstimate):
                 method.filters.passes += found.passes
             yield found
         return
     for number, start in enumerate(starts):
-        yield _search(method, start, part(progress, number / len(starts), (number + 1) / len(starts)))
+        yield _search(method, start, progresses.part(progress, number / len(starts), (number + 1) / len(starts)))
 
 
 def _search(
-    method: PredictionErrorMethod, start: Floats, progress: Progress = no_progress
+    method: PredictionErrorMethod, start: Floats, progress: progresses.Progress = progresses.no_progress
 ) -> ParameterEstimate | ConfigurationError:
     try:
         return method.run(start, progress)

@@ -18,21 +18,22 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from dualwinch.model.arguments import instance, one_number, whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions import MoveLimits, gaining_time, top_speed
-from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.model.quantities.tables import markdown, page, relative, table
-from dualwinch.model.reference import Reference, cruise_speed, own_duration, setpoint
-from dualwinch.simulation.batch.workers import map_all
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.style import BLUE, GREY, logarithmic, plain
-from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.simulate import simulate
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    Result,
+    arguments,
+    drawing,
+    executors,
+    motions,
+    preparation,
+    progresses,
+    quantities,
+    references,
+    runs,
+    tables,
+)
 from dualwinch.toolboxes.identification.estimate import PredictionErrorMethod
 from dualwinch.toolboxes.identification.log import log_of
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions, ExcitationOptions
@@ -54,7 +55,7 @@ LARGEST_SEED = 2**32 - 1
 
 
 @dataclass(frozen=True)
-class MotionLimits(MoveLimits):
+class MotionLimits(motions.MoveLimits):
     """Limits of a run: those of its moves, farthest position in m, largest tension in N and motor torque in N m."""
 
     farthest: float
@@ -86,7 +87,7 @@ def motion_limits(
     largest = acceleration or options.force_share * float(limits.force) / experiment.plant.vehicle.mass
     return MotionLimits(
         farthest=track or max(length - 1.0, length / 2),
-        speed=speed or cruise_speed(experiment.reference),
+        speed=speed or references.cruise_speed(experiment.reference),
         acceleration=largest,
         jerk=experiment.reference.jerk_limit or largest / options.jerk_time,
         tension=limits.tension_max,
@@ -101,7 +102,7 @@ def motion_dimensions(duration: float, options: ExcitationOptions = DEFAULTS.exc
 
 def motion_of(
     shares: Floats, limits: MotionLimits, duration: float, options: ExcitationOptions = DEFAULTS.excitation
-) -> Reference | None:
+) -> references.Reference | None:
     """The motion of a duration in s with given coordinates, in round numbers; ``None`` if nothing moves.
 
     Coordinates are (dimensions,) shares between 0 and 1: speed and acceleration, then target and time of every move.
@@ -112,7 +113,7 @@ def motion_of(
         min(float(f"{options.min_speed_share ** (1 - share) * largest:.2g}"), largest)
         for share, largest in zip(shares[:2], (limits.speed, limits.acceleration), strict=True)
     )
-    own = MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
+    own = motions.MoveLimits(speed, acceleration, limits.jerk and float(f"{limits.jerk:.2g}"))
     targets, weights = shares[2::2] * limits.farthest, shares[3::2] ** 2 + 1e-6
     points, pauses, position, late = list[float](), list[float](), 0.0, 0.0
     for target, time in zip(targets, np.diff(duration * np.cumsum(weights) / weights.sum(), prepend=0.0), strict=True):
@@ -126,7 +127,7 @@ def motion_of(
         late -= _move_time(way, own) + pauses[-1]
     if not points:
         return None
-    return Reference(
+    return references.Reference(
         kind="way-points",
         speed=speed,
         acceleration=acceleration,
@@ -136,13 +137,13 @@ def motion_of(
     )
 
 
-def _move_time(way: float, limits: MoveLimits) -> float:
+def _move_time(way: float, limits: motions.MoveLimits) -> float:
     """Time in s from rest to rest over a distance in m."""
-    speed = top_speed(way, limits)
-    return gaining_time(speed, limits) + way / speed
+    speed = motions.top_speed(way, limits)
+    return motions.gaining_time(speed, limits) + way / speed
 
 
-def _farthest(time: float, limits: MoveLimits, options: ExcitationOptions) -> float:
+def _farthest(time: float, limits: motions.MoveLimits, options: ExcitationOptions) -> float:
     """The largest distance in m in a time in s, by bisection."""
     low, high = 0.0, max(limits.speed * time, options.min_distance)
     for _ in range(options.bisections):
@@ -167,7 +168,7 @@ class ExpectedCovariance(NamedTuple):
     words: str = ""
 
 
-def with_motion(experiment: Experiment, reference: Reference, duration: float) -> Experiment:
+def with_motion(experiment: Experiment, reference: references.Reference, duration: float) -> Experiment:
     """An experiment with another motion, and with sensor readings in its rows."""
     simulation = replace(experiment.simulation, duration=duration, readings=True)
     return replace(experiment, reference=reference, simulation=simulation)
@@ -180,7 +181,7 @@ def expected_covariance(
     options: EstimationOptions = DEFAULTS,
 ) -> ExpectedCovariance:
     """The expected covariance of estimates from a run, by the information of its simulated log within given limits."""
-    run = simulate(experiment)
+    run = runs.simulate(experiment)
     if run.outcome != "completed":
         return ExpectedCovariance(None, 1.0, f"the run {run.outcome.replace('_', ' ')}")
     violation, words = _violation(run, limits, options.excitation) if limits else (0.0, "")
@@ -260,9 +261,9 @@ class ExcitationDesign(UncertainEstimates):
                 f"{unknown.start:.6g}",
                 f"{before:.2g}" if known else "",
                 f"{after:.2g}",
-                relative(after, unknown.start),
+                tables.relative(after, unknown.start),
                 f"{before / after:.3g}" if known else "",
-                behind_number(unknown.unit).strip(),
+                quantities.behind_number(unknown.unit).strip(),
             ])  # fmt: skip
         deviations = ["std. deviation, present motion", "this motion"]
         return ["parameter", "start", *deviations, "relative", "ratio", "unit"], rows
@@ -297,28 +298,32 @@ class ExcitationDesign(UncertainEstimates):
         }
 
     def __repr__(self) -> str:
-        return "\n".join([f"Excited: {self.headline}", "", markdown(*self.table), "", self.motion])
+        return "\n".join([f"Excited: {self.headline}", "", tables.markdown(*self.table), "", self.motion])
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return page("Excited", f"{self.headline}. {self.motion}", table(*self.table))
+        return tables.page("Excited", f"{self.headline}. {self.motion}", tables.table(*self.table))
 
-    def plot(self, *, ax: GivenAxes = None) -> Figure:
+    def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the motion, and its expected deviations beside the present motion's, into two axes or a new figure."""
         rows = range(len(self.unknowns))
-        with new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", self.headline) as page:
+        with drawing.new_page(ax, 2.2 + 0.2 * max(len(rows), 4), "An informative run", self.headline) as page:
             left, right = page.panels(1, 2)
             t = np.linspace(0, self.duration, 600)
-            left.plot(t, setpoint(t, self.experiment.reference).x, color=BLUE)
+            left.plot(t, references.setpoint(t, self.experiment.reference).x, color=drawing.BLUE)
             left.set(xlabel="time (s)", ylabel="reference (m)", xlim=(0, self.duration))
             by = np.array([unknown.uncertainty for unknown in self.unknowns]) / 100
             before, after = self.present_deviations / by, self.deviations / by
-            right.hlines(rows, before, after, color=GREY, linewidth=1.0)
-            right.plot(before, rows, "o", color="white", markeredgecolor=GREY, markersize=5, label="present motion")
-            right.plot(after, rows, "o", color=BLUE, markersize=5, label="this motion")
-            right.set_yticks(rows, [plain(key.removeprefix("plant.").removeprefix("sensors.")) for key in self.keys])
+            right.hlines(rows, before, after, color=drawing.GREY, linewidth=1.0)
+            right.plot(
+                before, rows, "o", color="white", markeredgecolor=drawing.GREY, markersize=5, label="present motion"
+            )
+            right.plot(after, rows, "o", color=drawing.BLUE, markersize=5, label="this motion")
+            right.set_yticks(
+                rows, [drawing.plain(key.removeprefix("plant.").removeprefix("sensors.")) for key in self.keys]
+            )
             right.set_ylim(len(rows) - 0.5, -0.5)
-            logarithmic(right, between=(1, 2, 5))
+            drawing.logarithmic(right, between=(1, 2, 5))
             right.set_xlabel("deviation to expect, % of the parameter")
             page.legend()
         return page.figure
@@ -341,7 +346,7 @@ def excite(
     seed: int = 0,
     options: EstimationOptions = DEFAULTS,
     threads: int | None = None,
-    progress: Progress = no_progress,
+    progress: progresses.Progress = progresses.no_progress,
 ) -> ExcitationDesign:
     """Design the most informative motion for estimating parameters, by CMA-ES on the information of simulated logs.
 
@@ -381,17 +386,17 @@ def excite(
     import cmaes
 
     began, search = perf_counter(), options.excitation
-    if not search.min_duration <= one_number("duration", duration) <= search.max_duration:
+    if not search.min_duration <= arguments.one_number("duration", duration) <= search.max_duration:
         raise ConfigurationError(
             f"duration = {duration:g}: must be {search.min_duration:g} to {search.max_duration:g} s"
         )
     if criterion not in {"D", "A"}:
         raise ConfigurationError(f"criterion = {criterion}: must be D or A")
     if trials is not None:
-        whole_number("trials", trials, 1)
-    whole_number("seed", seed, most=LARGEST_SEED)
+        arguments.whole_number("trials", trials, 1)
+    arguments.whole_number("seed", seed, most=LARGEST_SEED)
     trials = trials or (search.max_trials if seconds is None else None)
-    instance("options", options, EstimationOptions)
+    arguments.instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
     limits = motion_limits(
         experiment, track=track, speed=speed, acceleration=acceleration, torque=torque, options=search
@@ -401,10 +406,10 @@ def excite(
     size = motion_dimensions(duration, search)
     strategy = cmaes.CMA(np.full(size, 0.5), search.sigma, np.tile([0.0, 1.0], (size, 1)), seed=seed)
     nothing = ExpectedCovariance(None, np.inf, "no time for any motion")
-    best: tuple[float, Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
+    best: tuple[float, references.Reference | None, ExpectedCovariance] = (np.inf, None, nothing)
     tried = 0
 
-    def evaluate(point: Floats) -> tuple[float, Reference | None, ExpectedCovariance]:
+    def evaluate(point: Floats) -> tuple[float, references.Reference | None, ExpectedCovariance]:
         reference, there = motion_of(point, limits, duration, search), nothing._replace(violation=2.0)
         if reference:
             there = expected_covariance(with_motion(experiment, reference, duration), unknowns, limits, options)
@@ -412,7 +417,7 @@ def excite(
 
     while (trials is None or tried < trials) and (seconds is None or perf_counter() - began < seconds or not tried):
         points = [strategy.ask() for _ in range(strategy.population_size)]
-        found = map_all(evaluate, points, threads)
+        found = executors.map_all(evaluate, points, threads)
         strategy.tell([(point, each[0]) for point, each in zip(points, found, strict=True)])
         best, tried = min([best, *found], key=lambda each: each[0]), tried + len(points)
         spent = 0.0 if seconds is None else (perf_counter() - began) / seconds
@@ -437,9 +442,11 @@ def _present_motion(experiment: Experiment, duration: float) -> Experiment:
     """The experiment's own motion for the same duration, or for its own if it would otherwise leave the track."""
     longer = with_motion(experiment, experiment.reference, duration)
     try:
-        prepare(longer)
+        preparation.prepare(longer)
     except ConfigurationError:
-        return with_motion(experiment, experiment.reference, min(own_duration(experiment.reference), duration))
+        return with_motion(
+            experiment, experiment.reference, min(references.own_duration(experiment.reference), duration)
+        )
     return longer
 
 

@@ -7,17 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.prediction import (
-    FilterCovariances,
-    FilterData,
-    FilterPass,
-    FixedGainPrediction,
-    Predictor,
-)
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.workers import map_all
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import Experiment, compiled, executors, leaves
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import (
     DISTURBANCES,
@@ -44,7 +34,7 @@ class LogFilters:
 
     def __init__(
         self,
-        predictor: Predictor,
+        predictor: compiled.Predictor,
         structure: Experiment,
         sections: Sequence[LogSection],
         options: EstimationOptions,
@@ -67,9 +57,9 @@ class LogFilters:
         *,
         robust: bool = True,
         samples: int | None = None,
-        into: Sequence[FilterPass] = (),
+        into: Sequence[compiled.FilterPass] = (),
         **how: Any,
-    ) -> list[FilterPass]:
+    ) -> list[compiled.FilterPass]:
         """Filter every section, or only its first `samples`.
 
         A robust filter down-weights outliers (``options.search.outlier``). Passes given as `into` are overwritten.
@@ -77,7 +67,7 @@ class LogFilters:
         """
         known = [*into, *[None] * (len(self.sections) - len(into))]
 
-        def filtered(section: LogSection, into: FilterPass | None) -> FilterPass:
+        def filtered(section: LogSection, into: compiled.FilterPass | None) -> compiled.FilterPass:
             part = section.upto(samples) if samples else section
             return self._filtered(experiment, noise, part, robust=robust, into=into, **how)
 
@@ -85,9 +75,9 @@ class LogFilters:
 
     def _filtered(
         self, experiment: Experiment, noise: NoiseCovariances, section: LogSection, *, robust: bool = True, **how: Any
-    ) -> FilterPass:
+    ) -> compiled.FilterPass:
         data, initial = self.data(experiment, noise, section)
-        covariances = FilterCovariances(initial, self.process_variances(experiment, noise), noise.measurement)
+        covariances = compiled.FilterCovariances(initial, self.process_variances(experiment, noise), noise.measurement)
         outlier = self._options.search.outlier if robust else np.inf
         return self._predictor.filter(self.parameters(experiment, noise), data, covariances, outlier=outlier, **how)
 
@@ -105,7 +95,7 @@ class LogFilters:
 
         pairs = list(product(candidates, self.sections))
         self.passes += len(candidates)
-        found = map_all(lambda pair: deviance(*pair), pairs, self._threads)
+        found = executors.map_all(lambda pair: deviance(*pair), pairs, self._threads)
         return np.array(found).reshape(len(candidates), -1).sum(axis=1)
 
     def predict(
@@ -113,16 +103,16 @@ class LogFilters:
         parameters: Floats,
         experiment: Experiment,
         noise: NoiseCovariances,
-        filtered: Sequence[FilterPass],
+        filtered: Sequence[compiled.FilterPass],
         *,
         rows: bool = False,
-    ) -> list[FixedGainPrediction]:
+    ) -> list[compiled.FixedGainPrediction]:
         """Predict every section with given gains; experiment and noise determine the initial states.
 
         Parameters are in the order of `parameters`; with `rows` the innovations are kept.
         """
 
-        def predicted(section: LogSection, own: FilterPass) -> FixedGainPrediction:
+        def predicted(section: LogSection, own: compiled.FilterPass) -> compiled.FixedGainPrediction:
             data, _ = self.data(experiment, noise, section)
             return self._predictor.predict(parameters, data, own, rows=rows)
 
@@ -138,7 +128,7 @@ class LogFilters:
         passes = self.run(experiment, noise, robust=False, rows=True, watched=len(DISTURBANCES))
         parameters = self.parameters(experiment, noise)
 
-        def smoothed(section: LogSection, own: FilterPass) -> tuple[Floats, Floats, Floats]:
+        def smoothed(section: LogSection, own: compiled.FilterPass) -> tuple[Floats, Floats, Floats]:
             data, _ = self.data(experiment, noise, section)
             return np.asarray(own.states), *self._predictor.smooth(parameters, data, own)
 
@@ -150,7 +140,9 @@ class LogFilters:
         predictions = self.predict(self.parameters(experiment, noise), experiment, noise, filtered, rows=True)
         return [each.innovations for each in predictions if each.innovations is not None]
 
-    def data(self, experiment: Experiment, noise: NoiseCovariances, section: LogSection) -> tuple[FilterData, Floats]:
+    def data(
+        self, experiment: Experiment, noise: NoiseCovariances, section: LogSection
+    ) -> tuple[compiled.FilterData, Floats]:
         """A section with its initial state, and the covariance of the state."""
         early = section.readings[: self._options.resampling.first_reading_samples]
         first = early[np.isfinite(early).argmax(axis=0), np.arange(early.shape[1])]
@@ -163,7 +155,7 @@ class LogFilters:
             noise.states,
             self._options.initial_state,
         )
-        return FilterData(section.inputs, section.readings, start), covariance
+        return compiled.FilterData(section.inputs, section.readings, start), covariance
 
     def process_variances(self, experiment: Experiment, noise: NoiseCovariances) -> Floats:
         """(states,) variances that process noise adds to the states per sample."""
@@ -176,14 +168,14 @@ class LogFilters:
     def _each(self, work: Callable[[LogSection, Any], Found], along: Sequence[Any]) -> list[Found]:
         """The results of some work on every section with its element of `along`, in parallel."""
         self.passes += 1
-        return map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
+        return executors.map_all(lambda pair: work(*pair), list(zip(self.sections, along, strict=True)), self._threads)
 
 
-def all_completed(runs: Sequence[FilterPass | FixedGainPrediction]) -> bool:
+def all_completed(runs: Sequence[compiled.FilterPass | compiled.FixedGainPrediction]) -> bool:
     """Whether no filter left the track or diverged."""
-    return all(run.outcome == Outcome.COMPLETED for run in runs)
+    return all(run.outcome == compiled.Outcome.COMPLETED for run in runs)
 
 
-def deviance_of(filtered: Sequence[FilterPass]) -> float:
+def deviance_of(filtered: Sequence[compiled.FilterPass]) -> float:
     """Minus twice the log-likelihood of the innovations of all sections, up to a constant."""
     return 2 * sum(each.negative_log_likelihood for each in filtered)

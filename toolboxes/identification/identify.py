@@ -10,14 +10,16 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.arguments import instance, one_number, texts, whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.workers import Workers, threads_of
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, no_progress
-from dualwinch.simulation.results.result import Result
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    Result,
+    arguments,
+    executors,
+    progresses,
+    with_leaves,
+)
 from dualwinch.toolboxes.identification.diagnostics import (
     check_fit,
     check_log,
@@ -65,8 +67,8 @@ def identify(
     forces: bool = False,
     unrecorded: float | None = None,
     options: EstimationOptions = DEFAULTS,
-    workers: Workers = None,
-    progress: PhaseProgress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.PhaseProgress = progresses.no_progress,
 ) -> IdentificationResult:
     """Estimate `keys` by maximum likelihood of the innovations of an extended Kalman filter (prediction-error method).
 
@@ -111,15 +113,15 @@ def identify(
         KeyboardInterrupt: interrupted.
     """
     began = perf_counter()
-    if not 0 <= one_number("hold_out", hold_out) < 1:
+    if not 0 <= arguments.one_number("hold_out", hold_out) < 1:
         raise ConfigurationError(f"hold_out = {hold_out:g}: must be >= 0 and < 1")
-    if unrecorded is not None and not one_number("unrecorded", unrecorded) > 0:
+    if unrecorded is not None and not arguments.one_number("unrecorded", unrecorded) > 0:
         raise ConfigurationError(f"unrecorded = {unrecorded:g}: must be > 0")
-    whole_number("starts", starts, 1)
-    whole_number("seed", seed)
-    instance("options", options, EstimationOptions)
+    arguments.whole_number("starts", starts, 1)
+    arguments.whole_number("seed", seed)
+    arguments.instance("options", options, EstimationOptions)
     experiment, names, known = problem_of(keys, experiment, ensemble, priors)
-    profiled = estimable_keys(texts("profiles", profiles), experiment, "--profile")
+    profiled = estimable_keys(arguments.texts("profiles", profiles), experiment, "--profile")
     for key in profiled:
         if key not in names:
             raise ConfigurationError(f"--profile {key}: is not fitted; add it to --fit")
@@ -137,7 +139,7 @@ def identify(
     def of_first(fraction: float, phase: str = "", status: str = "") -> None:
         progress(fraction / starts, phase, status)
 
-    choice = ModelChoice([log for log, _ in split], unknowns, options, threads_of(workers), of_first)
+    choice = ModelChoice([log for log, _ in split], unknowns, options, executors.threads_of(workers), of_first)
     sections = sections_of(choice.logs, experiment, options.resampling)
     plausible = partial(check_fit, sections=sections, experiment=experiment, options=options, unrecorded=unrecorded)
     model = choice.of(experiment, plausible, sea=not forces)
@@ -195,11 +197,11 @@ def _logs(logs: Source | Sequence[Source], columns: Sequence[str], csv: str) -> 
     one = isinstance(logs, (Log, Result, str, PathLike))
     sources = [logs] if one else list(logs) if isinstance(logs, Sequence) else [logs]
     for source in sources:
-        instance("logs", source, Log, Result, PathLike, str)
+        arguments.instance("logs", source, Log, Result, PathLike, str)
     if not sources:
         raise ConfigurationError("logs: must be at least one")
     _check_different(sources)
-    named = column_map(texts("columns", columns))
+    named = column_map(arguments.texts("columns", columns))
     return [
         source
         if isinstance(source, Log)

@@ -20,9 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
-from dualwinch.codegen.drivers.prediction import FilterPass
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.sensors import Sensors
+from dualwinch.toolbox import Experiment, compiled, sensing
 from dualwinch.toolboxes.identification.filter import LogFilters, all_completed, deviance_of
 from dualwinch.toolboxes.identification.options import NoiseOptions, SearchOptions
 from dualwinch.toolboxes.identification.predictor import READINGS, VORTICES, NoiseCovariances, described_disturbances
@@ -65,7 +63,7 @@ def min_noise(options: NoiseOptions) -> Floats:
     return np.array([finest[name] for name in READINGS])
 
 
-def initial_measurement_noise(readings: Floats, sensors: Sensors, options: NoiseOptions) -> Floats:
+def initial_measurement_noise(readings: Floats, sensors: sensing.Sensors, options: NoiseOptions) -> Floats:
     """(readings,) initial variances of all sensors.
 
     As described by the experiment, quantisation included; for sensors described as perfect, from differences between
@@ -327,7 +325,7 @@ class NoiseEstimator:
         return sum(each.negative_log_likelihood for each in filtered)
 
     def with_measurement_noise(
-        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[FilterPass]
+        self, experiment: Experiment, noise: NoiseCovariances, filtered: Sequence[compiled.FilterPass]
     ) -> NoiseCovariances:
         """Estimate R by expectation maximisation, starting from passes with the given noise."""
         noise, changed = self._em_step(noise, filtered)
@@ -337,7 +335,9 @@ class NoiseEstimator:
             noise, changed = self._em_step(noise, self._filter(experiment, noise, self._samples))
         return noise
 
-    def _em_step(self, noise: NoiseCovariances, filtered: Sequence[FilterPass]) -> tuple[NoiseCovariances, float]:
+    def _em_step(
+        self, noise: NoiseCovariances, filtered: Sequence[compiled.FilterPass]
+    ) -> tuple[NoiseCovariances, float]:
         """One step of expectation maximisation, and the largest change of a variance's logarithm."""
         counts = np.sum([each.counts for each in filtered], axis=0)
         squares = np.sum([np.nan_to_num(each.noise * each.counts) for each in filtered], axis=0)
@@ -346,7 +346,9 @@ class NoiseEstimator:
         variances = np.maximum(np.clip(variances, before / factor, before * factor), min_noise(self._options) ** 2)
         return replace(noise, measurement=variances), float(np.max(np.abs(np.log(variances / before)), initial=0.0))
 
-    def _filter(self, experiment: Experiment, noise: NoiseCovariances, samples: int | None) -> list[FilterPass]:
+    def _filter(
+        self, experiment: Experiment, noise: NoiseCovariances, samples: int | None
+    ) -> list[compiled.FilterPass]:
         return self._filters.run(experiment, noise, gains=False, samples=samples)
 
 
@@ -389,9 +391,9 @@ class Likelihood:
     ) -> None:
         """Set up; `machine` makes an experiment from values, `columns` are their indices in the filters' parameters."""
         self._filters, self._machine, self._columns, self._options = filters, machine, list(columns), options
-        self._last: tuple[Floats, NoiseCovariances | None, list[FilterPass]] = np.zeros(0), None, []
+        self._last: tuple[Floats, NoiseCovariances | None, list[compiled.FilterPass]] = np.zeros(0), None, []
 
-    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[FilterPass]:
+    def filtered(self, values: Floats, noise: NoiseCovariances) -> list[compiled.FilterPass]:
         """Passes at given values: those of the last call if it was for the same, else new ones in the same arrays."""
         parameters = self._filters.parameters(self._machine(values), noise)
         last_parameters, last_noise, filtered = self._last
@@ -401,7 +403,11 @@ class Likelihood:
         return filtered
 
     def normal(
-        self, values: Floats, noise: NoiseCovariances, filtered: Sequence[FilterPass], start: Floats | None = None
+        self,
+        values: Floats,
+        noise: NoiseCovariances,
+        filtered: Sequence[compiled.FilterPass],
+        start: Floats | None = None,
     ) -> Floats:
         """(p + 1, p + 1) normal equations: sums of products of the derivatives by p unknowns and the innovations.
 
@@ -418,7 +424,7 @@ class Likelihood:
         self,
         values: Floats,
         noise: NoiseCovariances,
-        filtered: Sequence[FilterPass],
+        filtered: Sequence[compiled.FilterPass],
         coordinates: SearchCoordinates,
         tolerance: float = 1e-8,
     ) -> tuple[Floats, Floats]:

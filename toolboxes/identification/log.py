@@ -18,16 +18,18 @@ from zipfile import is_zipfile
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.errors import installing
-from dualwinch.controllers.parts import Measurement
-from dualwinch.model.csv_files import STAMPS, TableColumn, has_other_mark, named_columns, read_csv, split_header
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import unknown
-from dualwinch.model.recordings import read_parquet
-from dualwinch.model.units import UNITS, is_same_unit, is_unit
-from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.rows import READ
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Result,
+    csv_files,
+    description,
+    errors,
+    physical_units,
+    quantities,
+    recordings,
+    run_columns,
+    sensing,
+)
 from dualwinch.toolboxes.identification.predictor import READINGS
 
 Floats = NDArray[np.float64]
@@ -41,7 +43,7 @@ POSITIONS = ("x", "theta_1", "theta_2")
 UNIT_OF = {
     "t": "s",
     **dict.fromkeys(TORQUES, "N m"),
-    **{name: describe(Measurement)[name].quantity.unit for name in READINGS},
+    **{name: description.describe(sensing.Measurement)[name].quantity.unit for name in READINGS},
 }
 """Name → SI unit."""
 
@@ -172,7 +174,7 @@ def log(columns: Mapping[str, ArrayLike], name: str = "log") -> Log:
     """
     for column in columns:
         if column not in UNIT_OF:
-            raise ConfigurationError(f"{name}: {unknown('column', column, UNIT_OF)}")
+            raise ConfigurationError(f"{name}: {quantities.unknown('column', column, UNIT_OF)}")
     if "t" not in columns:
         raise ConfigurationError(f"{name}: must have a column t, times in s; it has {', '.join(columns) or 'none'}")
     arrays = {column: np.array(values, float) for column, values in columns.items()}
@@ -189,7 +191,7 @@ def log_of(run: Result, name: str = "run") -> Log:
         ConfigurationError: the run has too few rows.
     """
     columns = run.columns
-    read = {key: columns.get(f"{key}{READ}", columns.get(key)) for key in READINGS}
+    read = {key: columns.get(f"{key}{run_columns.READ}", columns.get(key)) for key in READINGS}
     arrays = {key: values for key, values in read.items() if values is not None}
     return Log(columns["t"], arrays | {key: columns[key] for key in TORQUES}, name)
 
@@ -200,7 +202,7 @@ def check_columns(source: str, found: Iterable[str], columns: Iterable[str] = ()
     The message names the columns of its file, if it is from one, and the nearest.
     """
     found, columns = list(found), list(columns)
-    spare = {name.lower(): name for name in columns if name.removesuffix(READ) not in UNIT_OF}
+    spare = {name.lower(): name for name in columns if name.removesuffix(run_columns.READ) not in UNIT_OF}
     positions = [] if any(name in found for name in POSITIONS) else list(POSITIONS)
     missing = [name for name in (*required, *TORQUES) if name not in found] or positions
     if not missing:
@@ -259,7 +261,7 @@ def column_map(texts: str | Sequence[str]) -> dict[str, str]:
         if not parts:
             raise ConfigurationError(f"--column {text}: must be READING=COLUMN or READING=COLUMN:UNIT, e.g. F1=left:kN")
         if parts[1] not in UNIT_OF:
-            raise ConfigurationError(f"--column {text}: {unknown('reading', parts[1], UNIT_OF)}")
+            raise ConfigurationError(f"--column {text}: {quantities.unknown('reading', parts[1], UNIT_OF)}")
         if found.get(parts[1], parts[2]) != parts[2]:
             raise ConfigurationError(f"--column {text}: {parts[1]} is {found[parts[1]]} already: must be given once")
         found[parts[1]] = parts[2]
@@ -308,13 +310,13 @@ def read_log(file: str | PathLike[str], columns: Mapping[str, str] | None = None
 class LogColumn(NamedTuple):
     """The column of a reading, its named unit, the column of its own times, and their named unit."""
 
-    column: TableColumn
+    column: csv_files.TableColumn
     unit: str | None = None
-    times: TableColumn | None = None
+    times: csv_files.TableColumn | None = None
     times_unit: str | None = None
 
 
-def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[str]:
+def _without_number(reading: str, column: csv_files.TableColumn, path: Path) -> Iterator[str]:
     """A note on rows with neither a finite number nor a gap.
 
     Raises:
@@ -322,9 +324,9 @@ def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[s
     """
     filled, count = int(np.isfinite(column.values).sum()), len(column.words)
     if 2 * count > filled + count:
-        forms = f"a number, a time stamp as {STAMPS}," if reading == "t" else "a number"
+        forms = f"a number, a time stamp as {csv_files.STAMPS}," if reading == "t" else "a number"
         marks = "; --csv SEPARATOR+MARK, e.g. ';,', says the decimal mark"
-        hint = marks if len(column.cells) and has_other_mark(column.cells[column.words[0]]) else ""
+        hint = marks if len(column.cells) and csv_files.has_other_mark(column.cells[column.words[0]]) else ""
         raise ConfigurationError(f"{path.name}: {column.at(column.words[0])}: must be {forms} or a gap{hint}")
     if count:
         more = f", and so {'is 1 other' if count == 2 else f'are {count - 1} others'}" if count > 1 else ""
@@ -334,7 +336,7 @@ def _without_number(reading: str, column: TableColumn, path: Path) -> Iterator[s
         yield f"{path.name}: {column.header}: has no number in any row, not used"
 
 
-def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
+def _chosen(table: Sequence[csv_files.TableColumn], columns: Mapping[str, str], path: Path) -> dict[str, LogColumn]:
     """Reading → its column, as named or by the reading's name; unnamed times default to those of ``tau_1``."""
     chosen = dict[str, LogColumn]()
     for reading in UNIT_OF:
@@ -342,7 +344,9 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
             if columns[reading] != OMITTED:
                 chosen[reading] = _named(table, columns[reading], path)
             continue
-        found = next((each for name in (f"{reading}{READ}", reading) if (each := _found(table, name, path))), None)
+        found = next(
+            (each for name in (f"{reading}{run_columns.READ}", reading) if (each := _found(table, name, path))), None
+        )
         if found and not _is_other(found, reading):
             chosen[reading] = LogColumn(found)
     if "t" not in columns and "t" not in chosen:
@@ -354,21 +358,23 @@ def _chosen(table: Sequence[TableColumn], columns: Mapping[str, str], path: Path
     return chosen
 
 
-def _is_other(column: TableColumn, reading: str) -> bool:
+def _is_other(column: csv_files.TableColumn, reading: str) -> bool:
     """Whether the end of a name, such as ``x_d``, looks like a unit but not one of the reading."""
     ends = f"{column.name}_{column.unit}" == column.header.rpartition(".")[2]
-    return ends and column.unit is not None and not is_unit(column.unit, UNIT_OF[reading])
+    return ends and column.unit is not None and not physical_units.is_unit(column.unit, UNIT_OF[reading])
 
 
-def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn | None:
+def _found(table: Sequence[csv_files.TableColumn], name: str, path: Path) -> csv_files.TableColumn | None:
     """The column with a given header or name, or ``None``."""
-    found = named_columns([each for each in table if not each.content], name) or named_columns(table, name)
+    found = csv_files.named_columns([each for each in table if not each.content], name) or csv_files.named_columns(
+        table, name
+    )
     if len(found) > 1:
         headers = dict.fromkeys(each.header for each in found)
         which = f"; name one, --column READING=COLUMN: {listed(headers)}" if len(headers) > 1 else ""
         raise ConfigurationError(f"{path}: has more than one column '{name}'{which}")
     if found and found[0].content:
-        reading = name.removesuffix(READ)
+        reading = name.removesuffix(run_columns.READ)
         out = f", or left out (--column {reading}=-)" if reading in READINGS else ""
         raise ConfigurationError(
             f"{path}: column '{found[0].header}': is {found[0].content}: must be real numbers{out}"
@@ -376,30 +382,32 @@ def _found(table: Sequence[TableColumn], name: str, path: Path) -> TableColumn |
     return found[0] if found else None
 
 
-def _named(table: Sequence[TableColumn], text: str, path: Path) -> LogColumn:
+def _named(table: Sequence[csv_files.TableColumn], text: str, path: Path) -> LogColumn:
     """The column of a text ``COLUMN``, ``COLUMN:UNIT`` or ``COLUMN:UNIT@TIMES:UNIT``; names may have colons."""
     if whole := _found(table, text, path):
         return LogColumn(whole)
     own, _, at = (part.strip() for part in text.rpartition("@"))
     (found, unit), (times, last) = _with_unit(table, own, path), _with_unit(table, at, path)
     if own and found and times:
-        if last is not None and not is_unit(last, "s"):
+        if last is not None and not physical_units.is_unit(last, "s"):
             raise ConfigurationError(
-                f"{path}: unit \"{last}\" of the times '{times.header}': must be one of {', '.join(UNITS['s'])}; the "
-                f"unit of '{found.header}' goes before the @"
+                f"{path}: unit \"{last}\" of the times '{times.header}': must be one of "
+                f"{', '.join(physical_units.UNITS['s'])}; the unit of '{found.header}' goes before the @"
             )
         return LogColumn(found, unit, times, last)
     found, unit = _with_unit(table, text, path)
     if found:
         return LogColumn(found, unit)
     name, _, unit = (part.strip() for part in text.rpartition(":"))
-    wanted = name if name and is_unit(unit.removeprefix("-")) else text
+    wanted = name if name and physical_units.is_unit(unit.removeprefix("-")) else text
     near = difflib.get_close_matches(wanted, [each.header for each in table], n=1, cutoff=0.6)
     hint = f"did you mean '{near[0]}'? It" if near else "it"
     raise ConfigurationError(f"{path}: unknown column '{wanted}'; {hint} has {listed(each.header for each in table)}")
 
 
-def _with_unit(table: Sequence[TableColumn], text: str, path: Path) -> tuple[TableColumn | None, str | None]:
+def _with_unit(
+    table: Sequence[csv_files.TableColumn], text: str, path: Path
+) -> tuple[csv_files.TableColumn | None, str | None]:
     """The column of a text ``COLUMN`` or ``COLUMN:UNIT``, and the unit."""
     if found := _found(table, text, path):
         return found, None
@@ -412,7 +420,7 @@ def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Flo
     column, unit = chosen.column, chosen.unit
     if column.stamps and reading != "t":
         raise ConfigurationError(f"{path}: column '{column.header}': has time stamps: must be real numbers")
-    if unit and column.unit and not is_same_unit(unit.removeprefix("-"), column.unit):
+    if unit and column.unit and not physical_units.is_same_unit(unit.removeprefix("-"), column.unit):
         notes.append(f"{path.name}: {column.header}: is read in {unit}, as --column says, not in {column.unit}")
     return (
         _seconds(column, path, unit)
@@ -421,14 +429,14 @@ def _in_si(reading: str, chosen: LogColumn, path: Path, notes: list[str]) -> Flo
     )
 
 
-def _factor(column: TableColumn, si: str, unit: str | None, path: Path) -> float:
+def _factor(column: csv_files.TableColumn, si: str, unit: str | None, path: Path) -> float:
     try:
         return column.factor(si, unit)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
 
 
-def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats:
+def _seconds(column: csv_files.TableColumn, path: Path, unit: str | None = None) -> Floats:
     """Times in s, from time stamps, times since 1970, or times in a given unit."""
     if column.stamps:
         if unit:
@@ -442,7 +450,9 @@ def _seconds(column: TableColumn, path: Path, unit: str | None = None) -> Floats
     return column.values * _factor(column, "s", unit, path)
 
 
-def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn | None) -> TableColumn | None:
+def _own_times(
+    table: Sequence[csv_files.TableColumn], chosen: LogColumn, t: LogColumn | None
+) -> csv_files.TableColumn | None:
     """The column of a reading's own times: as named, named after the reading, or next to it in a structure."""
     if chosen.times or chosen is t:
         return chosen.times
@@ -455,7 +465,7 @@ def _own_times(table: Sequence[TableColumn], chosen: LogColumn, t: LogColumn | N
     return next((each for each in named if len(each.values) == len(chosen.column.values)), None)
 
 
-def _check_ascending(column: TableColumn, seconds: Floats, path: Path) -> None:
+def _check_ascending(column: csv_files.TableColumn, seconds: Floats, path: Path) -> None:
     rows = np.flatnonzero(np.isfinite(seconds))
     steps = np.diff(seconds[rows])
     late = np.flatnonzero(steps <= 0)
@@ -471,7 +481,7 @@ def _check_times(
     path: Path,
     chosen: Mapping[str, LogColumn],
     values: Mapping[str, Floats],
-    times: Mapping[str, TableColumn],
+    times: Mapping[str, csv_files.TableColumn],
     own: Mapping[str, Floats],
 ) -> None:
     """Refuse readings that mostly have no time, or times outside those of the torques.
@@ -535,9 +545,9 @@ def _rounded_to(t: Floats, times: Floats) -> Floats:
     return np.where(np.abs(times - nearest) < SAME_TIME * np.median(np.diff(t)), nearest, times)
 
 
-def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
+def _unused(source: str, spare: Sequence[csv_files.TableColumn], chosen: Mapping[str, LogColumn]) -> Iterator[str]:
     """A note on unused columns, each with the option to use it."""
-    spare = [each for each in spare if each.header and each.name.removesuffix(READ) not in chosen]
+    spare = [each for each in spare if each.header and each.name.removesuffix(run_columns.READ) not in chosen]
     missing = [reading for reading in UNIT_OF if reading not in chosen]
     words = []
     for column in spare:
@@ -548,14 +558,14 @@ def _unused(source: str, spare: Sequence[TableColumn], chosen: Mapping[str, LogC
             continue
         near = difflib.get_close_matches(column.name.lower(), [name.lower() for name in missing], n=1, cutoff=0.5)
         likely = [name for name in missing if name.lower() in near]
-        likely += [name for name in missing if column.unit and is_unit(column.unit, UNIT_OF[name])]
+        likely += [name for name in missing if column.unit and physical_units.is_unit(column.unit, UNIT_OF[name])]
         words.append(f"{column.header} (--column '{likely[0]}={column.header}')" if likely else column.header)
     if words:
         how = "" if any("--column" in each for each in words) else "; --column READING=NAME uses one"
         yield f"{source}: not used: {listed(words)}{how}"
 
 
-def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
+def read_columns(path: Path, csv: str = "") -> list[csv_files.TableColumn]:
     """Read all columns of a file.
 
     Raises:
@@ -565,7 +575,7 @@ def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
     if suffix.lower() not in (*CSV_SUFFIXES, *READERS):
         raise ConfigurationError(f"{path}: unknown suffix {suffix!r}; must be {', '.join((*CSV_SUFFIXES, *READERS))}")
     try:
-        return read_csv(path, csv) if suffix.lower() in CSV_SUFFIXES else READERS[suffix.lower()](path)
+        return csv_files.read_csv(path, csv) if suffix.lower() in CSV_SUFFIXES else READERS[suffix.lower()](path)
     except ConfigurationError:
         raise
     except OSError as error:
@@ -574,7 +584,7 @@ def read_columns(path: Path, csv: str = "") -> list[TableColumn]:
         raise ConfigurationError(f"{path}: not a {suffix} file: {str(error).splitlines()[0][:200]}") from error
 
 
-def _numpy(path: Path) -> list[TableColumn]:
+def _numpy(path: Path) -> list[csv_files.TableColumn]:
     if not is_zipfile(path):
         raise ConfigurationError(f"{path}: not a .npz file")
     with np.load(path, allow_pickle=False) as arrays:
@@ -595,7 +605,7 @@ def _numpy(path: Path) -> list[TableColumn]:
     return _of_tree(tree)
 
 
-def _matlab(path: Path) -> list[TableColumn]:
+def _matlab(path: Path) -> list[csv_files.TableColumn]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError, matfile_version
 
@@ -613,7 +623,7 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         h5py: Any = import_module("h5py")
     except ImportError:
         raise ConfigurationError(
-            f"{path}: is of MATLAB's version 7.3: {installing('matlab')}, or save it with save(..., '-v7')"
+            f"{path}: is of MATLAB's version 7.3: {errors.installing('matlab')}, or save it with save(..., '-v7')"
         ) from None
 
     def tree(group: Any) -> dict[str, Any]:
@@ -630,12 +640,12 @@ def _matlab_7_3(path: Path) -> dict[str, Any]:
         return tree(file)
 
 
-def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[TableColumn]:
+def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None) -> list[csv_files.TableColumn]:
     """Columns of nested arrays: ``rig.F1`` of a structure, ``rig.F.1`` of a matrix, named by the last part.
 
     A field ``units`` is their common unit, except for times, or has a unit for each name.
     """
-    found, stated = list[TableColumn](), tree.get("units")
+    found, stated = list[csv_files.TableColumn](), tree.get("units")
     units = {name: str(each) for name, each in stated.items() if each} if isinstance(stated, Mapping) else {}
     unit = stated if isinstance(stated, str) else unit
     for key, item in tree.items():
@@ -661,13 +671,15 @@ def _of_tree(tree: Mapping[str, Any], within: str = "", unit: str | None = None)
                 if stamps
                 else numbers
             )
-            found.append(TableColumn.of_numbers(head, name, own or of_name, np.array(values, float), stamps=stamps))
+            found.append(
+                csv_files.TableColumn.of_numbers(head, name, own or of_name, np.array(values, float), stamps=stamps)
+            )
     return found
 
 
-def _without_numbers(header: str, content: str) -> TableColumn:
+def _without_numbers(header: str, content: str) -> csv_files.TableColumn:
     """A column that cannot be a reading, with its content in place of real numbers."""
-    return TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
+    return csv_files.TableColumn(header, _name(header)[0], None, np.zeros(0), content=content)
 
 
 def _parts(item: Any) -> Mapping[str, Any] | None:
@@ -695,11 +707,15 @@ def _name(header: str) -> tuple[str, str | None]:
     parts = header.split(".")
     while len(parts) > 1 and parts[-1] in CONTENTS:
         parts.pop()
-    return split_header(parts[-1])
+    return csv_files.split_header(parts[-1])
 
 
 CSV_SUFFIXES = (".csv", ".txt", ".tsv")
 """Suffixes of CSV files."""
 
-READERS: dict[str, Callable[[Path], list[TableColumn]]] = {".parquet": read_parquet, ".npz": _numpy, ".mat": _matlab}
+READERS: dict[str, Callable[[Path], list[csv_files.TableColumn]]] = {
+    ".parquet": recordings.read_parquet,
+    ".npz": _numpy,
+    ".mat": _matlab,
+}
 """Suffix → reader of other files."""

@@ -16,10 +16,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.ropes import rope_lengths
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, part
+from dualwinch.toolbox import ConfigurationError, Experiment, physics, progresses
 from dualwinch.toolboxes.identification.diagnostics import ImplausibleFitError, UnrecordedForceError, whiteness_tests
 from dualwinch.toolboxes.identification.estimate import DivergedFilterError, ParameterEstimate, PredictionErrorMethod
 from dualwinch.toolboxes.identification.likelihood import LOAD_CELLS
@@ -192,7 +189,7 @@ class ModelChoice:
     unknowns: Sequence[UnknownParameter]
     options: EstimationOptions
     threads: int | None
-    progress: PhaseProgress
+    progress: progresses.PhaseProgress
 
     def of(
         self, experiment: Experiment, check: Callable[[ParameterEstimate], Sequence[str]], *, sea: bool = True
@@ -403,7 +400,7 @@ class ModelChoice:
         least = min(
             side.winch.drum_radius * math.sqrt(float(side.rope.tangent(1.0, length)[0]) / side.winch.inertia) / math.tau
             for x in (0.0, plant.track.length)
-            for side, length in zip(plant.sides, rope_lengths(x, plant.track), strict=True)
+            for side, length in zip(plant.sides, physics.rope_lengths(x, plant.track), strict=True)
         )
         for log in self.logs:
             if (spacing := float(np.median(np.diff(log.t)))) > 1 / (2 * least):
@@ -531,7 +528,7 @@ class ModelChoice:
         rough = partial(unless, method) if unless else None
         for number, start in enumerate(starts):
             try:
-                progress = part(self.progress, ends[number], ends[number + 1])
+                progress = progresses.part(self.progress, ends[number], ends[number + 1])
                 found.append(method.run(start, progress, unless=rough))
             except DivergedFilterError as error:
                 refusal = error

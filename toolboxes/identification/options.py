@@ -5,8 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from dualwinch.model.quantities.quantity import Positive, Quantity
-from dualwinch.model.quantities.tree import check_values
+from dualwinch.toolbox import Quantity, quantities, tree
 
 Factor = Annotated[float, Gt(1)]
 Share = Annotated[float, Gt(0), Lt(1)]
@@ -18,62 +17,81 @@ class ResamplingOptions:
     """Resampling of logs at the samples of the filter."""
 
     min_rows: Annotated[int, Ge(2), Quantity("1", "least number of rows of a log")] = 200
-    max_gap: Annotated[Positive, Quantity("s", "longest gap in the torques that their last value bridges")] = 0.1
+    max_gap: Annotated[
+        quantities.Positive, Quantity("s", "longest gap in the torques that their last value bridges")
+    ] = 0.1
     repeats: Annotated[int, Ge(2), Quantity("1", "number of equal readings at which a sensor counts as silent")] = 20
     first_reading_samples: Annotated[Count, Quantity("1", "samples searched for each sensor's first reading")] = 50
-    standstill_speed: Annotated[Positive, Quantity("m/s", "speed below which the machine stands still")] = 0.05
-    standstill_window: Annotated[Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
-    min_move_time: Annotated[Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
+    standstill_speed: Annotated[quantities.Positive, Quantity("m/s", "speed below which the machine stands still")] = (
+        0.05
+    )
+    standstill_window: Annotated[quantities.Positive, Quantity("s", "time over which that speed is averaged")] = 0.5
+    min_move_time: Annotated[quantities.Positive, Quantity("s", "shortest interval of motion that is used")] = 2.0
     torque_rows: Annotated[
         int, Ge(0), Quantity("1", "rows whose mean torque acts between rows; 0: torques are held from row to row")
     ] = 0
-    chatter_window: Annotated[Positive, Quantity("s", "time over which the torques' chatter is averaged")] = 0.5
+    chatter_window: Annotated[
+        quantities.Positive, Quantity("s", "time over which the torques' chatter is averaged")
+    ] = 0.5
     min_chatter: Annotated[Share, Quantity("1", "least size of the chatter, over its RMS in the log")] = 0.1
-    min_moving_time: Annotated[Positive, Quantity("s", "time of motion below which standstill is used too")] = 5.0
+    min_moving_time: Annotated[
+        quantities.Positive, Quantity("s", "time of motion below which standstill is used too")
+    ] = 5.0
 
 
 @dataclass(frozen=True)
 class InitialStateOptions:
     """Standard deviations of the initial state, before the first reading."""
 
-    position: Annotated[Positive, Quantity("m", "position of vehicle and drums together")] = 5e-3
-    stretch: Annotated[Positive, Quantity("1", "stretch of each rope, as a share of it")] = 0.2
-    speed: Annotated[Positive, Quantity("m/s", "speed of vehicle and drums, together and of each drum")] = 0.02
-    sag: Annotated[Positive, Quantity("1", "depth of each rope's sag, as a share of it; its rate likewise")] = 0.3
+    position: Annotated[quantities.Positive, Quantity("m", "position of vehicle and drums together")] = 5e-3
+    stretch: Annotated[quantities.Positive, Quantity("1", "stretch of each rope, as a share of it")] = 0.2
+    speed: Annotated[quantities.Positive, Quantity("m/s", "speed of vehicle and drums, together and of each drum")] = (
+        0.02
+    )
+    sag: Annotated[
+        quantities.Positive, Quantity("1", "depth of each rope's sag, as a share of it; its rate likewise")
+    ] = 0.3
     friction: Annotated[
-        Positive, Quantity("1", "friction with a bristle state, rope wires and rail, as a share of the largest")
+        quantities.Positive,
+        Quantity("1", "friction with a bristle state, rope wires and rail, as a share of the largest"),
     ] = 0.6
-    torque: Annotated[Positive, Quantity("1", "torque of each motor with a lag, as a share of it")] = 0.2
+    torque: Annotated[quantities.Positive, Quantity("1", "torque of each motor with a lag, as a share of it")] = 0.2
 
 
 @dataclass(frozen=True)
 class NoiseOptions:
     """Estimation of measurement noise R and process noise Q: initial values, ranges and accuracy."""
 
-    min_position_noise: Annotated[Positive, Quantity("m", "least deviation of the position sensor's noise")] = 1e-5
-    min_speed_noise: Annotated[Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = 1e-5
-    min_tension_noise: Annotated[Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
-    min_angle_noise: Annotated[Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
-    min_drum_speed_noise: Annotated[Positive, Quantity("rad/s", "least deviation of a drum speed's noise")] = 1e-4
+    min_position_noise: Annotated[
+        quantities.Positive, Quantity("m", "least deviation of the position sensor's noise")
+    ] = 1e-5
+    min_speed_noise: Annotated[quantities.Positive, Quantity("m/s", "least deviation of the speed sensor's noise")] = (
+        1e-5
+    )
+    min_tension_noise: Annotated[quantities.Positive, Quantity("N", "least deviation of a load cell's noise")] = 0.1
+    min_angle_noise: Annotated[quantities.Positive, Quantity("rad", "least deviation of an encoder's noise")] = 1e-6
+    min_drum_speed_noise: Annotated[
+        quantities.Positive, Quantity("rad/s", "least deviation of a drum speed's noise")
+    ] = 1e-4
     quiet_share: Annotated[
         float, Gt(0), Le(1), Quantity("1", "share of a load cell's readings, the quietest, for the initial R")
     ] = 1.0
     quiet_readings: Annotated[Count, Quantity("1", "readings in a window that is classified as quiet or not")] = 200
-    force_time: Annotated[Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
-    torque_time: Annotated[Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
+    force_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded force")] = 1.0
+    torque_time: Annotated[quantities.Positive, Quantity("s", "correlation time of the unrecorded torques")] = 0.05
     vortex_time: Annotated[
-        Positive, Quantity("s", "correlation time of vortices with an integrated phase, which is lasting")
+        quantities.Positive, Quantity("s", "correlation time of vortices with an integrated phase, which is lasting")
     ] = 1e4
     vortex_time_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of `vortex_time`, as a factor; 1: known")
     ] = 30.0
     min_force: Annotated[
-        Positive, Quantity("1", "least deviation of the unrecorded force, over the friction at 1 m/s")
+        quantities.Positive, Quantity("1", "least deviation of the unrecorded force, over the friction at 1 m/s")
     ] = 1e-4
-    min_torque: Annotated[Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
+    min_torque: Annotated[quantities.Positive, Quantity("N m", "least deviation of the unrecorded torques")] = 1e-3
     range: Annotated[Factor, Quantity("1", "largest of these deviations, over the least")] = 1e6
     grid: Annotated[Factor, Quantity("1", "factor between points of a grid, and reach of a line search")] = 30.0
-    line_tolerance: Annotated[Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
+    line_tolerance: Annotated[quantities.Positive, Quantity("1", "tolerance of a line search, in a logarithm")] = 0.3
     max_line_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of a line search")] = 5
     described_factor: Annotated[
         float, Ge(1), Quantity("1", "prior deviation of the size of current and rail load, as a factor; 1: known")
@@ -83,34 +101,40 @@ class NoiseOptions:
     ] = 2.0
     described_reach: Annotated[Factor, Quantity("1", "reach of a line search for these, as a factor")] = 4.0
     described_step: Annotated[Factor, Quantity("1", "first step of that search, as a factor")] = 1.4
-    described_tolerance: Annotated[Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
+    described_tolerance: Annotated[quantities.Positive, Quantity("1", "tolerance of that search, in a logarithm")] = 0.1
     max_described_evaluations: Annotated[Count, Quantity("1", "largest number of evaluations of that search")] = 7
     whole_range: Annotated[
         bool, Quantity("", "search over the whole reach each time (Brent's method), not from where noise is")
     ] = False
-    section_time: Annotated[Positive, Quantity("s", "time at the start of each section used by a rough search")] = 10.0
+    section_time: Annotated[
+        quantities.Positive, Quantity("s", "time at the start of each section used by a rough search")
+    ] = 10.0
     max_em_steps: Annotated[
         int, Ge(0), Quantity("1", "largest number of further steps of expectation maximisation for R")
     ] = 8
-    em_tolerance: Annotated[Positive, Quantity("1", "change of a variance's logarithm that ends these steps")] = 0.1
+    em_tolerance: Annotated[
+        quantities.Positive, Quantity("1", "change of a variance's logarithm that ends these steps")
+    ] = 0.1
     max_em_factor: Annotated[Factor, Quantity("1", "largest change of a variance in one step, as a factor")] = 4.0
-    diverged_likelihood: Annotated[Positive, Quantity("1", "negative log-likelihood of a filter that diverges")] = 1e12
+    diverged_likelihood: Annotated[
+        quantities.Positive, Quantity("1", "negative log-likelihood of a filter that diverges")
+    ] = 1e12
 
 
 @dataclass(frozen=True)
 class TypicalSizes:
     """Scales of parameters with the default zero, by the end of their keys."""
 
-    encoder_zero: Annotated[Positive, Quantity("m", "encoder zeros, along the rope")] = 1e-3
-    load_cell_zero: Annotated[Positive, Quantity("N", "load cell zeros")] = 30.0
-    load_cell_error: Annotated[Positive, Quantity("1", "load cell scale errors")] = 0.01
-    position_bias: Annotated[Positive, Quantity("m", "bias of the position sensor")] = 1e-3
-    radius_error: Annotated[Positive, Quantity("1", "relative errors of drum radii")] = 2e-3
-    torque_error: Annotated[Positive, Quantity("1", "relative errors of motor torques")] = 0.02
-    torque_ripple: Annotated[Positive, Quantity("1", "relative torque ripples")] = 0.01
-    elongation: Annotated[Positive, Quantity("1", "creep of ropes")] = 5e-4
-    layer_thickness: Annotated[Positive, Quantity("m", "thickness of rope layers")] = 1e-3
-    eccentricity: Annotated[Positive, Quantity("m", "eccentricities of drums")] = 1e-4
+    encoder_zero: Annotated[quantities.Positive, Quantity("m", "encoder zeros, along the rope")] = 1e-3
+    load_cell_zero: Annotated[quantities.Positive, Quantity("N", "load cell zeros")] = 30.0
+    load_cell_error: Annotated[quantities.Positive, Quantity("1", "load cell scale errors")] = 0.01
+    position_bias: Annotated[quantities.Positive, Quantity("m", "bias of the position sensor")] = 1e-3
+    radius_error: Annotated[quantities.Positive, Quantity("1", "relative errors of drum radii")] = 2e-3
+    torque_error: Annotated[quantities.Positive, Quantity("1", "relative errors of motor torques")] = 0.02
+    torque_ripple: Annotated[quantities.Positive, Quantity("1", "relative torque ripples")] = 0.01
+    elongation: Annotated[quantities.Positive, Quantity("1", "creep of ropes")] = 5e-4
+    layer_thickness: Annotated[quantities.Positive, Quantity("m", "thickness of rope layers")] = 1e-3
+    eccentricity: Annotated[quantities.Positive, Quantity("m", "eccentricities of drums")] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -124,9 +148,11 @@ class CoarseLogOptions:
     rows: Annotated[Count, Quantity("1", "`ResamplingOptions.torque_rows`")] = 12
     min_spacing: Annotated[Factor, Quantity("samples", "time between rows from which this is considered")] = 1.5
     chatter_time: Annotated[Share, Quantity("samples", "correlation time of the chatter")] = 0.2
-    min_chatter: Annotated[Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
+    min_chatter: Annotated[quantities.Positive, Quantity("1", "least chatter, over that of the logged torques")] = 0.7
     quiet_share: Annotated[Share, Quantity("1", "`NoiseOptions.quiet_share`")] = 0.2
-    process_noise_tolerance: Annotated[Positive, Quantity("1", "`SearchOptions.process_noise_tolerance`")] = 1e12
+    process_noise_tolerance: Annotated[
+        quantities.Positive, Quantity("1", "`SearchOptions.process_noise_tolerance`")
+    ] = 1e12
 
 
 @dataclass(frozen=True)
@@ -134,16 +160,23 @@ class SearchOptions:
     """The search for the maximum of the likelihood (`identification.estimate.PredictionErrorMethod`)."""
 
     outlier: Annotated[
-        Positive, Quantity("1", "innovation, in deviations, beyond which a reading counts less", "Huber (1964)")
+        quantities.Positive,
+        Quantity("1", "innovation, in deviations, beyond which a reading counts less", "Huber (1964)"),
     ] = 4.0
     range_factor: Annotated[Factor, Quantity("1", "range of a parameter, in its scale or prior deviation")] = 10.0
     typical: TypicalSizes = field(default_factory=TypicalSizes)
     nuisance_share: Annotated[
         float, Ge(0), Quantity("1", "prior deviation of inertia and damping as additional parameters; 0: not estimated")
     ] = 0.3
-    strouhal_share: Annotated[Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")] = 0.1
-    amplitude_share: Annotated[Positive, Quantity("1", "prior deviation of the vortices' amplitude, likewise")] = 0.05
-    wide_amplitude_share: Annotated[Positive, Quantity("1", "the same if logs contradict the described one")] = 1.0
+    strouhal_share: Annotated[
+        quantities.Positive, Quantity("1", "prior deviation of the Strouhal number, likewise")
+    ] = 0.1
+    amplitude_share: Annotated[
+        quantities.Positive, Quantity("1", "prior deviation of the vortices' amplitude, likewise")
+    ] = 0.05
+    wide_amplitude_share: Annotated[
+        quantities.Positive, Quantity("1", "the same if logs contradict the described one")
+    ] = 1.0
     contradicting_amplitude: Annotated[
         Factor, Quantity("1", "amplitude by smoothed readings, over the described one or inverse, that contradicts it")
     ] = 1.7
@@ -151,10 +184,11 @@ class SearchOptions:
         Share, Quantity("1", "estimated amplitude of vortices, over the described one, below which it counts as zero")
     ] = 0.25
     contradiction: Annotated[
-        Positive, Quantity("1", "deviation of an estimate that contradicts its prior, in expected deviations")
+        quantities.Positive,
+        Quantity("1", "deviation of an estimate that contradicts its prior, in expected deviations"),
     ] = 2.5
     strouhal_reach: Annotated[
-        Positive, Quantity("1", "range of Strouhal numbers for starts of a search, in prior deviations")
+        quantities.Positive, Quantity("1", "range of Strouhal numbers for starts of a search, in prior deviations")
     ] = 2.0
     delay_order: Annotated[Count, Quantity("samples", "order of the ARX models for the delay of the torques")] = 8
     coarse: CoarseLogOptions = field(default_factory=CoarseLogOptions)
@@ -162,61 +196,84 @@ class SearchOptions:
         Factor, Quantity("1", "significance of another delay, over that of the described one, from which it is used")
     ] = 3.0
     min_deviance_fall: Annotated[
-        Positive, Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one")
+        quantities.Positive,
+        Quantity("1", "fall of the deviance required of another delay, or of a model wider than a white one"),
     ] = 20.0
     max_delay_deviance: Annotated[
-        Positive,
+        quantities.Positive,
         Quantity(
             "1", "deviance per sample above a model's, both by least squares, from which another delay is given up"
         ),
     ] = 1.0
     drum_friction: Annotated[
-        Positive, Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope")
+        quantities.Positive,
+        Quantity("1", "assumed drum friction if none is described, over the largest torque of the rope"),
     ] = 0.02
-    friction_share: Annotated[Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
+    friction_share: Annotated[quantities.Positive, Quantity("1", "prior deviation of drum friction, over itself")] = 1.0
     load_cell_lag: Annotated[
-        Positive,
+        quantities.Positive,
         Quantity("s", "shortest lag of load cells tried if none is described; each next is twice as long"),
     ] = 5e-4
-    max_load_cell_lag: Annotated[Positive, Quantity("s", "longest lag that is tried")] = 0.02
-    lag_share: Annotated[Positive, Quantity("1", "prior deviation of the lag of load cells, over itself")] = 1.0
-    current_sigma: Annotated[Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
-    normal_force_sigma: Annotated[Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = 0.1
+    max_load_cell_lag: Annotated[quantities.Positive, Quantity("s", "longest lag that is tried")] = 0.02
+    lag_share: Annotated[
+        quantities.Positive, Quantity("1", "prior deviation of the lag of load cells, over itself")
+    ] = 1.0
+    current_sigma: Annotated[quantities.Positive, Quantity("m/s", "assumed current if no sea is described")] = 0.05
+    normal_force_sigma: Annotated[quantities.Positive, Quantity("1", "assumed rail load, likewise, over the mean")] = (
+        0.1
+    )
     max_delay_samples: Annotated[int, Ge(0), Quantity("samples", "largest considered delay of the torques")] = 4
-    min_amplitude: Annotated[Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
+    min_amplitude: Annotated[quantities.Positive, Quantity("1", "least amplitude of a wave, over its scale")] = 1e-4
     max_rounds: Annotated[
         int, Ge(0), Quantity("1", "largest number of least-squares problems, each with new gains")
     ] = 40
     cautious_rounds: Annotated[int, Ge(0), Quantity("1", "first rounds, with narrow ranges and fixed noise")] = 3
     patience: Annotated[Count, Quantity("1", "later rounds that do not lower the deviance, after which they end")] = 3
-    cautious_deviations: Annotated[Positive, Quantity("1", "range in these rounds, in prior deviations")] = 2.0
+    cautious_deviations: Annotated[quantities.Positive, Quantity("1", "range in these rounds, in prior deviations")] = (
+        2.0
+    )
     max_evaluations: Annotated[
         Count, Quantity("1", "largest number of evaluations of derivatives with fixed gains")
     ] = 5
-    least_squares_tolerance: Annotated[Positive, Quantity("1", "relative change that ends least squares")] = 1e-6
-    diverged_sum: Annotated[Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
+    least_squares_tolerance: Annotated[
+        quantities.Positive, Quantity("1", "relative change that ends least squares")
+    ] = 1e-6
+    diverged_sum: Annotated[quantities.Positive, Quantity("1", "sum of squares of a diverging filter")] = 1e12
     max_shortenings: Annotated[int, Ge(0), Quantity("1", "largest number of halvings of a move if filters diverge")] = 6
-    noise_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, after which R is estimated")] = 3.0
-    newton_distance: Annotated[Positive, Quantity("1", "largest move, in deviations, before Newton steps")] = 0.5
+    noise_distance: Annotated[
+        quantities.Positive, Quantity("1", "largest move, in deviations, after which R is estimated")
+    ] = 3.0
+    newton_distance: Annotated[
+        quantities.Positive, Quantity("1", "largest move, in deviations, before Newton steps")
+    ] = 0.5
     max_steps: Annotated[Count, Quantity("1", "largest number of Newton steps")] = 12
     min_process_noise_steps: Annotated[
         int, Ge(0), Quantity("1", "least number of first Newton steps before which Q is estimated")
     ] = 2
     process_noise_tolerance: Annotated[
-        Positive, Quantity("1", "fall of the deviance by another Q and R after which Q is not estimated again")
+        quantities.Positive,
+        Quantity("1", "fall of the deviance by another Q and R after which Q is not estimated again"),
     ] = 1.0
-    tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
-    difference: Annotated[Positive, Quantity("1", "step of differences of the likelihood, in deviations")] = 1.0
-    min_difference: Annotated[Positive, Quantity("1", "least room between bounds along a usable direction")] = 0.01
-    min_curvature: Annotated[Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
-    negligible_correction: Annotated[Positive, Quantity("1", "negligible correction of slope or curvature")] = 0.1
+    tolerance: Annotated[quantities.Positive, Quantity("1", "fall of the deviance that ends the search")] = 0.1
+    difference: Annotated[
+        quantities.Positive, Quantity("1", "step of differences of the likelihood, in deviations")
+    ] = 1.0
+    min_difference: Annotated[
+        quantities.Positive, Quantity("1", "least room between bounds along a usable direction")
+    ] = 0.01
+    min_curvature: Annotated[quantities.Positive, Quantity("1", "least curvature, over that of least squares")] = 0.2
+    negligible_correction: Annotated[
+        quantities.Positive, Quantity("1", "negligible correction of slope or curvature")
+    ] = 0.1
     jump_curvature: Annotated[
-        Positive,
+        quantities.Positive,
         Quantity("1", "curvature, over that of least squares, above which the likelihood jumps along a direction"),
     ] = 2.0
     jump_reach: Annotated[int, Ge(0), Quantity("1", "distance at which lower deviances are looked for along it")] = 4
     unchecked_fall: Annotated[float, Ge(0), Quantity("1", "expected fall of the deviance that is not checked")] = 0.02
-    retried_fall: Annotated[Positive, Quantity("1", "expected fall of the deviance from which a step is retried")] = 4.0
+    retried_fall: Annotated[
+        quantities.Positive, Quantity("1", "expected fall of the deviance from which a step is retried")
+    ] = 4.0
     max_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a smaller expected fall")] = 2
     max_retried_halvings: Annotated[Count, Quantity("1", "tried lengths of a step with a larger expected fall")] = 8
 
@@ -225,13 +282,15 @@ class SearchOptions:
 class VortexOptions:
     """The search for the time origin of vortices in a log that begins in motion."""
 
-    smoothing: Annotated[Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")] = 0.3
-    reach: Annotated[Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
-    spacing: Annotated[Positive, Quantity("s", "time between the rows of the regression")] = 0.2
+    smoothing: Annotated[
+        quantities.Positive, Quantity("s", "standard deviation of the Gaussian that smooths readings")
+    ] = 0.3
+    reach: Annotated[quantities.Positive, Quantity("1", "reach of the Gaussian, over it")] = 4.0
+    spacing: Annotated[quantities.Positive, Quantity("s", "time between the rows of the regression")] = 0.2
     min_rows: Annotated[Count, Quantity("1", "least number of rows of motion")] = 25
     max_rows: Annotated[Count, Quantity("1", "number of first rows of motion that are used")] = 500
-    max_time_before: Annotated[Positive, Quantity("s", "longest considered time before the log")] = 120.0
-    phase_step: Annotated[Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
+    max_time_before: Annotated[quantities.Positive, Quantity("s", "longest considered time before the log")] = 120.0
+    phase_step: Annotated[quantities.Positive, Quantity("rad", "step of the phase at the largest speed")] = 0.1
     strouhal_share: Annotated[Share, Quantity("1", "relative range of the Strouhal number to each side")] = 0.2
     strouhal_points: Annotated[Count, Quantity("1", "number of Strouhal numbers in that range")] = 41
     near_best_ratio: Annotated[
@@ -242,7 +301,8 @@ class VortexOptions:
     ] = 0.8
     rows_per_residual: Annotated[Count, Quantity("1", "rows of the regression per independent residual")] = 8
     min_phase_deviance_fall: Annotated[
-        Positive, Quantity("1", "fall of the regression's deviance from which another kind of phase is tried")
+        quantities.Positive,
+        Quantity("1", "fall of the regression's deviance from which another kind of phase is tried"),
     ] = 6.0
     same_strouhal: Annotated[
         Share, Quantity("1", "relative difference up to which two Strouhal numbers are the same")
@@ -263,7 +323,8 @@ class DiagnosticsOptions:
     max_windows: Annotated[Count, Quantity("1", "largest number of time windows for the innovations' size")] = 200
     min_window_samples: Annotated[Count, Quantity("samples", "least length of a window")] = 50
     unidentifiable: Annotated[
-        Positive, Quantity("1", "deviation of a direction by the logs, over the prior one, from which it is reported")
+        quantities.Positive,
+        Quantity("1", "deviation of a direction by the logs, over the prior one, from which it is reported"),
     ] = 0.5
     participation: Annotated[Share, Quantity("1", "component, over the largest, from which its key is reported")] = 0.3
     correlated: Annotated[Share, Quantity("1", "correlation of two estimates from which it is reported")] = 0.9
@@ -272,13 +333,17 @@ class DiagnosticsOptions:
     unreliable_factor: Annotated[
         Factor, Quantity("1", "factor of the sandwich covariance's deviations from which they are unreliable")
     ] = 4.0
-    optima_distance: Annotated[Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
-    profile_reach: Annotated[Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
+    optima_distance: Annotated[quantities.Positive, Quantity("1", "distance of distinct optima, in deviations")] = 1.0
+    profile_reach: Annotated[quantities.Positive, Quantity("1", "reach of a profile likelihood, in deviations")] = 3.0
     profile_points: Annotated[Count, Quantity("1", "points of a profile likelihood on each side")] = 4
     max_profile_steps: Annotated[Count, Quantity("1", "largest number of Newton steps at each point")] = 8
-    profile_tolerance: Annotated[Positive, Quantity("1", "fall of the deviance that ends these steps")] = 0.02
-    force_spacing: Annotated[Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
-    force_difference: Annotated[Positive, Quantity("m/s", "change of the current for the force's derivative")] = 1e-4
+    profile_tolerance: Annotated[quantities.Positive, Quantity("1", "fall of the deviance that ends these steps")] = (
+        0.02
+    )
+    force_spacing: Annotated[quantities.Positive, Quantity("s", "time between the rows of a smoothed force")] = 0.01
+    force_difference: Annotated[
+        quantities.Positive, Quantity("m/s", "change of the current for the force's derivative")
+    ] = 1e-4
 
 
 @dataclass(frozen=True)
@@ -286,13 +351,18 @@ class PlausibilityOptions:
     """Limits beyond which a log is refused as another machine's."""
 
     max_unrecorded: Annotated[
-        Positive, Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused")
+        quantities.Positive,
+        Quantity("1", "unrecorded torque or force, over the recorded one, from which a fit is refused"),
     ] = 0.1
-    hopeless_unrecorded: Annotated[Positive, Quantity("1", "the same, from which the message names no option")] = 0.9
+    hopeless_unrecorded: Annotated[
+        quantities.Positive, Quantity("1", "the same, from which the message names no option")
+    ] = 0.9
     max_noise_ratio: Annotated[
         Factor, Quantity("1", "noise of a sensor, over its jumps, from which a fit is refused")
     ] = 50.0
-    max_beyond_track: Annotated[Positive, Quantity("1", "plausible distance beyond the track, over its length")] = 0.2
+    max_beyond_track: Annotated[
+        quantities.Positive, Quantity("1", "plausible distance beyond the track, over its length")
+    ] = 0.2
     max_scale_ratio: Annotated[
         Factor, Quantity("1", "ratio of the distances by two sensors, or its inverse, that is refused")
     ] = 2.0
@@ -300,12 +370,14 @@ class PlausibilityOptions:
         Share, Quantity("1", "correlation of these distances below which their ratio is not used")
     ] = 0.8
     min_distance: Annotated[
-        Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
+        quantities.Positive, Quantity("1", "deviation of a distance, over the track, below which it is not used")
     ] = 0.01
     max_pull_ratio: Annotated[
         Factor, Quantity("1", "ratio of mean pulls by torques and by a load cell, or its inverse, that is refused")
     ] = 4.0
-    averaging_time: Annotated[Positive, Quantity("s", "time over which both sides' pulls are averaged")] = 1.0
+    averaging_time: Annotated[quantities.Positive, Quantity("s", "time over which both sides' pulls are averaged")] = (
+        1.0
+    )
     min_windows: Annotated[int, Ge(3), Quantity("1", "number of such times below which they are not compared")] = 10
     min_difference: Annotated[
         Share, Quantity("1", "deviation of the tensions' difference, over their sum, below which it is not used")
@@ -318,29 +390,33 @@ class PlausibilityOptions:
     ] = 0.2
     max_gap_share: Annotated[Share, Quantity("1", "largest share of such readings")] = 0.01
     max_tension_ratio: Annotated[Factor, Quantity("1", "plausible tension, over the controller's limit")] = 10.0
-    max_speed: Annotated[Positive, Quantity("m/s", "plausible speed")] = 50.0
-    min_step: Annotated[Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
-    max_step: Annotated[Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
+    max_speed: Annotated[quantities.Positive, Quantity("m/s", "plausible speed")] = 50.0
+    min_step: Annotated[quantities.Positive, Quantity("s", "least plausible time between two rows")] = 5e-6
+    max_step: Annotated[quantities.Positive, Quantity("s", "largest plausible time between two rows")] = 0.5
 
 
 @dataclass(frozen=True)
 class ExcitationOptions:
     """The search for the motion with the most informative log."""
 
-    time_per_move: Annotated[Positive, Quantity("s", "mean time of a move")] = 8.0
+    time_per_move: Annotated[quantities.Positive, Quantity("s", "mean time of a move")] = 8.0
     min_moves: Annotated[Count, Quantity("1", "least number of moves")] = 2
     max_moves: Annotated[Count, Quantity("1", "largest number of moves")] = 12
-    min_distance: Annotated[Positive, Quantity("m", "least distance of a move")] = 0.1
+    min_distance: Annotated[quantities.Positive, Quantity("m", "least distance of a move")] = 0.1
     min_speed_share: Annotated[Share, Quantity("1", "least speed and acceleration, over the largest")] = 0.3
-    jerk_time: Annotated[Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")] = 0.5
+    jerk_time: Annotated[
+        quantities.Positive, Quantity("s", "rise time of the acceleration without a limit of jerk")
+    ] = 0.5
     force_share: Annotated[Share, Quantity("1", "share of the ropes' largest net force that accelerates")] = 0.5
     max_slack_share: Annotated[Share, Quantity("1", "share of a run in which a rope may be slack")] = 5e-3
-    max_overshoot: Annotated[Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
+    max_overshoot: Annotated[quantities.Positive, Quantity("1", "allowed relative overshoot of the speed")] = 0.05
     sigma: Annotated[Share, Quantity("1", "initial step size of CMA-ES, over each range")] = 0.3
-    infeasibility_penalty: Annotated[Positive, Quantity("1", "penalty of a motion that violates a limit")] = 1e3
+    infeasibility_penalty: Annotated[
+        quantities.Positive, Quantity("1", "penalty of a motion that violates a limit")
+    ] = 1e3
     max_trials: Annotated[Count, Quantity("1", "number of simulated motions without a time limit")] = 200
-    min_duration: Annotated[Positive, Quantity("s", "shortest run")] = 5.0
-    max_duration: Annotated[Positive, Quantity("s", "longest run")] = 3600.0
+    min_duration: Annotated[quantities.Positive, Quantity("s", "shortest run")] = 5.0
+    max_duration: Annotated[quantities.Positive, Quantity("s", "longest run")] = 3600.0
     bisections: Annotated[Count, Quantity("1", "bisections for the largest distance in a given time")] = 40
 
 
@@ -362,7 +438,7 @@ class EstimationOptions:
     excitation: ExcitationOptions = field(default_factory=ExcitationOptions)
 
     def __post_init__(self) -> None:
-        check_values(self, "options.")
+        tree.check_values(self, "options.")
 
 
 DEFAULTS = EstimationOptions()

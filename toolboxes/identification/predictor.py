@@ -14,33 +14,22 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.sampled import PredictedSystem
-from dualwinch.codegen.source.expressions import GRAPHS, built_once
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.nominal import Nominal
-from dualwinch.model.actuators import drive
-from dualwinch.model.disturbance import Disturbance, vortex_frequency
-from dualwinch.model.heavy_ropes import span_of, transverse_mass
-from dualwinch.model.linear.operating_point import steady_motion
-from dualwinch.model.plant import Plant, Torques, holding_torques, shaft_torques, tensions
-from dualwinch.model.quantities.part import NO_STATE
-from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.ropes import crept, rope_lengths
-from dualwinch.model.scalar import Scalar, cos, exp, present, sin
-from dualwinch.model.vehicle import Vehicle, bent_bristles, drag, friction
-from dualwinch.model.winch import winding
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.integrators import Motion, Problem
-from dualwinch.simulation.loop.closed_loop import (
-    between_samples,
-    motion_template,
-    named_function,
-    problem_of,
-    zero_order_hold,
+from dualwinch.toolbox import (
+    Controller,
+    Experiment,
+    Quantity,
+    language,
+    leaves,
+    loops,
+    nominal_model,
+    parts,
+    physics,
+    sampled,
+    scalar,
+    sensing,
+    structures,
+    with_leaves,
 )
-from dualwinch.simulation.loop.structure import parameters_of, structure_of
-from dualwinch.simulation.sensors import LoadCells, Sensors, load_cells, measurement
 from dualwinch.toolboxes.identification.options import InitialStateOptions, NoiseOptions
 
 Floats = NDArray[np.float64]
@@ -71,14 +60,16 @@ class UnrecordedDisturbances:
     coefficient.
     """
 
-    current: Annotated[Scalar, Quantity("m/s", "ambient current along the track, times the drag coefficient")] = 0.0
-    normal_force_variation: Annotated[
-        Scalar, Quantity("N", "change of the force on the rail, times the friction coefficient")
+    current: Annotated[
+        scalar.Scalar, Quantity("m/s", "ambient current along the track, times the drag coefficient")
     ] = 0.0
-    force: Annotated[Scalar, Quantity("N", "unrecorded force on the vehicle along the track")] = 0.0
-    torque_1: Annotated[Scalar, Quantity("N m", "unrecorded torque of motor 1")] = 0.0
-    torque_2: Annotated[Scalar, Quantity("N m", "unrecorded torque of motor 2")] = 0.0
-    position_drift: Annotated[Scalar, Quantity("m", "drift of the position sensor")] = 0.0
+    normal_force_variation: Annotated[
+        scalar.Scalar, Quantity("N", "change of the force on the rail, times the friction coefficient")
+    ] = 0.0
+    force: Annotated[scalar.Scalar, Quantity("N", "unrecorded force on the vehicle along the track")] = 0.0
+    torque_1: Annotated[scalar.Scalar, Quantity("N m", "unrecorded torque of motor 1")] = 0.0
+    torque_2: Annotated[scalar.Scalar, Quantity("N m", "unrecorded torque of motor 2")] = 0.0
+    position_drift: Annotated[scalar.Scalar, Quantity("m", "drift of the position sensor")] = 0.0
 
 
 DISTURBANCES = tuple(each.name for each in fields(UnrecordedDisturbances))
@@ -97,8 +88,8 @@ class VortexStates:
     ``sine sin(phase) + cosine cos(phase)``, with the phase counted from the beginning of the motion: linear in both.
     """
 
-    sine: Annotated[Scalar, Quantity("1", "amplitude in phase, over the drag, times the drag coefficient")] = 0.0
-    cosine: Annotated[Scalar, Quantity("1", "amplitude a quarter turn ahead, likewise")] = 0.0
+    sine: Annotated[scalar.Scalar, Quantity("1", "amplitude in phase, over the drag, times the drag coefficient")] = 0.0
+    cosine: Annotated[scalar.Scalar, Quantity("1", "amplitude a quarter turn ahead, likewise")] = 0.0
 
 
 VORTICES = "vortices"
@@ -137,7 +128,7 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
         "normal_force_variation": GaussMarkov(
             disturbance.normal_force_sigma * vehicle.normal_force, disturbance.normal_force_time
         ),
-        "force": GaussMarkov(options.min_force * max(float(friction(1.0, vehicle)), 1.0), options.force_time),
+        "force": GaussMarkov(options.min_force * max(float(physics.friction(1.0, vehicle)), 1.0), options.force_time),
         "torque_1": GaussMarkov(options.min_torque, options.torque_time),
         "torque_2": GaussMarkov(options.min_torque, options.torque_time),
         "position_drift": GaussMarkov(sensors.position_drift, sensors.position_drift_time),
@@ -150,7 +141,7 @@ def has_vortex_states(experiment: Experiment) -> bool:
     return experiment.disturbance.vortex and experiment.disturbance.integrated_phase
 
 
-def per_coefficient(vehicle: Vehicle) -> dict[str, Any]:
+def per_coefficient(vehicle: physics.Vehicle) -> dict[str, Any]:
     """Disturbance with a coefficient of the vehicle → its size per unit of its state."""
     coefficients = {
         "current": vehicle.drag_coefficient,
@@ -172,7 +163,7 @@ class NoiseCovariances:
 
     measurement: Floats
     process: Mapping[str, GaussMarkov]
-    vehicle: Vehicle
+    vehicle: physics.Vehicle
 
     @property
     def states(self) -> dict[str, GaussMarkov]:
@@ -180,7 +171,7 @@ class NoiseCovariances:
         by = per_coefficient(self.vehicle)
         return {name: each.scaled(1 / by.get(name, 1.0)) for name, each in self.process.items()}
 
-    def process_of(self, vehicle: Vehicle) -> dict[str, GaussMarkov]:
+    def process_of(self, vehicle: physics.Vehicle) -> dict[str, GaussMarkov]:
         """Disturbance → its Gauss–Markov process on another vehicle."""
         by = per_coefficient(vehicle)
         return {name: each.scaled(by.get(name, 1.0)) for name, each in self.states.items()}
@@ -190,7 +181,7 @@ class NoiseCovariances:
 class PredictorState:
     """State of machine and load cells, augmented by the unrecorded disturbances."""
 
-    motion: Motion
+    motion: loops.Motion
     actuator_1: Any
     actuator_2: Any
     load_cells: Any
@@ -210,33 +201,41 @@ def predictor_structure(experiment: Experiment) -> Experiment:
 
     Of the sensors, only a lag of the load cells shapes the code.
     """
-    structure = structure_of(replace(experiment, controller=Controller(nominal=Nominal()), metrics=()))
+    structure = structures.structure_of(
+        replace(experiment, controller=Controller(nominal=nominal_model.Nominal()), metrics=())
+    )
     simulation = replace(structure.simulation, delay_samples=0, readings=False)
-    disturbance = Disturbance(vortex=True, integrated_phase=True) if has_vortex_states(experiment) else Disturbance()
-    sensors = Sensors(load_cell_time_constant=structure.sensors.load_cell_time_constant)
+    disturbance = (
+        physics.Disturbance(vortex=True, integrated_phase=True)
+        if has_vortex_states(experiment)
+        else physics.Disturbance()
+    )
+    sensors = sensing.Sensors(load_cell_time_constant=structure.sensors.load_cell_time_constant)
     return replace(structure, sensors=sensors, simulation=simulation, disturbance=disturbance)
 
 
 def state_template(structure: Experiment) -> PredictorState:
     """A state for the names of its elements; its values have no meaning."""
     actuator = structure.actuator.initial_state()
-    cells = LoadCells(0.0, 0.0) if present(structure.sensors.load_cell_time_constant) else NO_STATE
+    cells = sensing.LoadCells(0.0, 0.0) if scalar.present(structure.sensors.load_cell_time_constant) else parts.NO_STATE
     vortices = VortexStates() if has_vortex_states(structure) else NoVortices()
-    return PredictorState(motion_template(structure), actuator, actuator, cells, vortices, UnrecordedDisturbances())
+    return PredictorState(
+        loops.motion_template(structure), actuator, actuator, cells, vortices, UnrecordedDisturbances()
+    )
 
 
-@GRAPHS.cached
+@language.GRAPHS.cached
 def parameter_names(structure: Experiment) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
     begins = tuple(f"{group}." for group in PREDICTOR_GROUPS)
-    own = (key for key in parameters_of(structure) if key.startswith(begins))
+    own = (key for key in structures.parameters_of(structure) if key.startswith(begins))
     return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
 
 
-@built_once
+@language.built_once
 def predicted_system(
     structure: Experiment, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
-) -> PredictedSystem:
+) -> sampled.PredictedSystem:
     """The predictor's CasADi functions for a `predictor_structure`.
 
     `fitted` are the keys of the parameters to estimate, some of `parameter_names`; those in `zeros` stay zero
@@ -252,28 +251,32 @@ def predicted_system(
     values |= dict.fromkeys(zeros & values.keys(), ca.SX(0))
     groups = {group: with_leaves(getattr(structure, group), values, f"{group}.") for group in PREDICTOR_GROUPS}
     plant, sample_time, now = groups["plant"], values[SAMPLE_TIME], with_leaves(start, state)
-    pulls, cells = tensions(now.motion.plant, plant, given["t"]), now.load_cells
-    if isinstance(cells, LoadCells):
-        cells, pulls = load_cells(cells, pulls, groups["sensors"], sample_time)
-    exact = measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
+    pulls, cells = physics.tensions(now.motion.plant, plant, given["t"]), now.load_cells
+    if isinstance(cells, sensing.LoadCells):
+        cells, pulls = sensing.load_cells(cells, pulls, groups["sensors"], sample_time)
+    exact = sensing.measurement(now.motion.plant, pulls, plant, groups["sensors"], now.unrecorded.position_drift)
     reading = ca.vertcat(*(getattr(exact, name) for name in READINGS))
 
-    commands = Torques(given["tau_1"], given["tau_2"])
+    commands = physics.Torques(given["tau_1"], given["tau_2"])
     actuators = now.actuator_1, now.actuator_2
-    actuators, torques = drive(actuators, commands, now.motion.plant, plant, groups["actuator"], sample_time)
-    torques = shaft_torques(torques, now.motion.plant, plant, sample_time / 2)
+    actuators, torques = physics.drive(actuators, commands, now.motion.plant, plant, groups["actuator"], sample_time)
+    torques = physics.shaft_torques(torques, now.motion.plant, plant, sample_time / 2)
     disturbances = now.unrecorded
     by, vortices, force = per_coefficient(plant.vehicle), now.vortices, disturbances.force
     if isinstance(vortices, VortexStates):
         vehicle, v = plant.vehicle, now.motion.plant.v
-        frequency = vortex_frequency(v, groups["disturbance"], vehicle)
+        frequency = physics.vortex_frequency(v, groups["disturbance"], vehicle)
         phase = now.motion.phase + frequency * sample_time / 2  # amid the sample
-        force += by[VORTICES] * drag(v, vehicle) * (vortices.sine * sin(phase) + vortices.cosine * cos(phase))
+        force += (
+            by[VORTICES]
+            * physics.drag(v, vehicle)
+            * (vortices.sine * scalar.sin(phase) + vortices.cosine * scalar.cos(phase))
+        )
         groups["disturbance"] = replace(groups["disturbance"], vortex=ca.SX(0))
-    hold = zero_order_hold(
+    hold = loops.zero_order_hold(
         structure,
         t=given["t"],
-        torques=Torques(
+        torques=physics.Torques(
             torques.tau_1 + given["share_1"] * disturbances.torque_1,
             torques.tau_2 + given["share_2"] * disturbances.torque_2,
         ),
@@ -282,26 +285,26 @@ def predicted_system(
         force=force,
         duration=given["duration"],
     )
-    decays = {name: exp(-sample_time / values[f"time.{name}"]) for name in DISTURBANCES}
+    decays = {name: scalar.exp(-sample_time / values[f"time.{name}"]) for name in DISTURBANCES}
     decayed = UnrecordedDisturbances(**{name: decays[name] * value for name, value in vars(disturbances).items()})
-    fading = exp(-sample_time / values[f"time.{VORTICES}"])
+    fading = scalar.exp(-sample_time / values[f"time.{VORTICES}"])
     vortices = replace(vortices, **{name: fading * value for name, value in vars(vortices).items()})
     following = leaves(PredictorState(now.motion, *actuators, cells, vortices, decayed))
     rest = ca.vertcat(*(value for key, value in following.items() if not key.startswith("motion.")))
 
-    def problem(hold: Any) -> Problem:
-        return problem_of(hold, sample_time, plant, groups["disturbance"])
+    def problem(hold: Any) -> loops.Problem:
+        return loops.problem_of(hold, sample_time, plant, groups["disturbance"])
 
-    _, one_step = between_samples(structure, problem, symbols["parameters"])
+    _, one_step = loops.between_samples(structure, problem, symbols["parameters"])
     in_parts = structure
     if one_step:
         in_parts = replace(
             structure, simulation=replace(structure.simulation, integrator="rk4", substeps=slack_substeps)
         )
-    move, _ = between_samples(in_parts, problem, symbols["parameters"])
-    return PredictedSystem(
-        sense=named_function("sense", symbols, {"reading": reading}),
-        prepare=named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
+    move, _ = loops.between_samples(in_parts, problem, symbols["parameters"])
+    return sampled.PredictedSystem(
+        sense=loops.named_function("sense", symbols, {"reading": reading}),
+        prepare=loops.named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
         move=move,
         parts=in_parts.simulation.substeps,
         one_step=one_step,
@@ -333,13 +336,15 @@ def initial_state(
     x, v = read["x"] - sensors.position_bias, read["v"] if math.isfinite(read["v"]) else 0.0
     for side in plant.sides if not math.isfinite(x) else ():
         zero = getattr(sensors, f"encoder_zero_{side.number}") / side.winch.drum_radius
-        x = side.direction * float(winding(read[f"theta_{side.number}"] - zero, side.winch).rope)
+        x = side.direction * float(physics.winding(read[f"theta_{side.number}"] - zero, side.winch).rope)
         if math.isfinite(x):
             break
     x = x if math.isfinite(x) else 0.0
 
     expected, pulls, directions = dict.fromkeys(names, 0.0), list[float](), list[dict[str, float]]()
-    for side, torque, newton in zip(plant.sides, torques, vars(holding_torques(2.0, plant)).values(), strict=True):
+    for side, torque, newton in zip(
+        plant.sides, torques, vars(physics.holding_torques(2.0, plant)).values(), strict=True
+    ):
         zero, error = (getattr(sensors, f"load_cell_{name}_{side.number}") for name in ("zero", "error"))
         tension = (read[f"F{side.number}"] - zero) / (1 + error)
         pulls.append(max(tension if math.isfinite(tension) else torque / newton, 1.0))  # newton: holds 1 N in a rope
@@ -349,10 +354,10 @@ def initial_state(
         )
         expected |= holding
         directions.append({key: more[key] - value for key, value in holding.items()})
-    creep_1, creep_2 = (crept(t, side.creep)[0] for side in plant.sides)
+    creep_1, creep_2 = (physics.crept(t, side.creep)[0] for side in plant.sides)
 
     def moving(x: float, v: float, pull_1: float, pull_2: float) -> dict[str, float]:
-        state = steady_motion(x, v, (pull_1, pull_2), plant, (creep_1, creep_2)).state
+        state = physics.steady_motion(x, v, (pull_1, pull_2), plant, (creep_1, creep_2)).state
         cells = {"load_cells.F1": pull_1, "load_cells.F2": pull_2}
         return {key: float(value) for key, value in leaves(state, "motion.plant.").items()} | cells
 
@@ -363,7 +368,10 @@ def initial_state(
     directions += [{key: value - known[key] for key, value in moving(*other).items()} for other in others]
     directions += _unread(plant, known, pulls, options)
     for side in plant.sides:
-        turn, of_shafts = 1 / winding(0.0, side.winch).radius, (f"omega_{side.number}", f"motor_{side.number}.omega")
+        turn, of_shafts = (
+            1 / physics.winding(0.0, side.winch).radius,
+            (f"omega_{side.number}", f"motor_{side.number}.omega"),
+        )
         directions.append({f"motion.plant.{name}": options.speed * turn for name in of_shafts})
     directions += [{state: each.deviation} for name, each in process.items() for state in state_names(name)]
     root = np.array([[direction.get(name, 0.0) for name in names] for direction in directions], float)
@@ -371,13 +379,15 @@ def initial_state(
 
 
 def _unread(
-    plant: Plant, known: Mapping[str, float], pulls: Sequence[float], options: InitialStateOptions
+    plant: physics.Plant, known: Mapping[str, float], pulls: Sequence[float], options: InitialStateOptions
 ) -> Iterator[dict[str, float]]:
     """Uncertain states that no sensor reads: inner rope, sag, friction with a bristle state.
 
     At known states of a steady motion with pulls in N, one direction of one standard deviation each.
     """
-    for side, pull, length in zip(plant.sides, pulls, rope_lengths(known["motion.plant.x"], plant.track), strict=True):
+    for side, pull, length in zip(
+        plant.sides, pulls, physics.rope_lengths(known["motion.plant.x"], plant.track), strict=True
+    ):
         rope, prefix = side.rope, f"motion.plant.rope_{side.number}."
         for key in known:
             if key.startswith(f"{prefix}waves.position"):
@@ -385,9 +395,11 @@ def _unread(
             elif key.startswith(f"{prefix}waves.speed"):
                 yield {key: options.speed}
         if (depth := f"{prefix}sag.depth") in known:
-            frequency = math.pi / span_of(length, plant.track) * math.sqrt(pull / transverse_mass(rope))
+            frequency = math.pi / physics.span_of(length, plant.track) * math.sqrt(pull / physics.transverse_mass(rope))
             yield {depth: options.sag * known[depth]}
             yield {f"{prefix}sag.rate": options.sag * known[depth] * frequency}
         yield {f"{prefix}hysteresis.share": options.friction}
-    for key, most in leaves(bent_bristles(friction(1.0, plant.vehicle), plant.vehicle), "motion.plant.rail.").items():
+    for key, most in leaves(
+        physics.bent_bristles(physics.friction(1.0, plant.vehicle), plant.vehicle), "motion.plant.rail."
+    ).items():
         yield {key: options.friction * float(most)}

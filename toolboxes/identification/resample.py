@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.sensors import Sensors
+from dualwinch.toolbox import ConfigurationError, Experiment, sensing
 from dualwinch.toolboxes.identification.log import TORQUES, Log, longest_step
 from dualwinch.toolboxes.identification.options import DEFAULTS, ResamplingOptions
 from dualwinch.toolboxes.identification.predictor import READINGS
@@ -25,7 +23,7 @@ Floats = NDArray[np.float64]
 ANGLES = ("theta_1", "theta_2")
 
 
-def counting(sensors: Sensors) -> tuple[str, ...]:
+def counting(sensors: sensing.Sensors) -> tuple[str, ...]:
     """Readings that count in steps larger than their noise: drum angles, and a position that is rounded coarsely."""
     coarse = sensors.position_resolution / math.sqrt(12) > sensors.position_noise
     return (*ANGLES, "x") if coarse else ANGLES

@@ -10,12 +10,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from dualwinch.model.quantities.quantity import behind_number
-from dualwinch.model.quantities.tables import markdown, page, relative, table
-from dualwinch.simulation.ensembles.ensemble import Choice, Drawn, Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION, plain
+from dualwinch.toolbox import Ensemble, Experiment, drawing, ensembles, quantities
+from dualwinch.toolbox import tables as kernel_tables
 from dualwinch.toolboxes.identification.diagnostics import (
     LikelihoodProfile,
     UnidentifiableDirection,
@@ -35,7 +31,7 @@ Table = tuple[list[str], list[list[str]]]
 CONFIDENCE = 0.95
 """Probability of the printed intervals."""
 
-INNOVATION_COLOURS = LinearSegmentedColormap.from_list("innovation", [BLUE, "white", VERMILION])
+INNOVATION_COLOURS = LinearSegmentedColormap.from_list("innovation", [drawing.BLUE, "white", drawing.VERMILION])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +131,9 @@ class IdentificationResult(UncertainEstimates):
         size, ways = np.linalg.eigh(self.correlation)  # in units of the deviations, for conditioning
         drawn = self.values + self.deviations * (normal @ (np.sqrt(np.maximum(size, 0.0))[:, np.newaxis] * ways.T))
         distributions = {
-            unknown.key: Drawn(Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted")
+            unknown.key: ensembles.Drawn(
+                ensembles.Choice(tuple(np.clip(column, unknown.lower, unknown.upper).tolist())), together="fitted"
+            )
             for unknown, column in zip(self.unknowns, drawn.T, strict=True)
         }
         logs = ", ".join(self.logs)
@@ -162,9 +160,13 @@ class IdentificationResult(UncertainEstimates):
         for unknown, value, deviation in zip(self.unknowns, self.values, self.deviations, strict=True):
             low, high = self.interval(unknown.key)
             digits = _digits(value, deviation)
-            error = [f"{deviation:.2g}", relative(deviation, value), f"{low:.{digits}g} to {high:.{digits}g}"]
+            error = [
+                f"{deviation:.2g}",
+                kernel_tables.relative(deviation, value),
+                f"{low:.{digits}g} to {high:.{digits}g}",
+            ]
             error = ["–"] * len(error) if unknown.key in self.at_bounds else error
-            estimate, unit = f"{value:.{digits}g}", behind_number(unknown.unit).strip()
+            estimate, unit = f"{value:.{digits}g}", quantities.behind_number(unknown.unit).strip()
             rows.append([unknown.key, f"{unknown.start:.6g}", estimate, *error, unit])
         interval = f"{100 * CONFIDENCE:g} % interval"
         return ["parameter", "start", "estimate", "std. deviation", "relative", interval, "unit"], rows
@@ -273,28 +275,28 @@ class IdentificationResult(UncertainEstimates):
         }
 
     def __repr__(self) -> str:
-        tables = (markdown(*each) for each in self.tables)
+        tables = (kernel_tables.markdown(*each) for each in self.tables)
         return "\n\n".join([f"Identified: {self.headline}", *tables, "\n".join(self.notes)]).rstrip()
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
         words = ". ".join([self.headline, *self.notes])
-        return page("Identified", words, "".join(table(*each) for each in self.tables))
+        return kernel_tables.page("Identified", words, "".join(kernel_tables.table(*each) for each in self.tables))
 
-    def plot(self, *, ax: GivenAxes = None) -> Figure:
+    def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw estimates with their intervals, and the innovations' size over time, into two axes or a new figure."""
         rows, values, deviations = range(len(self.unknowns)), self.values, self.deviations
-        with new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", self.headline) as page:
+        with drawing.new_page(ax, 1.6 + 0.34 * max(len(rows), 5), "What the logs say", self.headline) as page:
             estimates, sensors = page.panels(1, 2)
             by = np.array([unknown.uncertainty for unknown in self.unknowns]) / 100
             starts = np.array([unknown.start for unknown in self.unknowns])
-            estimates.axvline(0, color=GREY, linewidth=1.0)
+            estimates.axvline(0, color=drawing.GREY, linewidth=1.0)
             estimates.errorbar(
                 (values - starts) / by,
                 rows,
                 xerr=1.96 * deviations / by,
                 fmt="o",
-                color=BLUE,
+                color=drawing.BLUE,
                 markersize=4,
                 linewidth=1.5,
                 capsize=2,
@@ -339,4 +341,4 @@ def _digits(value: float, deviation: float) -> int:
 def _estimate_label(unknown: UnknownParameter, value: float, deviation: float) -> str:
     """A key without its common prefix, and its estimate."""
     key = unknown.key.removeprefix("plant.").removeprefix("sensors.").removeprefix("disturbance.")
-    return f"{plain(key)}\n{value:.5g} ± {deviation:.2g}{behind_number(unknown.unit)}"
+    return f"{drawing.plain(key)}\n{value:.5g} ± {deviation:.2g}{quantities.behind_number(unknown.unit)}"

@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.model.signals import Signal
-from dualwinch.model.vehicle import drag, friction
-from dualwinch.simulation.results.file_formats import FileContent
+from dualwinch.toolbox import Quantity, Signal, file_formats, leaves, physics
 from dualwinch.toolboxes.identification.estimate import ParameterEstimate, PredictionErrorMethod
 from dualwinch.toolboxes.identification.log import Log
 from dualwinch.toolboxes.identification.predictor import DISTURBANCES, per_coefficient, state_template
@@ -41,10 +37,10 @@ class SmoothedForce:
         return Signal.from_arrays(self.t, self.force, unit="N")
 
     @property
-    def content(self) -> FileContent:
+    def content(self) -> file_formats.FileContent:
         """Content of a file."""
         quantities = {"t": Quantity("s", "time"), "force": Quantity("N", "force on the vehicle along the track")}
-        return FileContent({"t": self.t, "force": self.force}, quantities, {"log": self.log})
+        return file_formats.FileContent({"t": self.t, "force": self.force}, quantities, {"log": self.log})
 
 
 def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterEstimate) -> SmoothedForce:
@@ -61,7 +57,10 @@ def smoothed_force(method: PredictionErrorMethod, log: Log, estimate: ParameterE
     def resistance(current: Floats, load: Floats) -> Floats:
         current, load = by["current"] * current, by["normal_force_variation"] * load
         pairs = zip(v.tolist(), current.tolist(), load.tolist(), strict=True)
-        return np.array([friction(v, vehicle, load) + drag(v - current, vehicle) for v, current, load in pairs], float)
+        return np.array(
+            [physics.friction(v, vehicle, load) + physics.drag(v - current, vehicle) for v, current, load in pairs],
+            float,
+        )
 
     none = np.zeros_like(v)
     here = resistance(current, load)

@@ -9,14 +9,18 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.arguments import instance, texts
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Mark, suggestion
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    Mark,
+    arguments,
+    description,
+    ensemble_file,
+    leaves,
+    quantities,
+    with_leaves,
+)
 from dualwinch.toolboxes.identification.options import DEFAULTS, SearchOptions
 from dualwinch.toolboxes.identification.predictor import (
     PREDICTOR_GROUPS,
@@ -113,7 +117,7 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
         ConfigurationError: a pattern that matches no parameter of the predictor; the message names the option.
     """
     structure = predictor_structure(experiment)
-    described, values = describe_parts(experiment), leaves(experiment)
+    described, values = description.describe_parts(experiment), leaves(experiment)
     switches = {key for key, leaf in described.items() if leaf.kind is bool}
     left_out = {
         key
@@ -127,7 +131,9 @@ def estimable_keys(patterns: Sequence[str], experiment: Experiment, option: str 
     for pattern in (part.strip() for text in patterns for part in text.split(",")):
         matching = [key for key in known if fnmatchcase(key, pattern)]
         if not matching:
-            hint = "it is true or false; --set sets it" if pattern in switches else suggestion(pattern, known)
+            hint = (
+                "it is true or false; --set sets it" if pattern in switches else quantities.suggestion(pattern, known)
+            )
             if pattern in left_out:
                 hint = f"0 leaves it out of the model; begin with an expected value, --set {pattern}=..."
             raise ConfigurationError(f"{option} {pattern}: no parameter that a log determines; {hint}")
@@ -145,8 +151,10 @@ def unknown_parameters(
     """
     for key in priors:
         if key not in keys:
-            raise ConfigurationError(f"--prior {key}: is not fitted; add it to --fit; {suggestion(key, keys)}")
-    values, described, factor = leaves(experiment), describe_parts(experiment), options.range_factor
+            raise ConfigurationError(
+                f"--prior {key}: is not fitted; add it to --fit; {quantities.suggestion(key, keys)}"
+            )
+    values, described, factor = leaves(experiment), description.describe_parts(experiment), options.range_factor
     typical = {each.name: getattr(options.typical, each.name) for each in fields(options.typical)}
     found = []
     for key in keys:
@@ -176,7 +184,7 @@ def nuisance_parameters(
         AMPLITUDE: options.amplitude_share,
         LOAD_CELL_LAG: options.lag_share,
     }
-    values, described, found = leaves(experiment), describe_parts(experiment), list[UnknownParameter]()
+    values, described, found = leaves(experiment), description.describe_parts(experiment), list[UnknownParameter]()
     for key in estimable_keys(["*"], experiment):
         value = float(values[key])
         if key in keys or value <= 0 or not any(fnmatchcase(key, pattern) for pattern in NUISANCES):
@@ -233,11 +241,11 @@ def problem_of(
     Raises:
         ConfigurationError: an ensemble that cannot be read, or a key that no log determines.
     """
-    keys = texts("keys", keys)
-    instance("experiment", experiment, Experiment, optional=True)
-    instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
-    instance("priors", priors, Mapping, optional=True)
-    known = load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
+    keys = arguments.texts("keys", keys)
+    arguments.instance("experiment", experiment, Experiment, optional=True)
+    arguments.instance("ensemble", ensemble, Ensemble, str, PathLike, optional=True)
+    arguments.instance("priors", priors, Mapping, optional=True)
+    known = ensemble_file.load_ensemble(ensemble) if isinstance(ensemble, (str, PathLike)) else ensemble
     experiment = experiment or (known.experiment if known else Experiment())
     wanted = estimable_keys(keys, experiment)
     given = {key: prior_of(key, prior) for key, prior in (priors or {}).items()}

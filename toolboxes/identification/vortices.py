@@ -8,8 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from dualwinch.model.disturbance import vortex_frequency
-from dualwinch.simulation.experiment import Experiment
+from dualwinch.toolbox import Experiment, physics
 from dualwinch.toolboxes.identification.log import Log
 from dualwinch.toolboxes.identification.options import DEFAULTS, EstimationOptions
 from dualwinch.toolboxes.identification.predictor import READINGS
@@ -136,7 +135,9 @@ def with_vortex_origin(log: Log, experiment: Experiment, options: EstimationOpti
     at_first_row = np.inf
     for share in shares.tolist():
         # phase per speed and time
-        turn = float(vortex_frequency(1.0, replace(given, strouhal=share * given.strouhal), experiment.plant.vehicle))
+        turn = float(
+            physics.vortex_frequency(1.0, replace(given, strouhal=share * given.strouhal), experiment.plant.vehicle)
+        )
         before = np.arange(0.0, search.max_time_before, search.phase_step / (turn * most))
         drag = v * np.abs(v) * (1 - given.vortex_amplitude * np.sin(turn * v * (t + before[:, np.newaxis])))
         drag = drag - (drag @ q) @ q.T
@@ -222,7 +223,7 @@ def _regression(
     """The regression of `vortex_regression` from smoothed readings."""
     search, given, motion = options.vortices, experiment.disturbance, joined(motions)
     v, net, base, drag = motion.v, motion.net, motion.base, motion.v * np.abs(motion.v)
-    per_number = vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
+    per_number = physics.vortex_frequency(1.0, replace(given, strouhal=1.0), experiment.plant.vehicle)
     turn = per_number * (motion.x if integrated else v * motion.t)  # phase by number
     ways = motion.one_way if integrated else np.ones((len(v), 1))
 

@@ -15,10 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.results.file_formats import plain
-from dualwinch.simulation.results.result import Result
+from dualwinch.toolbox import Experiment, Result, file_formats, leaves
 
 IMPORT = re.compile(r'^import\s*\{([^}]*)\}\s*from\s*"(\.[^"]+)";[ \t]*$', re.MULTILINE)
 EXPORT = re.compile(r"^export\s+((?:async\s+)?function\*?|class|const)\s+(\w+)", re.MULTILINE)
@@ -52,9 +49,9 @@ def _add(path: Path, scopes: dict[Path, str], instead: Mapping[Path, Path], abov
     body = IMPORT.sub(lambda match: f"const {{{match[1].replace(' as ', ': ')}}} = {_scope(needed[match[2]])};", text)
     names = [match[2] for match in EXPORT.finditer(body)]
     body = EXPORT.sub(r"\1 \2", body)
-    left = re.search(r"^(import|export)\b.*", body, re.MULTILINE)
-    if left:
-        raise ValueError(f"{path.name}: cannot bundle {left[0]!r}")
+    remainder = re.search(r"^(import|export)\b.*", body, re.MULTILINE)
+    if remainder:
+        raise ValueError(f"{path.name}: cannot bundle {remainder[0]!r}")
     scopes[path] = f"const {_scope(path)} = (() => {{\n{body.strip()}\nreturn {{{', '.join(names)}}};\n}})();"
 
 
@@ -84,7 +81,7 @@ def own_run(label: str, result: Result) -> dict[str, Any]:
         "label": label,
         "outcome": result.outcome,
         "until": result.end_time,
-        "metrics": plain(dict(result.metrics)),
+        "metrics": file_formats.plain(dict(result.metrics)),
         "columns": {name: encoded(column[::stride]) for name, column in result.columns.items()},
         "units": result.units,
         "settings": differences(result.experiment),
@@ -100,7 +97,7 @@ def differences(experiment: Experiment) -> dict[str, Any]:
     """Values that differ from the paper's Case 2, by key."""
     usual = leaves(Experiment())
     return {
-        key: plain(value)
+        key: file_formats.plain(value)
         for key, value in leaves(experiment).items()
         if isinstance(value, (str, bool, int, float, tuple)) and value != usual.get(key)
     }
@@ -130,15 +127,15 @@ def assemble(
         run: the user's run (`own_run`), shown beside the page's.
         engine: the JavaScript module that runs the WebAssembly.
     """
-    instead = {ENGINE: engine}
+    replacements = {ENGINE: engine}
     parts = {
         "style": "\n".join(path.read_text(encoding="utf-8") for path in STYLES),
         "libraries": "\n".join(path.read_text(encoding="utf-8") for path in LIBRARIES),
         "catalogue": _json(catalogue),
         "modules": _json(_packed(modules)),
         "run": _json(run),
-        "worker": UNPACKER.read_text(encoding="utf-8") + bundle(PAGE / "worker.js", instead),
-        "main": bundle(PAGE / "main.js", instead),
+        "worker": UNPACKER.read_text(encoding="utf-8") + bundle(PAGE / "worker.js", replacements),
+        "main": bundle(PAGE / "main.js", replacements),
     }
     page = (PAGE / "index.html").read_text(encoding="utf-8")
     return re.sub(r"/\* (\w+) \*/", lambda match: parts[match[1]].replace("</script", "<\\/script"), page)

@@ -9,22 +9,27 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dualwinch.analysis.idealisations import idealisation_checks
-from dualwinch.controllers.nominal import nominal_plant
-from dualwinch.model.actuators import ACTUATORS
-from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.model.reference import cruise_speed
-from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.paper import CASES, CONTROLLERS, REDUCTIONS, case
-from dualwinch.simulation.results.file_formats import plain
-from dualwinch.simulation.simulate import simulate
+from dualwinch.toolbox import (
+    Ensemble,
+    Experiment,
+    Leaf,
+    Mark,
+    description,
+    ensembles,
+    file_formats,
+    idealisations,
+    leaves,
+    merits,
+    nominal_model,
+    paper,
+    physics,
+    references,
+    runs,
+    searching,
+    with_leaves,
+)
 from dualwinch.toolboxes.lab.wasm.settings import DURATION, MOTIONS, OFF_AT_ZERO, REFERENCE_KIND, Settings
 from dualwinch.toolboxes.lab.wasm.structures import REGISTRIES, LabStructure, heavy_ensemble
-from dualwinch.tuning.space import own_bounds
 
 WIDER = 3.0
 """Range of a slider beyond a default, as a factor."""
@@ -59,18 +64,18 @@ def described(structure: LabStructure, rig: Ensemble) -> dict[str, dict[str, Any
         structure: of the lab.
         rig: an ensemble of real machines; it gives the ranges of imperfections that the paper's machine lacks.
     """
-    known = structure.module.described
-    return {key: _key_entry(key, known[key], structure, rig) for key in structure.module.keys}
+    descriptions = structure.module.described
+    return {key: _key_entry(key, descriptions[key], structure, rig) for key in structure.module.keys}
 
 
 def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
     """Key → its entry in the catalogue, for every choice in which structures differ, with the options' labels."""
-    usual, found = structures[0], {}
+    usual, entries = structures[0], {}
     for key, default in usual.settings:
-        leaf = describe_parts(usual.experiment)[key]
+        leaf = description.describe_parts(usual.experiment)[key]
         options = list(dict.fromkeys(structure.chosen[key] for structure in structures))
         registry = REGISTRIES.get(key)
-        found[key] = {
+        entries[key] = {
             "unit": leaf.quantity.unit,
             "meaning": leaf.quantity.meaning,
             "source": leaf.quantity.source,
@@ -80,7 +85,7 @@ def chosen(structures: Sequence[LabStructure]) -> dict[str, dict[str, Any]]:
             "choices": options,
             "labels": [registry.find(option).label if registry else str(option).lower() for option in options],
         }
-    return found
+    return entries
 
 
 def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> dict[str, Any]:
@@ -90,7 +95,7 @@ def _key_entry(key: str, leaf: Leaf, structure: LabStructure, rig: Ensemble) -> 
         low, high = 0.0, float(len(MOTIONS) - 1)
     experiment = structure.experiment
     around = _typical(key, experiment) if default is None else default
-    searched = own_bounds([key], leaf.tunable, structure.module.wide) if leaf.tunable else None
+    searched = searching.own_bounds([key], leaf.tunable, structure.module.wide) if leaf.tunable else None
     reach = _range_in(rig, key) or _range_in(heavy_ensemble(), key)
     slider = _slider(leaf, around, (low, high), reach, searched)
     if Mark.SHAPES_CODE_AT_ZERO in leaf.marks and key not in OFF_AT_ZERO:  # zero is another structure
@@ -155,16 +160,18 @@ def instead_of(key: str, experiment: Experiment) -> float | None:
     """The number used if an optional key is not given; None if there is none."""
     prefix = "controller.nominal."
     if key.startswith(prefix):
-        nominal = nominal_plant(experiment.controller.nominal, experiment.plant, experiment.controller.limits.preload)
+        nominal = nominal_model.nominal_plant(
+            experiment.controller.nominal, experiment.plant, experiment.controller.limits.preload
+        )
         return getattr(nominal.vehicle, key.removeprefix(prefix))
-    return {DURATION: experiment.duration, "reference.speed": cruise_speed(experiment.reference)}.get(key)
+    return {DURATION: experiment.duration, "reference.speed": references.cruise_speed(experiment.reference)}.get(key)
 
 
 def _typical(key: str, experiment: Experiment) -> float:
     """A typical number of an optional key, for its slider."""
     instead = instead_of(key, experiment)
     if instead is None and key == "reference.jerk_limit":  # ten times the least jerk that reaches the cruise speed
-        return 10 * 4 * cruise_speed(experiment.reference) / experiment.reference.accelerate_until**2
+        return 10 * 4 * references.cruise_speed(experiment.reference) / experiment.reference.accelerate_until**2
     return instead or 0.0
 
 
@@ -215,7 +222,7 @@ def drawn(rig: Ensemble, settings: Settings, seed: int = 0) -> dict[str, Any]:
         "machines": {
             key: [machine.draws[key] for machine in machines] for key in rig.distributions if key in settings.keys
         },
-        "seeds": [machine.draws[SEED_KEY] for machine in machines],
+        "seeds": [machine.draws[ensembles.SEED_KEY] for machine in machines],
     }
 
 
@@ -231,35 +238,36 @@ def cases(usual: LabStructure, offered: Sequence[LabStructure] = ()) -> list[dic
         offered: all structures, including those of other machines.
     """
     begun = [
-        (f"case-{number}", f"Case {number}: {label}", LabStructure(usual.settings, case(number)))
-        for number, label in CASES.items()
+        (f"case-{number}", f"Case {number}: {label}", LabStructure(usual.settings, paper.case(number)))
+        for number, label in paper.CASES.items()
     ]
     machines = {one.machine: one for one in reversed(offered) if one.machine}
     begun += [(f"case-{name}", f"Case 4 on the nominal machine of '{name}'", one) for name, one in machines.items()]
-    found = []
+    entries = []
     for name, label, there in begun:
         values = {key: default_of(key, there) for key in (there if there.machine else usual).module.keys}
-        known = leaves(usual.experiment)
-        changed = {key: value for key, value in values.items() if value != number_of(key, known)}
+        usual_values = leaves(usual.experiment)
+        changed = {key: value for key, value in values.items() if value != number_of(key, usual_values)}
         structure = there.id if there.machine else usual.id
         steady = list(there.experiment.steady_window)
-        found.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
-    return found
+        entries.append({"id": name, "label": label, "structure": structure, "values": changed, "steady": steady})
+    return entries
 
 
 def reproduced() -> dict[str, dict[str, dict[str, float]]]:
     """Figures of merit of the paper's cases and controllers: case → structure → metric → value."""
     return {
         f"case-{number}": {
-            controller: dict(simulate(case(number, controller), stride=0).metrics) for controller in CONTROLLERS
+            controller: dict(runs.simulate(paper.case(number, controller), stride=0).metrics)
+            for controller in paper.CONTROLLERS
         }
-        for number in CASES
+        for number in paper.CASES
     }
 
 
 def claims() -> dict[str, Any]:
     """The paper's reductions of steady-state errors by its observer (Figure 21), as relative changes."""
-    return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in REDUCTIONS.items()}}
+    return OBSERVED | {"change": {f"steady_{metric}": change for metric, change in paper.REDUCTIONS.items()}}
 
 
 ACTUATOR = "actuator.kind"
@@ -276,7 +284,7 @@ def file_defaults() -> dict[str, Any]:
         that only some options of a choice have.
     """
     common, parts = leaves(Experiment()), {}
-    for choice, registry in {**REGISTRIES, ACTUATOR: ACTUATORS}.items():
+    for choice, registry in {**REGISTRIES, ACTUATOR: physics.ACTUATORS}.items():
         by_option = {option: leaves(with_leaves(Experiment(), {choice: option})) for option in registry}
         shared = set.intersection(*map(set, by_option.values()))
         parts[choice] = {option: _plain(values, shared) for option, values in by_option.items()}
@@ -286,14 +294,14 @@ def file_defaults() -> dict[str, Any]:
 
 
 def _plain(values: Mapping[str, Any], without: Collection[str]) -> dict[str, Any]:
-    return {key: plain(value) for key, value in values.items() if key not in without}
+    return {key: file_formats.plain(value) for key, value in values.items() if key not in without}
 
 
 def fixed(structure: LabStructure) -> dict[str, Any]:
     """Key → value, where a structure has no parameter for a key and not the default of `Experiment`."""
     usual = leaves(Experiment())
     return {
-        key: plain(value)
+        key: file_formats.plain(value)
         for key, value in leaves(structure.experiment).items()
         if key in usual and value != usual[key] and key not in {*structure.module.keys, *structure.chosen}
     }
@@ -310,9 +318,11 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
     keys: dict[str, dict[str, Any]] = {}
     entries = []
     for structure in structures:
-        own = described(structure, rig)
-        keys |= {key: entry for key, entry in own.items() if key not in keys}
-        differing = {key: entry["default"] for key, entry in own.items() if entry["default"] != keys[key]["default"]}
+        descriptions = described(structure, rig)
+        keys |= {key: entry for key, entry in descriptions.items() if key not in keys}
+        differing = {
+            key: entry["default"] for key, entry in descriptions.items() if entry["default"] != keys[key]["default"]
+        }
         entries.append(_structure_entry(structure, differing))
     return {
         "version": version,
@@ -320,7 +330,7 @@ def catalogue(structures: Sequence[LabStructure], rig: Ensemble, version: str) -
         "keys": chosen(structures) | keys,
         "metrics": [
             {"name": name, "unit": quantity.unit, "label": quantity.label, "meaning": quantity.meaning}
-            for name, quantity in metric_quantities().items()
+            for name, quantity in merits.metric_quantities().items()
         ],
         "cases": cases(structures[0], structures),
         "paper": reproduced(),
@@ -347,7 +357,7 @@ def _structure_entry(structure: LabStructure, defaults: dict[str, Any]) -> dict[
         "idle": sorted(module.idle),
         "idealised": [
             {"name": one.name, "part": one.part, "atLeast": one.at_least, "brief": one.brief}
-            for one in idealisation_checks(module.wide.plant, module.wide.controller.limits.tension_min)
+            for one in idealisations.idealisation_checks(module.wide.plant, module.wide.controller.limits.tension_min)
         ],
         "columns": [
             {"name": name, "unit": quantity.unit, "label": quantity.meaning}

@@ -12,12 +12,7 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
-from dualwinch.codegen.cache import cache_folder
-from dualwinch.codegen.compiler import fingerprint
-from dualwinch.codegen.errors import CacheError
-from dualwinch.codegen.files import atomic
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.progress import Progress, no_progress
+from dualwinch.toolbox import Ensemble, code_cache, compilers, errors, progresses, whole_files
 from dualwinch.toolboxes.lab.catalogue import catalogue
 from dualwinch.toolboxes.lab.wasm.build import WASM_FLAGS, modules, wasm_compiler
 from dualwinch.toolboxes.lab.wasm.structures import LabStructure, structures
@@ -51,7 +46,11 @@ class Content:
 
 
 def content(
-    rig: Ensemble, version: str, *, offered: Sequence[LabStructure] | None = None, progress: Progress = no_progress
+    rig: Ensemble,
+    version: str,
+    *,
+    offered: Sequence[LabStructure] | None = None,
+    progress: progresses.Progress = progresses.no_progress,
 ) -> Content:
     """Catalogue and modules, from the cache folder or newly built.
 
@@ -69,26 +68,28 @@ def content(
     offered = structures() if offered is None else tuple(offered)
     compiler = wasm_compiler()
     names = ",".join(structure.id for structure in offered)
-    key = fingerprint(version, compiler.version, *WASM_FLAGS, installed("casadi"), names, repr(rig), _sources())
-    file = cache_folder() / f"lab-{key}.json.gz"
+    key = compilers.fingerprint(
+        version, compiler.version, *WASM_FLAGS, installed("casadi"), names, repr(rig), _sources()
+    )
+    file = code_cache.cache_folder() / f"lab-{key}.json.gz"
     with contextlib.suppress(*DAMAGED):
         return _read(file)
     built = _built(offered, rig, version, progress)
     try:
         _write(file, built)
     except OSError as error:
-        raise CacheError(f"cannot write to the cache folder {file.parent}: {error.strerror}") from error
+        raise errors.CacheError(f"cannot write to the cache folder {file.parent}: {error.strerror}") from error
     return built
 
 
-def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progress: Progress) -> Content:
-    found = {}
+def _built(offered: Sequence[LabStructure], rig: Ensemble, version: str, progress: progresses.Progress) -> Content:
+    modules_by_id = {}
     for structure, code in zip(offered, modules(structure.module for structure in offered), strict=True):
-        found[structure.id] = code
-        progress(len(found) / (len(offered) + 1))
+        modules_by_id[structure.id] = code
+        progress(len(modules_by_id) / (len(offered) + 1))
     described = catalogue(offered, rig, version)
     progress(1.0)
-    return Content(described, found)
+    return Content(described, modules_by_id)
 
 
 def _sources() -> str:
@@ -102,14 +103,14 @@ def _sources() -> str:
 
 
 def _read(file: Path) -> Content:
-    kept = json.loads(gzip.decompress(file.read_bytes()))
-    return Content(kept["catalogue"], {name: base64.b64decode(code) for name, code in kept["modules"].items()})
+    record = json.loads(gzip.decompress(file.read_bytes()))
+    return Content(record["catalogue"], {name: base64.b64decode(code) for name, code in record["modules"].items()})
 
 
 def _write(file: Path, made: Content) -> None:
     packed = {name: base64.b64encode(code).decode() for name, code in made.modules.items()}
     text = json.dumps({"catalogue": made.catalogue, "modules": packed})
-    with atomic(file) as unfinished:
+    with whole_files.atomic(file) as unfinished:
         unfinished.write_bytes(gzip.compress(text.encode()))
     before = sorted(file.parent.glob("lab-*.json.gz"), key=lambda path: path.stat().st_mtime, reverse=True)
     for path in before[KEPT_CONTENTS:]:

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.source.operations import Precision, Style, literal, name_of
+from dualwinch.toolbox import errors, language
 
-TYPES: dict[Precision, str] = {"double": "LREAL", "float": "REAL"}
+TYPES: dict[language.Precision, str] = {"double": "LREAL", "float": "REAL"}
 
-WHOLE: dict[Precision, float] = {"double": 2.0**52, "float": 2.0**23}
+WHOLE: dict[language.Precision, float] = {"double": 2.0**52, "float": 2.0**23}
 """Limit above which all numbers are whole; adding it rounds to a whole number."""
 
 WORK = "work"
@@ -67,7 +66,7 @@ MIN and MAX of NaN differ between controllers; copysign treats −0 as 0.
 
 
 @dataclass(frozen=True)
-class StructuredText(Style):
+class StructuredText(language.Style):
     """Structured Text with one statement per operation.
 
     Attributes:
@@ -88,8 +87,8 @@ class StructuredText(Style):
             CodegenError: the number is not finite.
         """
         if not math.isfinite(value):
-            raise CodegenError(f"no Structured Text for the constant {value}: must be finite")
-        digits, exponent, power = literal(value, self.precision).removesuffix("f").partition("e")
+            raise errors.CodegenError(f"no Structured Text for the constant {value}: must be finite")
+        digits, exponent, power = language.literal(value, self.precision).removesuffix("f").partition("e")
         digits = digits if "." in digits else f"{digits}.0"
         return f"{self.real}#{digits}{f'E{int(power)}' if exponent else ''}"
 
@@ -116,7 +115,7 @@ class StructuredText(Style):
         elif operation in CHOICES:
             choices = CHOICES[operation]
         else:
-            raise CodegenError(f"no Structured Text for '{name_of(operation)}'")
+            raise errors.CodegenError(f"no Structured Text for '{language.name_of(operation)}'")
         parts = [
             f"{('ELSIF' if number else 'IF') + ' ' + written(condition) + ' THEN' if condition else 'ELSE'} "
             f"{self.copy(target, written(value))}"
@@ -143,8 +142,8 @@ class StructuredText(Style):
 
 def work_variables(statements: Sequence[str]) -> list[str]:
     """The work variables of some statements, by their numbers."""
-    found = {name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line)}
-    return sorted(found, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
+    names = {name for line in statements for name in re.findall(rf"(?<![\w.]){WORK}[\d_]+\b", line)}
+    return sorted(names, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
 
 
 def floor_function(style: StructuredText) -> tuple[str, list[str]]:

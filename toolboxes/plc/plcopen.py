@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from dualwinch.codegen.text import xml_text
+from dualwinch.toolbox import texts
 from dualwinch.toolboxes.plc.project import Flavour, PlcProject, PlcVariable, Pou
 
 NAMESPACE = "http://www.plcopen.org/xml/tc6_0201"
@@ -30,7 +30,7 @@ def plcopen_xml(project: PlcProject, flavour: Flavour = "iec") -> str:
     header = {"companyName": "dualwinch", "productName": product, "productVersion": "1", "creationDateTime": moment}
     ET.SubElement(root, "fileHeader", header)
     content = ET.SubElement(root, "contentHeader", {"name": project.name, "modificationDateTime": moment})
-    ET.SubElement(content, "Comment").text = xml_text(" ".join(project.about))
+    ET.SubElement(content, "Comment").text = texts.xml_text(" ".join(project.about))
     coordinates = ET.SubElement(content, "coordinateInfo")
     for language in ("fbd", "ld", "sfc"):
         ET.SubElement(ET.SubElement(coordinates, language), "scaling", {"x": "1", "y": "1"})
@@ -86,5 +86,5 @@ def _type(parent: ET.Element, name: str) -> None:
 
 
 def _text(parent: ET.Element, text: str, text_tag: str) -> None:
-    lines = "\n".join(xml_text(line) for line in text.split("\n"))
+    lines = "\n".join(texts.xml_text(line) for line in text.split("\n"))
     ET.SubElement(parent, f"xhtml:{text_tag}").text = lines

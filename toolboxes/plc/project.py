@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, get_args
 
-from dualwinch.codegen.text import one_line, xml_text
+from dualwinch.toolbox import texts
 
 Flavour: TypeAlias = Literal["iec", "codesys", "twincat", "siemens-scl"]
 FLAVOURS: tuple[Flavour, ...] = get_args(Flavour)
@@ -38,13 +38,13 @@ def identifier(name: str, flavour: Flavour = "iec") -> str:
     """A valid name in IEC 61131-3: ASCII, no double or final underscore; a keyword gets the suffix ``_value``."""
     plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).rstrip("_")
     plain = plain if re.match(r"[A-Za-z_]", plain) else f"n{plain}"
-    taken = KEYWORDS if flavour == "iec" else KEYWORDS | INSTRUCTIONS
-    return f"{plain}_value" if plain.lower() in taken else plain
+    reserved = KEYWORDS if flavour == "iec" else KEYWORDS | INSTRUCTIONS
+    return f"{plain}_value" if plain.lower() in reserved else plain
 
 
 def comment(text: object) -> str:
     """A text in one line for a comment, without comment delimiters."""
-    return one_line(text).replace("(*", "( *").replace("*)", "* )")
+    return texts.one_line(text).replace("(*", "( *").replace("*)", "* )")
 
 
 @dataclass(frozen=True)
@@ -250,5 +250,5 @@ def _twincat(kind: str, name: str, rest: str) -> str:
 
 
 def _cdata(text: str) -> str:
-    lines = (xml_text(line).replace("]]>", "]] >") for line in text.split("\n"))
+    lines = (texts.xml_text(line).replace("]]>", "]] >") for line in text.split("\n"))
     return "<![CDATA[" + "\n".join(lines) + "]]>"

@@ -7,17 +7,11 @@ the PLC's EXP, LN, SIN and COS agree with those of the C library.
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 
-from dualwinch.codegen.block import NO_READING, Block, Variable
-from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.export.package import PreparedBlock, Provenance, described, of_structures, prepared, templates
-from dualwinch.codegen.source.casadi_c import lacking
-from dualwinch.codegen.source.expressions import instructions
-from dualwinch.codegen.source.loops import rolled_statements
-from dualwinch.codegen.source.operations import PRECISIONS, Precision
-from dualwinch.codegen.source.statements import Element, Strand, statements
+from dualwinch.toolbox import blocks, errors, language, package
 from dualwinch.toolboxes.plc.operations import WORK, StructuredText, floor_function, work_variables
 from dualwinch.toolboxes.plc.plcopen import plcopen_xml
 from dualwinch.toolboxes.plc.project import (
@@ -30,6 +24,8 @@ from dualwinch.toolboxes.plc.project import (
     files_of,
     identifier,
 )
+
+TEMPLATES = Path(__file__).parent / "templates"
 
 MAX_OPERATIONS = 20_000
 """Default limit of operations per call: 2 ms at 0.1 µs each."""
@@ -68,15 +64,17 @@ class OperationCount:
 def operation_count(function: ca.Function) -> OperationCount:
     """Count the operations of a function of SX expressions, without constants and copies."""
     idle = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    every = Counter(made.operation for made in instructions(function) if made.operation not in idle)
-    kinds = {kind: sum(every.pop(operation, 0) for operation in kept) for kind, kept in COUNTED.items()}
+    every = Counter(
+        instruction.operation for instruction in language.instructions(function) if instruction.operation not in idle
+    )
+    kinds = {kind: sum(every.pop(operation, 0) for operation in operations) for kind, operations in COUNTED.items()}
     return OperationCount(kinds | {"comparisons and choices": sum(every.values())})
 
 
 def st_package(
-    block: Block,
+    block: blocks.Block,
     name: str,
-    provenance: Provenance,
+    provenance: package.Provenance,
     precision: str = "double",
     *,
     flavour: str = "iec",
@@ -96,54 +94,61 @@ def st_package(
         CodegenError: an unknown precision or flavour, a block of more operations, or an operation or names that
             Structured Text does not have.
     """
-    if precision not in PRECISIONS:
-        raise CodegenError(f"unknown precision '{precision}': must be {' or '.join(PRECISIONS)}")
-    known: dict[str, Flavour] = {name: name for name in FLAVOURS}
-    chosen = known.get(flavour)
-    if chosen is None:
-        raise CodegenError(f"unknown flavour '{flavour}': must be {' or '.join(FLAVOURS)}")
-    made = _Package(block, name, provenance, precision, chosen)
-    count = operation_count(made.apart.step)
+    if precision not in language.PRECISIONS:
+        raise errors.CodegenError(f"unknown precision '{precision}': must be {' or '.join(language.PRECISIONS)}")
+    dialects: dict[str, Flavour] = {name: name for name in FLAVOURS}
+    dialect = dialects.get(flavour)
+    if dialect is None:
+        raise errors.CodegenError(f"unknown flavour '{flavour}': must be {' or '.join(FLAVOURS)}")
+    writer = _Package(block, name, provenance, precision, dialect)
+    count = operation_count(writer.apart.step)
     if count.total > max_operations:
-        raise CodegenError(
+        raise errors.CodegenError(
             f"{block.name}: {count.total} operations per call; must be <= {max_operations} (--max-operations)"
         )
-    project = made.project()
-    files = files_of(project, chosen)
+    project = writer.project()
+    files = files_of(project, dialect)
     if flavour != "siemens-scl":
-        files[f"{name}.xml"] = plcopen_xml(project, chosen)
+        files[f"{name}.xml"] = plcopen_xml(project, dialect)
     facts = {
         "block": block,
         "name": name,
         "provenance": provenance,
         "flavour": flavour,
-        "real": made.style.real,
+        "real": writer.style.real,
         "files": tuple(files),
         "step": count,
-        "prepare": operation_count(made.apart.derive),
-        "numbers": made.numbers(project),
-        "identifier": made.named,
-        "silent": 2 * NO_READING,
+        "prepare": operation_count(writer.apart.derive),
+        "numbers": writer.numbers(project),
+        "identifier": writer.named,
+        "silent": 2 * blocks.NO_READING,
         "duration": project.duration,
     }
-    return files | {"README.md": templates(precision).get_template("st_README.md.j2").render(facts)}
+    return files | {"README.md": package.templates(precision, TEMPLATES).get_template("README.md.j2").render(facts)}
 
 
 class _Package:
     """The parts of the package of a block."""
 
-    def __init__(self, block: Block, name: str, provenance: Provenance, precision: Precision, flavour: Flavour) -> None:
+    def __init__(
+        self,
+        block: blocks.Block,
+        name: str,
+        provenance: package.Provenance,
+        precision: language.Precision,
+        flavour: Flavour,
+    ) -> None:
         self.block, self.name, self.provenance = block, name, provenance
         self.flavour: Flavour = flavour
         self.style = StructuredText(precision, compares=True, functions=name)
-        self.apart: PreparedBlock = prepared(block, precision)
+        self.apart: package.PreparedBlock = package.prepared(block, precision)
         for function in self.apart.functions:
-            if reason := lacking(function):
-                raise CodegenError(f"no Structured Text for {function.name()}: {reason}")
+            if reason := language.lacking(function):
+                raise errors.CodegenError(f"no Structured Text for {function.name()}: {reason}")
         if not block.parameters:
-            raise CodegenError(f"{block.name}: no Structured Text of a block without parameters")
+            raise errors.CodegenError(f"{block.name}: no Structured Text of a block without parameters")
 
-    def named(self, variable: Variable) -> str:
+    def named(self, variable: blocks.Variable) -> str:
         """Identifier of a variable."""
         return identifier(variable.name, self.flavour)
 
@@ -186,14 +191,14 @@ class _Package:
             of_structure[pou.name] = sum(count(held) for section, held in sections if section != "VAR_IN_OUT")
         return of_structure[self.name]
 
-    def _variable(self, variable: Variable, *, value: bool = True, source: bool = False) -> PlcVariable:
+    def _variable(self, variable: blocks.Variable, *, value: bool = True, source: bool = False) -> PlcVariable:
         start = self.style.number(variable.start) if value else ""
-        return PlcVariable(self.named(variable), self.style.real, start, described(variable, value=source))
+        return PlcVariable(self.named(variable), self.style.real, start, package.described(variable, value=source))
 
     def _structures(self) -> tuple[Structure, ...]:
         block, name, real = self.block, self.name, self.style.real
         derived, lost = self.apart.derived, self.apart.lost
-        kept = [PlcVariable(self.named(variable), real) for variable in self.apart.kept]
+        members = [PlcVariable(self.named(variable), real) for variable in self.apart.kept]
         follows = PlcVariable("derived", f"ARRAY[0..{derived - 1}] OF {real}", "", "derived from parameters")
         valid = PlcVariable("valid", "BOOL", "FALSE", "whether this has been prepared")
         took = PlcVariable("lost", f"ARRAY[0..{lost - 1}] OF {real}", "", "rounding errors of sums")
@@ -207,7 +212,7 @@ class _Package:
             ),
             Structure(
                 f"{name}_prepared",
-                (*kept, *([follows] if derived else []), valid),
+                (*members, *([follows] if derived else []), valid),
                 f"Values for a sample that depend on the parameters alone, computed by {name}_prepare.",
             ),
             Structure(f"{name}_output", tuple(map(self._variable, block.outputs)), "Outputs."),
@@ -218,7 +223,7 @@ class _Package:
             ),
         )
 
-    def _elements(self) -> tuple[Element, Element, Element]:
+    def _elements(self) -> tuple[language.Element, language.Element, language.Element]:
         """Expressions of elements: in a sample, at the start, and in the preparation of parameters."""
         block = self.block
         vectors = {
@@ -229,12 +234,12 @@ class _Package:
             "output": ("next.output.", block.outputs),
         }
         arrays = {"lost": "state.lost", "next_lost": "next.lost", "derived": "prepared.derived"}
-        first = vectors | {"parameters": ("own.", block.parameters), "output": ("state.output.", block.outputs)}
-        given = {"parameters": ("parameters.", block.parameters)}
+        initial = vectors | {"parameters": ("own.", block.parameters), "output": ("state.output.", block.outputs)}
+        parameter_vectors = {"parameters": ("parameters.", block.parameters)}
         return (
-            of_structures(vectors, arrays, self.named),
-            of_structures(first, {"derived": "own.derived"}, self.named),
-            of_structures(given, {"derived": "prepared.derived"}, self.named),
+            package.of_structures(vectors, arrays, self.named),
+            package.of_structures(initial, {"derived": "own.derived"}, self.named),
+            package.of_structures(parameter_vectors, {"derived": "prepared.derived"}, self.named),
         )
 
     def _work(self, lines: Sequence[str]) -> tuple[PlcVariable, ...]:
@@ -254,11 +259,14 @@ class _Package:
 
     def _prepare(self) -> Pou:
         block, name = self.block, self.name
-        derive = rolled_statements(self.apart.derive, self.style, [Strand(self._elements()[2], WORK)])
+        derive = language.rolled_statements(self.apart.derive, self.style, [language.Strand(self._elements()[2], WORK)])
         body = [
             *self._finite([f"parameters.{self.named(variable)}" for variable in block.parameters]),
             "IF finite THEN",
-            *(f"  prepared.{self.named(kept)} := parameters.{self.named(kept)};" for kept in self.apart.kept),
+            *(
+                f"  prepared.{self.named(parameter)} := parameters.{self.named(parameter)};"
+                for parameter in self.apart.kept
+            ),
             *derive,
             "  prepared.valid := TRUE;",
             "  status := 0;",
@@ -280,7 +288,9 @@ class _Package:
 
     def _sample(self) -> Pou:
         name, block = self.name, self.block
-        lines = statements(self.apart.step, self.style, [Strand(self._elements()[0], WORK)], in_place=True)
+        lines = language.statements(
+            self.apart.step, self.style, [language.Strand(self._elements()[0], WORK)], in_place=True
+        )
         results = [f"next.{self.named(variable)}" for variable in block.states]
         results += [f"next.output.{self.named(variable)}" for variable in block.outputs]
         return Pou(
@@ -304,7 +314,7 @@ class _Package:
         block, name = self.block, self.name
         start = self._start()
         outputs = [self.named(variable) for variable in block.outputs]
-        rest = [f"state.output.{self.named(out)} := {self.style.number(out.start)};" for out in block.outputs]
+        start_values = [f"state.output.{self.named(out)} := {self.style.number(out.start)};" for out in block.outputs]
         lost = [f"state.lost[{k}] := {self.style.number(0)};" for k in range(self.apart.lost)]
         call = "sample(state := state, now := now, prepared := own, next := next);"
         body = [
@@ -317,7 +327,7 @@ class _Package:
             "END_IF;",
             "(* the state before the first sample *)",
             "IF reset OR NOT started THEN",
-            *(f"  {line}" for line in (*rest, *lost)),
+            *(f"  {line}" for line in (*start_values, *lost)),
             *(f"  state.{self.named(each)} := {self.style.number(each.start)};" for each in block.states),
             "  IF own.valid THEN",
             *(f"    {line.strip()}" for line in start),
@@ -353,7 +363,7 @@ class _Package:
             "IF status <> 0 THEN",
             *(f"  {line}" for line in self._finite([f"state.output.{each}" for each in outputs])),
             "  IF NOT finite THEN",
-            *(f"    {line}" for line in rest),
+            *(f"    {line}" for line in start_values),
             "  END_IF;",
             "END_IF;",
             *(f"{each} := state.output.{each};" for each in outputs),
@@ -395,14 +405,14 @@ class _Package:
 
     def _start(self) -> list[str]:
         """Statements of the state before the first sample, and of the output of a block without direct feedthrough."""
-        strand = Strand(self._elements()[1], WORK)
-        lines = statements(self.apart.initial, self.style, [strand], in_place=True)
+        strand = language.Strand(self._elements()[1], WORK)
+        lines = language.statements(self.apart.initial, self.style, [strand], in_place=True)
         output = self.apart.output
-        return lines + (statements(output, self.style, [strand], in_place=True) if output else [])
+        return lines + (language.statements(output, self.style, [strand], in_place=True) if output else [])
 
     def _heard(self) -> list[str]:
         """Statements that read the inputs, with the value of a missing reading for NaN of one that may be silent."""
-        lines, none = [], self.style.number(2 * NO_READING)
+        lines, none = [], self.style.number(2 * blocks.NO_READING)
         for each in self.block.inputs:
             name = self.named(each)
             lines.append(f"now.{name} := {name};")
@@ -448,8 +458,10 @@ def _elements(kind: str, of_structure: dict[str, int]) -> int:
 
 def _check_names(owner: str, groups: Iterable[Sequence[PlcVariable]]) -> None:
     """Raise `CodegenError` for names that differ only in case."""
-    seen: dict[str, str] = {}
+    names: dict[str, str] = {}
     for variable in (each for group in groups for each in group):
-        other = seen.setdefault(variable.name.lower(), variable.name)
+        other = names.setdefault(variable.name.lower(), variable.name)
         if other is not variable.name:
-            raise CodegenError(f"{owner}: no Structured Text with both '{other}' and '{variable.name}'; rename one")
+            raise errors.CodegenError(
+                f"{owner}: no Structured Text with both '{other}' and '{variable.name}'; rename one"
+            )

@@ -12,22 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dualwinch.cli.options import (
-    Assignments,
-    ExperimentOptions,
-    Plugins,
-    Whole,
-    WorkerOptions,
-    choice,
-    default_of,
-    note_other_machine,
-    note_papers_machine,
-    own_default,
-    stated,
-    use_parts,
-)
-from dualwinch.cli.output import if_interrupted, json_text, terminal, version_notes, versions
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolboxes.race.result import BenchmarkResult
@@ -37,26 +22,35 @@ OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch t
 """End of a help text."""
 
 
+def default_scenarios() -> int:
+    """The default number of scenarios of the training set, imported for the help alone."""
+    from dualwinch.toolbox import searching
+
+    return searching.SCENARIOS
+
+
 def race(
     *,
-    ensemble: Annotated[str | None, default_of("race", "ensemble")] = None,
-    law: Annotated[list[str] | None, Parameter(help=choice("position law", "; may be repeated. Default: all"))] = None,
-    estimator: Annotated[list[str] | None, Parameter(help=choice("estimator", OR_ALL))] = None,
-    coordination: Annotated[list[str] | None, Parameter(help=choice("coordination", OR_ALL))] = None,
+    ensemble: Annotated[str | None, options.default_of("race", "ensemble")] = None,
+    law: Annotated[
+        list[str] | None, Parameter(help=options.choice("position law", "; may be repeated. Default: all"))
+    ] = None,
+    estimator: Annotated[list[str] | None, Parameter(help=options.choice("estimator", OR_ALL))] = None,
+    coordination: Annotated[list[str] | None, Parameter(help=options.choice("coordination", OR_ALL))] = None,
     ablations: bool = False,
-    plugin: Plugins = None,
+    plugin: options.Plugins = None,
     config: Path | None = None,
-    rollouts: Annotated[Whole, default_of("race", "rollouts")] = None,
-    searches: Annotated[Whole, default_of("race", "searches")] = None,
-    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
-    test_scenarios: Annotated[Whole, default_of("race", "test_scenarios")] = None,
-    set_: Assignments = None,
+    rollouts: Annotated[options.Whole, options.default_of("race", "rollouts")] = None,
+    searches: Annotated[options.Whole, options.default_of("race", "searches")] = None,
+    scenarios: Annotated[options.Whole, options.default_of(default_scenarios)] = None,
+    test_scenarios: Annotated[options.Whole, options.default_of("race", "test_scenarios")] = None,
+    set_: options.Assignments = None,
     constraint: list[str] | None = None,
     method: str | None = None,
-    seed: Annotated[Whole, default_of("race", "seed")] = None,
+    seed: Annotated[options.Whole, options.default_of("race", "seed")] = None,
     stress: bool = False,
     out: Path = Path("race"),
-    where: WorkerOptions = WorkerOptions(),
+    where: options.WorkerOptions = options.WorkerOptions(),
 ) -> None:
     """Tune every law with the same number of rollouts, and score all of them in the same test set.
 
@@ -88,21 +82,19 @@ def race(
         dualwinch race --config mine.toml --ensemble rig --out race
         dualwinch race --searches 5 --cluster tcp://scheduler:8786
     """
-    from dualwinch.config.ensemble_file import load_ensemble
-    from dualwinch.config.experiment_file import load
-    from dualwinch.config.folders import made_folder
+    from dualwinch.toolbox import ensemble_file, experiment_file, folders
     from dualwinch.toolboxes.race.race import race
 
-    use_parts(plugin)
-    name = own_default("race", "ensemble") if ensemble is None else ensemble
-    drawn = load_ensemble(name, load(config) if config else None)
-    note_other_machine(config, name, drawn)
-    note_papers_machine(ExperimentOptions(config=config, set_=set_), name, drawn)
+    options.use_parts(plugin)
+    name = options.own_default("race", "ensemble") if ensemble is None else ensemble
+    drawn = ensemble_file.load_ensemble(name, experiment_file.load(config) if config else None)
+    options.note_other_machine(config, name, drawn)
+    options.note_papers_machine(options.ExperimentOptions(config=config, set_=set_), name, drawn)
     with (
-        made_folder(out),
+        folders.made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
         where.workers(progress) as workers,
-        if_interrupted(GO_ON),
+        output.if_interrupted(GO_ON),
     ):
         found = race(
             ensemble=drawn,
@@ -117,13 +109,13 @@ def race(
             out=out,
             workers=workers,
             progress=progress,
-            **stated(
+            **options.stated(
                 rollouts=rollouts, searches=searches, test_scenarios=test_scenarios, scenarios=scenarios, seed=seed
             ),
         )
         progress(1.0, "writing the report")
         written = write_race(out, found)
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
+    output.terminal(soft_wrap=True).print(repr(found), highlight=False)
     progress.say(f"wrote {', '.join(written)} in {out}")
     if found.remaining:
         raise KeyboardInterrupt(GO_ON)
@@ -142,27 +134,23 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.codegen.files import write_whole
-    from dualwinch.config.folders import make_folder
-    from dualwinch.reports.tuning import write_race_report
-    from dualwinch.simulation.plots import save
+    from dualwinch.toolbox import drawing, folders, whole_files
+    from dualwinch.toolboxes.race.report import write_race_report
 
-    write_whole(out / "race.json", json_text(to_record(found)))
-    save(found.plot(), out / "race.svg")
-    save(found.plot_fronts(), out / "fronts.svg")
-    write_race_report(out / "report.html", found, versions())
-    make_folder(out / GAINS)
+    whole_files.write_whole(out / "race.json", output.json_text(to_record(found)))
+    drawing.save(found.plot(), out / "race.svg")
+    drawing.save(found.plot_fronts(), out / "fronts.svg")
+    write_race_report(out / "report.html", found, output.versions())
+    folders.make_folder(out / GAINS)
     for scored in found.entries:
         if text := configuration(found, scored):
-            write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
+            whole_files.write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
 def to_record(found: BenchmarkResult) -> dict[str, Any]:
     """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
-    from dualwinch.analysis.idealisations import idealisations
-    from dualwinch.config.ensemble_file import loads_ensemble
-    from dualwinch.simulation.metrics.metrics import metric_quantities
+    from dualwinch.toolbox import ensemble_file, idealisations, merits
 
     record = found.to_dict()
     for runs in (record["paper"], *record["entries"]):
@@ -173,27 +161,24 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
             ratio["times_below"] = {name: 1 / ratio[end] if ratio[end] else None for name, end in ends}
     bounds = record["lower_bounds"]
     bounds |= {f"rms_{name}": math.sqrt(bounds[name]) for name in ("without_foresight", "with_foresight")}
-    metrics = {name: quantity.unit for name, quantity in metric_quantities().items()}
+    metrics = {name: quantity.unit for name, quantity in merits.metric_quantities().items()}
     units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
     rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
-    left_out = idealisations(loads_ensemble(found.terms.configuration).experiment)
+    left_out = idealisations.idealisations(ensemble_file.loads_ensemble(found.terms.configuration).experiment)
     facts = {"idealisations": [asdict(one) for one in left_out], "units": units | rms}
-    return {**record, **facts, **version_notes()}
+    return {**record, **facts, **output.version_notes()}
 
 
 def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
     """The best gains of an entry as TOML; empty if its parts are not registered, as those of an earlier call may be."""
-    from dualwinch.codegen.text import one_line
-    from dualwinch.config.ensemble_file import TUNED_IN, loads_ensemble
-    from dualwinch.config.experiment_file import to_toml
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.settings import override
+    from dualwinch.toolbox import ConfigurationError, ensemble_file, experiment_file, settings, texts
 
-    nominal = loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
+    nominal = ensemble_file.loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
     try:
-        best = override(nominal, {**scored.entry.values, **scored.gains})
+        best = settings.override(nominal, {**scored.entry.values, **scored.gains})
     except ConfigurationError:
         return ""
     terms = found.terms
     words = f"{scored.entry.key}: the best of {terms.rollouts} rollouts in '{terms.ensemble}', seed {terms.seed}"
-    return f"# {words}, by `dualwinch race`.\n# {TUNED_IN}: {one_line(terms.ensemble)}\n\n{to_toml(best)}"
+    origin = f"{ensemble_file.TUNED_IN}: {texts.one_line(terms.ensemble)}"
+    return f"# {words}, by `dualwinch race`.\n# {origin}\n\n{experiment_file.to_toml(best)}"

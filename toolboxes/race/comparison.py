@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.ensembles.comparison import CONFIDENCE, Interval
+from dualwinch.toolbox import intervals
 
 Floats = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ LEAST_DIFFERENCE = 0.05
 RULE = (
     "Two entries differ if the geometric mean of the ratios of their mean square errors, scenario by scenario, is more "
     f"than {100 * LEAST_DIFFERENCE:g} % from 1, and a t-test of the ratios' logarithms rejects 1 at "
-    f"{100 * (1 - CONFIDENCE):.0f} % with Holm's correction over all pairs; and, with several searches of each, if "
-    "every search of the one is ahead of every search of the other."
+    f"{100 * (1 - intervals.CONFIDENCE):.0f} % with Holm's correction over all pairs; and, with several searches of "
+    "each, if every search of the one is ahead of every search of the other."
 )
 """The decision rule in words."""
 
@@ -40,7 +40,7 @@ class ErrorRatio:
     """
 
     scenarios: int
-    interval: Interval
+    interval: intervals.Interval
     p: float
 
     def to_dict(self) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class PairComparison:
     @property
     def differ(self) -> bool:
         """Whether the entries differ by `RULE`."""
-        sure = self.separated and self.corrected < 1 - CONFIDENCE
+        sure = self.separated and self.corrected < 1 - intervals.CONFIDENCE
         return sure and abs(math.log(self.ratio.interval.estimate)) > -math.log(1 - LEAST_DIFFERENCE)
 
 
@@ -87,15 +87,15 @@ def ratio_of(values: Floats, references: Floats) -> ErrorRatio:
 
     count = len(values)
     if not count:
-        return ErrorRatio(0, Interval(math.nan, math.nan, math.nan), 1.0)
+        return ErrorRatio(0, intervals.Interval(math.nan, math.nan, math.nan), 1.0)
     logarithms = np.log(values / references)
     mean = float(logarithms.mean())
     if count == 1:
-        return ErrorRatio(1, Interval(math.exp(mean), 0.0, math.inf), 1.0)
+        return ErrorRatio(1, intervals.Interval(math.exp(mean), 0.0, math.inf), 1.0)
     error = float(logarithms.std(ddof=1)) / math.sqrt(count)
-    reach = float(student.ppf(0.5 + CONFIDENCE / 2, count - 1)) * error
+    reach = float(student.ppf(0.5 + intervals.CONFIDENCE / 2, count - 1)) * error
     p = 2 * float(student.sf(abs(mean) / error, count - 1)) if error else float(mean == 0)
-    return ErrorRatio(count, Interval(math.exp(mean), math.exp(mean - reach), math.exp(mean + reach)), p)
+    return ErrorRatio(count, intervals.Interval(math.exp(mean), math.exp(mean - reach), math.exp(mean + reach)), p)
 
 
 def holm(levels: Sequence[float]) -> list[float]:

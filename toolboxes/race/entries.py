@@ -6,15 +6,16 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.laws.nftsm import Nftsm
-from dualwinch.model.arguments import whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.part import Registry
-from dualwinch.simulation.exogenous.signals import named_seed
-from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.selection_config import SampleSizes
-from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Controller,
+    TuningProblem,
+    arguments,
+    exogenous_signals,
+    parts,
+    registries,
+    searching,
+)
 
 ALL = "all"
 """Name for every kind of a registry."""
@@ -66,11 +67,11 @@ class BenchmarkEntry:
     @property
     def values(self) -> dict[str, Any]:
         """All its settings: kinds of parts and those of the ablation."""
-        kinds = {LAW: self.law, ESTIMATOR: self.estimator, COORDINATION: self.coordination}
+        kinds = {LAW: self.law, searching.ESTIMATOR: self.estimator, searching.COORDINATION: self.coordination}
         return kinds | dict(self.settings)
 
 
-def kinds(asked: Sequence[str] | str | None, registry: Registry[Any], usual: Sequence[str]) -> list[str]:
+def kinds(asked: Sequence[str] | str | None, registry: parts.Registry[Any], usual: Sequence[str]) -> list[str]:
     """The requested kinds without repetition: one, several or `ALL`; by default the usual ones.
 
     Raises:
@@ -113,7 +114,7 @@ def _usual(kinds_there: Sequence[str]) -> str:
 PAPER_LAW = Controller().law.kind
 """The paper's law."""
 
-NO_OBSERVER = Nftsm.kind
+NO_OBSERVER = registries.Nftsm.kind
 """The paper's law without its observer, a law of its own."""
 
 CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE = (
@@ -150,7 +151,7 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     ]
 
 
-ROLLOUTS, TEST_SCENARIOS = 30_000, SampleSizes().test
+ROLLOUTS, TEST_SCENARIOS = 30_000, searching.SampleSizes().test
 """Default budget of a search, and default number of test scenarios."""
 
 
@@ -181,12 +182,12 @@ class BenchmarkTerms:
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` for a number out of range."""
         for name, least in (("rollouts", 1), ("test_scenarios", 2)):
-            whole_number(name, getattr(self, name), least)
+            arguments.whole_number(name, getattr(self, name), least)
 
     @property
     def test_seed(self) -> int:
         """Seed of the test set; no search, selection or score of a single study uses its scenarios."""
-        return named_seed(self.seed, "benchmark test")
+        return exogenous_signals.named_seed(self.seed, "benchmark test")
 
 
 @dataclass(frozen=True)

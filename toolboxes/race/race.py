@@ -16,23 +16,28 @@ from typing import Any
 
 import casadi as ca
 
-from dualwinch.codegen.files import atomic
-from dualwinch.codegen.source.expressions import instructions
-from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.config.toml_text import parse_assignment
-from dualwinch.controllers.controller import Controller, controller_function
-from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
-from dualwinch.model.arguments import whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import another
-from dualwinch.model.quantities.tree import with_leaves
-from dualwinch.simulation.batch.authority import least_errors
-from dualwinch.simulation.batch.scenarios import experiment_of
-from dualwinch.simulation.batch.workers import Workers, spread
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.exogenous.signals import named_seed
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.progress import PhaseProgress, no_progress
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Controller,
+    Ensemble,
+    Experiment,
+    TuningProblem,
+    arguments,
+    batches,
+    controller_function,
+    ensemble_file,
+    executors,
+    exogenous_signals,
+    experiment_file,
+    extensions,
+    language,
+    progresses,
+    quantities,
+    registries,
+    searching,
+    whole_files,
+    with_leaves,
+)
 from dualwinch.toolboxes.race.entries import (
     LAW,
     ROLLOUTS,
@@ -56,33 +61,11 @@ from dualwinch.toolboxes.race.scores import (
     front,
     scored_runs,
 )
-from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
-from dualwinch.tuning.baseline import default_coordination, default_estimator
-from dualwinch.tuning.optimisers import check_method
-from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.evaluation import Scorer
-from dualwinch.tuning.scoring.progress import (
-    CHOOSING,
-    DRAWING,
-    NO_PROGRESS,
-    REFERENCES,
-    SEARCHING,
-    SearchStatus,
-    TuningProgress,
-)
-from dualwinch.tuning.scoring.progress import SCORING as SCORING_BEST
-from dualwinch.tuning.scoring.ranking import Evaluation
-from dualwinch.tuning.scoring.test_set import TestSet
-from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import default_method
-from dualwinch.tuning.tune import tune
-from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 
-RobustnessCheck = Callable[[Experiment, Workers], tuple[dict[str, Any], ...]]
+RobustnessCheck = Callable[[Experiment, executors.Workers], tuple[dict[str, Any], ...]]
 """Computes the least robustness margins of an experiment's gains, in ascending order, on given workers."""
 
-OPTIONS = {LAW: "--law", ESTIMATOR: "--estimator", COORDINATION: "--coordination"}
+OPTIONS = {LAW: "--law", searching.ESTIMATOR: "--estimator", searching.COORDINATION: "--coordination"}
 """Key of a part → its option."""
 
 STRESS_SCENARIOS = 8
@@ -109,8 +92,8 @@ def race(
     method: str | None = None,
     stress: bool = False,
     out: str | PathLike[str] | None = None,
-    workers: Workers = None,
-    progress: PhaseProgress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.PhaseProgress = progresses.no_progress,
 ) -> BenchmarkResult:
     """Tune every combination of parts with the same number of rollouts, and score all on the same test set.
 
@@ -145,36 +128,36 @@ def race(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted before the first entry was finished.
     """
-    drawn = ensemble if isinstance(ensemble, Ensemble) else load_ensemble(ensemble)
+    drawn = ensemble if isinstance(ensemble, Ensemble) else ensemble_file.load_ensemble(ensemble)
     for key in drawn.distributions:
         if key.startswith("controller."):
             raise ConfigurationError(f"{key}: is drawn in '{drawn.name}'; a race needs fixed gains")
     for text in settings:
-        key = parse_assignment(text)[0]
+        key = experiment_file.parse_assignment(text)[0]
         if key in OPTIONS:
             raise ConfigurationError(f"{text}: give {OPTIONS[key]} instead, with every kind to compare")
-    method = method or default_method(1)
-    check_method(method, 1)
-    usual = default_estimator(drawn), default_coordination(drawn) or Controller().coordination.kind
+    method = method or searching.default_method(1)
+    searching.check_method(method, 1)
+    usual = searching.default_estimator(drawn), searching.default_coordination(drawn) or Controller().coordination.kind
     entries = combinations(
-        kinds(laws, POSITION_LAWS, list(POSITION_LAWS)),
-        kinds(estimators, ESTIMATORS, [usual[0]]),
-        kinds(coordinations, COORDINATIONS, [usual[1]]),
+        kinds(laws, registries.POSITION_LAWS, list(registries.POSITION_LAWS)),
+        kinds(estimators, registries.ESTIMATORS, [usual[0]]),
+        kinds(coordinations, registries.COORDINATIONS, [usual[1]]),
     )
     if ablations:
         entries += ablated(*usual)
-    whole_number("searches", searches, 1)
-    whole_number("seed", seed)
+    arguments.whole_number("searches", searches, 1)
+    arguments.whole_number("seed", seed)
     entrants: dict[str, EntryProblem] = {}
     for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
         problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
         entrants[entry.key] = EntryProblem(entry, problem)
     first = next(iter(entrants.values())).problem
     if stress:
-        check_stress(first)
+        extensions.extension(extensions.FUNCTIONS, "check_stress", "--stress")(first)
     terms = BenchmarkTerms(
         ensemble=drawn.name,
-        configuration=configuration(replace(first, experiment=first.paper_experiment)),
+        configuration=searching.configuration(replace(first, experiment=first.paper_experiment)),
         constraints=tuple(constraint.text for constraint in first.constraints),
         method=method,
         rollouts=rollouts,
@@ -200,23 +183,28 @@ def _problem(
     scenarios: int | None,
     seed: int,
 ) -> TuningProblem:
-    others = [text for text in settings if parse_assignment(text)[0] not in entry.values]  # the entry's own come first
+    others = [
+        text for text in settings if experiment_file.parse_assignment(text)[0] not in entry.values
+    ]  # the entry's own come first
     try:
-        return tuning_problem(
+        return searching.tuning_problem(
             ensemble=ensemble,
             settings=[*others, *(f"{key}={value}" for key, value in entry.values.items())],
             constraints=constraints,
             scenarios=scenarios,
-            seed=named_seed(seed, f"search {entry.search}") if entry.search else seed,
+            seed=exogenous_signals.named_seed(seed, f"search {entry.search}") if entry.search else seed,
             excluded=entry.excluded,
         )
     except ConfigurationError as error:
         raise ConfigurationError(f"{entry.key}: {error}") from error
 
 
-def least_robust(problem: TuningProblem, experiment: Experiment, workers: Workers) -> tuple[dict[str, Any], ...]:
+def least_robust(
+    problem: TuningProblem, experiment: Experiment, workers: executors.Workers
+) -> tuple[dict[str, Any], ...]:
     """The least robustness margins of an experiment's gains, with a problem's ensemble as the base."""
     name = "given"
+    stress_tuned = extensions.extension(extensions.FUNCTIONS, "stress_tuned", "--stress")
     found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
     if name not in found.names:  # lost without any imperfection, or the paper's own gains
         return tuple({"label": "none", "size": "", "violated": limit.words} for limit in found.lost.get(name, ()))
@@ -238,7 +226,7 @@ def operations(experiment: Experiment) -> int:
     controller = controller_function(experiment.controller, experiment.plant)
     arguments = [ca.SX.sym(name, controller.size1_in(name)) for name in controller.name_in()[:-1]]
     results = controller.call([*arguments, ca.SX(experiment.simulation.sample_time)])
-    found = instructions(ca.Function("sample", arguments, results))
+    found = language.instructions(ca.Function("sample", arguments, results))
     return sum(instruction.operation not in FREE for instruction in found)
 
 
@@ -283,7 +271,7 @@ class ResultFolder:
             return None
         names = _differences(_plain(definition), record["definition"]) if definition is not None else ()
         if names:
-            others = " and ".join(map(another, names))
+            others = " and ".join(map(quantities.another, names))
             raise ConfigurationError(
                 f"{self._path}: {stem}.json was run with {others}; remove it, or give another folder"
             )
@@ -323,7 +311,7 @@ class ResultFolder:
         self._records[stem] = record
         if self._path is not None:
             self._path.mkdir(parents=True, exist_ok=True)
-            with atomic(self._path / f"{stem}.json") as unfinished:
+            with whole_files.atomic(self._path / f"{stem}.json") as unfinished:
                 unfinished.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def _read(self, file: Path) -> dict[str, Any]:
@@ -335,7 +323,7 @@ class ResultFolder:
         for name in _differences(self._terms, terms[0]):
             shown = "" if name == TOML else f", {terms[0].get(name)} and not {self._terms[name]}"
             raise ConfigurationError(
-                f"{file.parent.parent}: contains a race with {another(name)}{shown}; give another folder"
+                f"{file.parent.parent}: contains a race with {quantities.another(name)}{shown}; give another folder"
             )
         return record
 
@@ -366,12 +354,12 @@ def scored(
     problem: TuningProblem,
     terms: BenchmarkTerms,
     robustness: RobustnessCheck | None,
-    workers: Workers,
-    watch: TuningProgress,
+    workers: executors.Workers,
+    watch: searching.TuningProgress,
 ) -> EntryResult:
     """Tune an entry, and score its best and its fronts on the test set; an interrupt is raised, without a result."""
-    began = clock.now()
-    tuned = tune(
+    began = searching.clock.now()
+    tuned = searching.tune(
         problem,
         method=terms.method,
         rollouts=terms.rollouts,
@@ -381,8 +369,8 @@ def scored(
         watch=watch,
     )
     watch.phase(TEST_PHASE)
-    scorer = Scorer(tuned.training, workers=workers)
-    test = TestSet(scorer, terms.test_scenarios, terms.test_seed)
+    scorer = searching.Scorer(tuned.training, workers=workers)
+    test = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed)
     best = test.score(tuned.verdict.best.candidate)
     fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
     candidates = [trial.candidate for found in fronts.values() for trial in found]
@@ -401,7 +389,7 @@ def scored(
             trials=len(tuned.trials),
             rollouts=tuned.progress.spent,
             gains=len(problem.space.dimensions),
-            seconds=clock.now() - began,
+            seconds=searching.clock.now() - began,
             improved=tuned.verdict.improved,
             version=version("dualwinch"),
         ),
@@ -409,45 +397,47 @@ def scored(
     )
 
 
-def _point(problem: TuningProblem, evaluation: Evaluation, cost: str) -> FrontPoint:
+def _point(problem: TuningProblem, evaluation: searching.Evaluation, cost: str) -> FrontPoint:
     means, gains = evaluation.statistics, problem.space.settings(evaluation.point)
     return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], feasible=evaluation.feasible, gains=gains)
 
 
-def paper(problem: TuningProblem, terms: BenchmarkTerms, workers: Workers, watch: TuningProgress) -> BaselineScore:
+def paper(
+    problem: TuningProblem, terms: BenchmarkTerms, workers: executors.Workers, watch: searching.TuningProgress
+) -> BaselineScore:
     """Score the paper's gains on the test set, and compute lower bounds on the error there.
 
     The problem is that of any entry: ensemble, constraints and seed are common to all.
     """
-    scorer = Scorer(prepare(problem, workers, watch), workers=workers)
+    scorer = searching.Scorer(searching.prepare(problem, workers, watch), workers=workers)
     watch.phase(PAPER_PHASE)
-    test = TestSet(scorer, terms.test_scenarios, terms.test_seed)
+    test = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed)
     found = test.paper
     runs = scored_runs(found.result, found.evaluation.violations, operations(problem.paper_experiment))
     watch.phase(LEAST_PHASE)
     with_paper = problem.drawn(terms.test_scenarios, terms.test_seed, problem.paper_experiment)
-    experiments = [experiment_of(scenario) for scenario in with_paper]
-    return BaselineScore(runs, least_errors(experiments))
+    experiments = [batches.experiment_of(scenario) for scenario in with_paper]
+    return BaselineScore(runs, batches.least_errors(experiments))
 
 
 BEGINS = {
-    DRAWING: 0.0,
-    REFERENCES: 0.02,
+    searching.DRAWING: 0.0,
+    searching.REFERENCES: 0.02,
     PAPER_PHASE: 0.1,
     LEAST_PHASE: 0.1,
-    SEARCHING: 0.12,
-    CHOOSING: 0.82,
-    SCORING_BEST: 0.9,
+    searching.SEARCHING: 0.12,
+    searching.CHOOSING: 0.82,
+    searching.SCORING: 0.9,
     TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
 }
 """Phase → approximate share of an entry's time that has passed at its beginning."""
 
 
-class EntryProgress(TuningProgress):
+class EntryProgress(searching.TuningProgress):
     """Progress of one entry, reported as the share done of the entries to run, with the current phase."""
 
-    def __init__(self, name: str, number: int, of: int, progress: PhaseProgress) -> None:
+    def __init__(self, name: str, number: int, of: int, progress: progresses.PhaseProgress) -> None:
         """Watch entry `number`, from 0, of `of` entries to run."""
         super().__init__(self._in_phase)
         self._name, self._number, self._of, self._of_race = name, number, of, progress
@@ -458,9 +448,11 @@ class EntryProgress(TuningProgress):
         self._words, self._share = words, BEGINS.get(words, 0.0)
         self._report(words)
 
-    def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
+    def progress(self, progress: searching.SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Report the share of the search that is done."""
-        self._share = BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING])
+        self._share = BEGINS[searching.SEARCHING] + progress.share * (
+            BEGINS[searching.CHOOSING] - BEGINS[searching.SEARCHING]
+        )
         self._report(self._words)
 
     def _in_phase(self, fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG002
@@ -479,8 +471,8 @@ def run_race(
     *,
     folder: Path | None = None,
     robustness: RobustnessCheck | None = None,
-    workers: Workers = None,
-    progress: PhaseProgress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.PhaseProgress = progresses.no_progress,
 ) -> BenchmarkResult:
     """Tune and score every entry that is not in the folder yet; compute robustness margins if requested.
 
@@ -534,13 +526,13 @@ class RaceJob:
     @property
     def definition(self) -> Mapping[str, Any]:
         """Definition that the result must have."""
-        return definition_of(self.problem, self.terms.method) if self.entry else {}
+        return searching.definition_of(self.problem, self.terms.method) if self.entry else {}
 
     def lacks(self, record: Mapping[str, Any] | None) -> bool:
         """Whether a record lacks something to compute."""
         return record is None or (self.robustness is not None and record["stress"] is None)
 
-    def watch(self, number: int, count: int, progress: PhaseProgress) -> TuningProgress:
+    def watch(self, number: int, count: int, progress: progresses.PhaseProgress) -> searching.TuningProgress:
         """Progress of this entry among the entries to run."""
         if self.entry is None:
 
@@ -551,7 +543,10 @@ class RaceJob:
         return EntryProgress(self.name, number, count, progress)
 
     def run(
-        self, record: Mapping[str, Any] | None, workers: Workers = 1, watch: TuningProgress = NO_PROGRESS
+        self,
+        record: Mapping[str, Any] | None,
+        workers: executors.Workers = 1,
+        watch: searching.TuningProgress = searching.NO_PROGRESS,
     ) -> dict[str, Any]:
         """Compute the result, for JSON; `record` is its finished part."""
         if self.entry is None:
@@ -567,7 +562,9 @@ PAUSE = 1.0
 """Polling period in s for results of other processes."""
 
 
-def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, progress: PhaseProgress) -> None:
+def _run_jobs(
+    jobs: Sequence[RaceJob], kept: ResultFolder, workers: executors.Workers, progress: progresses.PhaseProgress
+) -> None:
     """Run the jobs whose results a folder lacks: one after the other here, or in parallel on an executor's workers.
 
     Jobs claimed by another process are left to it, and run here if it ends without a result.
@@ -596,11 +593,13 @@ def _run_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, workers: Workers, pro
             time.sleep(PAUSE)
 
 
-def _spread_jobs(jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, progress: PhaseProgress) -> None:
+def _spread_jobs(
+    jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, progress: progresses.PhaseProgress
+) -> None:
     """Run jobs in parallel on an executor's workers; each result is kept at once."""
     if jobs:
         progress(0.0, f"{len(jobs)} searches and scores on the cluster")
     tasks = ((job, kept.find(job.stem)) for job in jobs)
-    for done, (number, result) in enumerate(spread(executor, RaceJob.run, tasks), 1):
+    for done, (number, result) in enumerate(executors.spread(executor, RaceJob.run, tasks), 1):
         kept.keep(jobs[number].stem, jobs[number].definition, result)
         progress(done / len(jobs), f"{done} of {len(jobs)} done on the cluster, {jobs[number].name} last")

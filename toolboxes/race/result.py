@@ -12,26 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from dualwinch.model.quantities.tables import markdown, page, table
-from dualwinch.simulation.batch.authority import infeasible_words
-from dualwinch.simulation.ensembles.comparison import CONFIDENCE
-from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.metrics.metrics import metric_quantities
-from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.style import (
-    BLUE,
-    GOLD,
-    GREEN,
-    GREY,
-    INK,
-    PURPLE,
-    SKY,
-    VERMILION,
-    WINE,
-    logarithmic,
-    looks,
-    plain,
-)
+from dualwinch.toolbox import batches, drawing, intervals, merit_statistics, merits, searching, tables
 from dualwinch.toolboxes.race.comparison import LEAST_DIFFERENCE, RULE, ErrorRatio, PairComparison, holm, ratio_of
 from dualwinch.toolboxes.race.entries import NO_OBSERVER, PAPER_LAW, BenchmarkTerms, names
 from dualwinch.toolboxes.race.scores import (
@@ -44,11 +25,10 @@ from dualwinch.toolboxes.race.scores import (
     ratio_words,
     spaced,
 )
-from dualwinch.tuning.scoring.ranking import undominated
 
 HEADINGS = (
     "",
-    f"error below the paper's ({100 * CONFIDENCE:g} %)",
+    f"error below the paper's ({100 * intervals.CONFIDENCE:g} %)",
     "RMS error, mm",
     "chatter, N",
     "load, N m",
@@ -63,7 +43,7 @@ MILLIMETRES = 1e3
 WITHOUT_OBSERVER = "without observer"
 """Name of the paper's law without observer among its ablations."""
 
-MEAN_ERROR = Statistic("mean", ERROR)
+MEAN_ERROR = merit_statistics.Statistic("mean", ERROR)
 """Objective of the searches."""
 
 
@@ -220,8 +200,8 @@ class BenchmarkResult:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
         without, given = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in least.means)
         words = (
-            f"{infeasible_words(least.infeasible)}. Lower bound on the RMS error: {without} mm for a non-anticipating "
-            f"optimal controller, {given} mm with full foresight."
+            f"{batches.infeasible_words(least.infeasible)}. Lower bound on the RMS error: {without} mm for a "
+            f"non-anticipating optimal controller, {given} mm with full foresight."
         )
         return " ".join(filter(None, (words, least.unknown_words)))
 
@@ -267,13 +247,15 @@ class BenchmarkResult:
         ]
 
     def __repr__(self) -> str:
-        return "\n".join([f"Race: {self.heading}", "", markdown(*self.table()), "", *self.notes()])
+        return "\n".join([f"Race: {self.heading}", "", tables.markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return page("BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), table(*self.table()))
+        return tables.page(
+            "BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), tables.table(*self.table())
+        )
 
-    def plot(self, *, ax: GivenAxes = None) -> Figure:
+    def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the ratios of errors to those of the paper's gains, with intervals, in order of the ranking.
 
         Args:
@@ -281,7 +263,7 @@ class BenchmarkResult:
         """
         return _figure(self, ax)
 
-    def plot_fronts(self, *, ax: GivenAxes = None) -> Figure:
+    def plot_fronts(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the fronts of error against chatter and load, and lower bounds on the error.
 
         Args:
@@ -295,7 +277,7 @@ class BenchmarkResult:
         return {
             **asdict(terms),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
-            "rule": {"text": RULE, "confidence": CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
+            "rule": {"text": RULE, "confidence": intervals.CONFIDENCE, "least_difference": LEAST_DIFFERENCE},
             "lower_bounds": {
                 "beyond_authority": self.paper.lower_bounds.infeasible,
                 "without_bound": self.paper.lower_bounds.unknown,
@@ -337,7 +319,7 @@ class BenchmarkResult:
 
 
 def _cells(runs: ScoredRuns) -> list[str]:
-    error, chatter, load = (runs.over(Statistic("mean", name)) for name in (ERROR, *COSTS))
+    error, chatter, load = (runs.over(merit_statistics.Statistic("mean", name)) for name in (ERROR, *COSTS))
     return [
         f"{MILLIMETRES * math.sqrt(error):.3g}",
         f"{chatter:.3g}",
@@ -352,7 +334,15 @@ def _ratio(runs: ScoredRuns, others: ScoredRuns) -> ErrorRatio:
     return ratio_of(runs.metrics[ERROR][both], others.metrics[ERROR][both])
 
 
-ENTRY_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
+ENTRY_COLOURS = (
+    drawing.BLUE,
+    drawing.VERMILION,
+    drawing.GREEN,
+    drawing.PURPLE,
+    drawing.GOLD,
+    drawing.WINE,
+    drawing.SKY,
+)
 """Colours of the entries in order of the ranking; they repeat with other dashes."""
 
 LEGEND_ROOM = 1.6
@@ -374,23 +364,25 @@ DRAWN_FROM = 0.05
 """A lower bound on the error is drawn if it is at least this share of the least error of all entries."""
 
 
-def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
+def _figure(found: BenchmarkResult, ax: drawing.GivenAxes) -> Figure:
     terms = found.terms
     words = (
-        f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
+        f"{terms.rollouts} rollouts in “{drawing.plain(terms.ensemble)}” to tune each, "
         f"scored in {terms.test_scenarios} test scenarios"
     )
-    with new_page(
+    with drawing.new_page(
         ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: which law tracks best?", words
     ) as page:
         (axes,) = page.panels()
         first = found.ranking[0].entry.key if found.entries else ""
         tied = {first, *found.not_different(first)} if first else set()
         for row, scored in enumerate(found.ranking):
-            _dot(axes, found, scored, row, BLUE if scored.entry.key in tied else INK)
-        axes.axvline(1, color=VERMILION, linewidth=1.0, zorder=1)
-        logarithmic(axes, (1, 2, 3, 5))
-        axes.set_yticks(range(len(found.ranking)), [plain(found.names[each.entry.key]) for each in found.ranking])
+            _dot(axes, found, scored, row, drawing.BLUE if scored.entry.key in tied else drawing.INK)
+        axes.axvline(1, color=drawing.VERMILION, linewidth=1.0, zorder=1)
+        drawing.logarithmic(axes, (1, 2, 3, 5))
+        axes.set_yticks(
+            range(len(found.ranking)), [drawing.plain(found.names[each.entry.key]) for each in found.ranking]
+        )
         axes.set_ylim(len(found.ranking) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
@@ -399,13 +391,13 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
         axes.set_xlabel("mean square error over that of the paper's gains, with 95 % interval; less is better")
         dot = partial(Line2D, [], [], marker="o", markersize=5, linestyle="none")
         handles = [
-            dot(color=BLUE, label="best, or not different from it"),
-            dot(color=INK, label="other"),
-            dot(color=INK, markerfacecolor="white", label="violates a constraint"),
-            Line2D([], [], color=VERMILION, label="the paper's gains"),
+            dot(color=drawing.BLUE, label="best, or not different from it"),
+            dot(color=drawing.INK, label="other"),
+            dot(color=drawing.INK, markerfacecolor="white", label="violates a constraint"),
+            Line2D([], [], color=drawing.VERMILION, label="the paper's gains"),
         ]
         if len(found.entries) > len(found.ranking):
-            handles.insert(3, dot(color=INK, marker="|", markersize=8, label="its searches"))
+            handles.insert(3, dot(color=drawing.INK, marker="|", markersize=8, label="its searches"))
         page.legend(*handles)
     return page.figure
 
@@ -445,25 +437,25 @@ def _share(ratio: float) -> str:
     return f"{ratio:.2g}×" if ratio >= SMALL_RATIO else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
-def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
-    styles = looks((scored.entry.key for scored in found.ranking), ENTRY_COLOURS)
+def _fronts_figure(found: BenchmarkResult, ax: drawing.GivenAxes) -> Figure:
+    styles = drawing.looks((scored.entry.key for scored in found.ranking), ENTRY_COLOURS)
     count = found.terms.test_scenarios
     words = f"Trials that satisfy every constraint, in {count} test scenarios; ●: the best, ×: the paper's"
-    with new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
+    with drawing.new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
         panels = page.panels(1, len(COSTS), "C", sharey=True)
         for axes, cost in zip(panels, COSTS, strict=True):
             for scored in found.ranking:
                 _front(axes, scored, cost, styles[scored.entry.key])
-            axes.plot(*_means(found.paper.runs, cost), "x", color=VERMILION, markersize=6)
+            axes.plot(*_means(found.paper.runs, cost), "x", color=drawing.VERMILION, markersize=6)
             if cost in WIDE:
-                logarithmic(axes, (1, 2, 3, 5))
-            axes.set_xlabel(f"mean {metric_quantities()[cost].axis}")
+                drawing.logarithmic(axes, (1, 2, 3, 5))
+            axes.set_xlabel(f"mean {merits.metric_quantities()[cost].axis}")
             for value, dashes, name in _least_lines(found):
-                axes.axhline(value, color=GREY, linestyle=dashes, linewidth=1.0, label=name)
+                axes.axhline(value, color=drawing.GREY, linestyle=dashes, linewidth=1.0, label=name)
         panels[0].set_yscale("log")
         panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panels[0].set_ylabel("RMS error (mm)")
-        page.legend(*(Line2D([], [], **style, label=plain(found.names[key])) for key, style in styles.items()))
+        page.legend(*(Line2D([], [], **style, label=drawing.plain(found.names[key])) for key, style in styles.items()))
     return page.figure
 
 
@@ -472,14 +464,14 @@ def _front(axes: Axes, scored: EntryResult, cost: str, look: dict[str, Any]) -> 
     best = _means(scored.runs, cost)
     points = [(point.cost, _rms(point.error)) for point in feasible] + ([] if scored.runs.violated else [best])
     if points:
-        shown = [points[index] for index in undominated(*zip(*points, strict=True))]
+        shown = [points[index] for index in searching.undominated(*zip(*points, strict=True))]
         axes.plot(*zip(*shown, strict=True), linewidth=1.1, alpha=0.8, marker=".", markersize=3, **look)
     face = "white" if scored.runs.violated else look["color"]
     axes.plot(*best, "o", color=look["color"], markerfacecolor=face, markersize=4)
 
 
 def _means(runs: ScoredRuns, cost: str) -> tuple[float, float]:
-    return runs.over(Statistic("mean", cost)), _rms(runs.over(MEAN_ERROR))
+    return runs.over(merit_statistics.Statistic("mean", cost)), _rms(runs.over(MEAN_ERROR))
 
 
 def _rms(mean_square: float) -> float:

@@ -8,15 +8,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.simulation.batch.authority import LeastErrors
-from dualwinch.simulation.batch.rollout import BatchResult
-from dualwinch.simulation.ensembles.comparison import Interval
-from dualwinch.simulation.ensembles.result import Statistic, statistic_from
-from dualwinch.simulation.results.file_formats import plain
-from dualwinch.simulation.results.outcomes import RunOutcomes, outcomes_from
+from dualwinch.toolbox import batches, file_formats, intervals, merit_statistics, run_outcomes, searching
 from dualwinch.toolboxes.race.comparison import finite_or_none
 from dualwinch.toolboxes.race.entries import BenchmarkEntry
-from dualwinch.tuning.scoring.ranking import Evaluation, undominated
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +36,7 @@ STATISTICS = (
 
 
 @dataclass(frozen=True, eq=False)
-class ScoredRuns(RunOutcomes):
+class ScoredRuns(run_outcomes.RunOutcomes):
     """Runs of a controller on the test set; arrays of outcomes are (scenarios,).
 
     Attributes:
@@ -59,7 +53,7 @@ class ScoredRuns(RunOutcomes):
         violated = [name for name, by in self.violations.items() if by > 0]
         return tuple(sorted(violated, key=self.violations.__getitem__, reverse=True))
 
-    def over(self, statistic: Statistic) -> float:
+    def over(self, statistic: merit_statistics.Statistic) -> float:
         """A statistic over the completed scenarios; NaN without any."""
         return statistic.over(self.of_completed(statistic.metric))
 
@@ -77,7 +71,7 @@ class ScoredRuns(RunOutcomes):
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``race.json``."""
-        statistics = [statistic_from(name) for name in STATISTICS]
+        statistics = [merit_statistics.statistic_from(name) for name in STATISTICS]
         return {
             "statistics": {statistic.name: finite_or_none(self.over(statistic)) for statistic in statistics},
             "completed": int(np.count_nonzero(self.completed)),
@@ -88,12 +82,14 @@ class ScoredRuns(RunOutcomes):
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
         """The object of a record from `to_record`."""
-        return cls(**vars(outcomes_from(record)), violations=record["violations"], operations=record["operations"])
+        return cls(
+            **vars(run_outcomes.outcomes_from(record)), violations=record["violations"], operations=record["operations"]
+        )
 
 
-def scored_runs(result: BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
+def scored_runs(result: batches.BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
     """The scored runs of a batch with a single row."""
-    runs = RunOutcomes(result.outcomes, result.end_times, result.metrics).take(0, axis=0)
+    runs = run_outcomes.RunOutcomes(result.outcomes, result.end_times, result.metrics).take(0, axis=0)
     return ScoredRuns(**vars(runs), violations=dict(violations), operations=operations)
 
 
@@ -107,14 +103,14 @@ class BaselineScore:
     """
 
     runs: ScoredRuns
-    lower_bounds: LeastErrors
+    lower_bounds: batches.LeastErrors
 
     def to_record(self) -> dict[str, Any]:
         """As a dictionary for JSON."""
         return {
             "runs": self.runs.to_record(),
-            "without_foresight": plain(self.lower_bounds.without_foresight),
-            "with_foresight": plain(self.lower_bounds.with_foresight),
+            "without_foresight": file_formats.plain(self.lower_bounds.without_foresight),
+            "with_foresight": file_formats.plain(self.lower_bounds.with_foresight),
         }
 
     @classmethod
@@ -122,7 +118,8 @@ class BaselineScore:
         """The object of a record from `to_record`."""
         runs = ScoredRuns.from_record(record["runs"])
         return cls(
-            runs, LeastErrors(*(np.array(record[name], float) for name in ("without_foresight", "with_foresight")))
+            runs,
+            batches.LeastErrors(*(np.array(record[name], float) for name in ("without_foresight", "with_foresight"))),
         )
 
 
@@ -213,19 +210,19 @@ FRONT_POINTS = 8
 """Largest number of points of a front that are scored on the test set."""
 
 
-def front(trials: Sequence[Evaluation], cost: str, most: int = FRONT_POINTS) -> list[Evaluation]:
+def front(trials: Sequence[searching.Evaluation], cost: str, most: int = FRONT_POINTS) -> list[searching.Evaluation]:
     """The Pareto front of a search's feasible trials, from the least cost, one of `COSTS`, to the least error.
 
     It has at most `most` points, spread evenly over the front with both its ends.
     """
     whole = [trial for trial in trials if trial.feasible]
     costs, errors = (np.array([trial.statistics[f"mean.{name}"] for trial in whole]) for name in (cost, ERROR))
-    kept = undominated(costs, errors)
+    kept = searching.undominated(costs, errors)
     chosen = dict.fromkeys(np.linspace(0, len(kept) - 1, min(most, len(kept))).round().astype(int).tolist())
     return [whole[kept[index]] for index in chosen]
 
 
-def below_words(interval: Interval) -> str:
+def below_words(interval: intervals.Interval) -> str:
     """Factor by which an error is below another, with its interval, from their ratio's: ``16 500 × (...)``."""
     if math.isnan(interval.estimate):
         return "–"
@@ -241,7 +238,7 @@ def spaced(number: float) -> str:
     return f"{rounded:,.0f}".replace(",", "\u202f") if 100 <= rounded < math.inf else f"{rounded:.3g}"
 
 
-def ratio_words(interval: Interval) -> str:
+def ratio_words(interval: intervals.Interval) -> str:
     """A ratio with its interval, to three digits each."""
     if math.isnan(interval.estimate):
         return "–"

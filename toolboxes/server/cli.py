@@ -11,44 +11,53 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dualwinch.cli.options import ExperimentOptions, Json, NominalMachine, Whole, default_of, stated
-from dualwinch.cli.output import check_file, styled, terminal, version_notes, wrote
-from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.simulate import print_result
-from dualwinch.toolboxes.lab.cli.lab import HOST, page_of, server_of
+from dualwinch.toolbox import ProgressLine, extensions, options, output
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.results.result import Result
-    from dualwinch.toolboxes.server.plant import ServedPlant
+    from dualwinch.toolbox import Result
+    from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
     from dualwinch.toolboxes.server.protocols import Protocol
+
+HOST = "127.0.0.1"
+"""Default address: this machine alone."""
 
 INTERVAL = 0.2
 """Time in s between two updates of the progress line."""
 
-SETTINGS = "simulation.server.plant:ServerSettings"
-"""Class with the defaults of the options."""
+
+def server_settings() -> type[ServerSettings]:
+    """The class with the defaults of the options, imported for the help alone."""
+    from dualwinch.toolboxes.server.plant import ServerSettings
+
+    return ServerSettings
+
+
+def default_port() -> int:
+    """The default port of the datagrams."""
+    from dualwinch.toolboxes.server.plant import PORT
+
+    return PORT
 
 
 def serve(
     *,
-    given: ExperimentOptions = ExperimentOptions(),
-    ensemble: NominalMachine = None,
+    given: options.ExperimentOptions = options.ExperimentOptions(),
+    ensemble: options.NominalMachine = None,
     realtime: Annotated[bool, Parameter(negative="--lockstep")] = True,
-    rate: Annotated[float | None, default_of(SETTINGS, "rate")] = None,
+    rate: Annotated[float | None, options.default_of(server_settings, "rate")] = None,
     host: str = HOST,
-    udp: Annotated[Whole, default_of("simulation.server.plant:PORT")] = None,
-    modbus: Whole = None,
-    opcua: Whole = None,
+    udp: Annotated[options.Whole, options.default_of(default_port)] = None,
+    modbus: options.Whole = None,
+    opcua: options.Whole = None,
     allow_write: bool = False,
-    watchdog: Annotated[float | None, default_of(SETTINGS, "watchdog")] = None,
+    watchdog: Annotated[float | None, options.default_of(server_settings, "watchdog")] = None,
     safe: str | None = None,
-    priority: Whole = None,
-    runs: Whole = None,
+    priority: options.Whole = None,
+    runs: options.Whole = None,
     out: Path | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     lab: bool = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Run the plant with ropes and sensors in real time, for a controller in another process.
 
@@ -80,8 +89,7 @@ def serve(
         dualwinch serve --ensemble site --case 4 --rate 0.5 --allow-write --lab
         dualwinch serve --case 4 --lockstep --allow-write --runs 1 --out run.parquet
     """
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import FORMATS, save
+    from dualwinch.toolbox import ConfigurationError, file_formats
     from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
     from dualwinch.toolboxes.server.protocols import Modbus, OpcUa
     from dualwinch.toolboxes.server.registers import FORMATS as MAP_FORMATS
@@ -89,14 +97,14 @@ def serve(
 
     if runs is not None and runs < 1:
         raise ConfigurationError(f"--runs = {runs}: must be a whole number >= 1")
-    check_file(out, *FORMATS)
+    output.check_file(out, *file_formats.FORMATS)
     if not realtime and rate is not None:
         raise ConfigurationError("--rate: needs --realtime; with --lockstep there is no clock")
-    check_file(map_, *MAP_FORMATS)
+    output.check_file(map_, *MAP_FORMATS)
     settings = ServerSettings(
         lockstep=not realtime,
         may_write=allow_write,
-        **stated(rate=rate, watchdog=watchdog, safe=_torques(safe), priority=priority),
+        **options.stated(rate=rate, watchdog=watchdog, safe=_torques(safe), priority=priority),
     )
     protocols = [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
     experiment = given.nominal(ensemble)
@@ -104,9 +112,9 @@ def serve(
         plant = ServedPlant(experiment, settings, host=host, port=PORT if udp is None else udp)
     if map_:
         write_map(plant, map_)
-        wrote(map_)
+        output.wrote(map_)
     try:
-        with shown(plant, experiment, protocols, host, lab=lab):
+        with shown(plant, protocols, host, lab=lab):
             for _ in count() if runs is None else range(runs):
                 result = watched(plant)
                 if result is None:
@@ -114,8 +122,8 @@ def serve(
                 print_run(plant, result, json=json)
                 if out:
                     file = unused(out)
-                    save(result, file, {**plant.notes, **version_notes()})
-                    wrote(file)
+                    file_formats.save(result, file, {**plant.notes, **output.version_notes()})
+                    output.wrote(file)
                 if plant.closed:
                     return
     finally:
@@ -130,7 +138,7 @@ def unused(file: Path) -> Path:
 
 def _torques(text: str | None) -> tuple[float, ...] | None:
     """The two torques in N m of ``--safe``, such as ``22,22``."""
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.toolbox import ConfigurationError
 
     if text is None:
         return None
@@ -142,13 +150,8 @@ def _torques(text: str | None) -> tuple[float, ...] | None:
 
 
 @contextmanager
-def shown(
-    plant: ServedPlant, experiment: Experiment, protocols: Sequence[Protocol], host: str, *, lab: bool
-) -> Iterator[None]:
+def shown(plant: ServedPlant, protocols: Sequence[Protocol], host: str, *, lab: bool) -> Iterator[None]:
     """Serve a plant by its protocols and in the lab, and print the addresses."""
-    from threading import Thread
-
-    from dualwinch.toolboxes.lab.live import live_rows, live_run
     from dualwinch.toolboxes.server.protocols import served
 
     addresses = [f"{host}:{plant.port} (UDP)"]
@@ -158,13 +161,11 @@ def shown(
                 stack.enter_context(served(plant, protocols))
             addresses += [protocol.address for protocol in protocols]
         if lab:
-            server = stack.enter_context(server_of(page_of(live_run(experiment)), 0, live_rows(plant)))
-            Thread(target=server.serve_forever, daemon=True).start()
-            stack.callback(server.shutdown)
-            addresses.append(f"http://{HOST}:{server.server_port}/ (lab)")
+            live_page = extensions.extension(extensions.FUNCTIONS, "live_page", "--lab")
+            addresses.append(f"{stack.enter_context(live_page(plant))} (lab)")
         writing = "clients may write" if plant.settings.may_write else "clients may only read"
         words = f"serving at {', '.join(addresses)}; {writing} (Ctrl-C ends it)"
-        terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
+        output.terminal(stderr=True, soft_wrap=True).print(words, highlight=False)
         yield
 
 
@@ -225,19 +226,19 @@ def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:
     """
     timing = plant.timing
     if not json:
-        terminal().print("torques from outside, in place of the experiment's controller:")
-    print_result(result, json=json, loop=False, timing=timing)
+        output.terminal().print("torques from outside, in place of the experiment's controller:")
+    output.print_result(result, json=json, loop=False, timing=timing)
     if json:
         return
-    console = terminal(soft_wrap=True)
-    console.print(styled("bold", "commands", f": {timing['accepted']} accepted, {timing['refused']} refused"))
+    console = output.terminal(soft_wrap=True)
+    console.print(output.styled("bold", "commands", f": {timing['accepted']} accepted, {timing['refused']} refused"))
     if timing["delay_s"] is not None:
         words = f"  mean delay {1e3 * timing['delay_s']:.3g} ms; safe torques {timing['silences']} times"
         console.print(words, highlight=False)
     if plant.settings.lockstep:
         return
-    late = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
+    lateness = ", ".join(f"{number} {ends}" for ends, number in timing["lateness"].items() if number)
     counted = f"{timing['missed']} of {timing['ticks']} samples more than a period late"
     words = f": {counted}, the latest {timing['latest_us']:.0f} us"
-    console.print(styled("bold", "time", words))
-    console.print(f"  samples by lateness: {late}", highlight=False)
+    console.print(output.styled("bold", "time", words))
+    console.print(f"  samples by lateness: {lateness}", highlight=False)

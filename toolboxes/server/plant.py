@@ -14,32 +14,35 @@ import annotated_types as at
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.realtime import PacedRun, Pacing
-from dualwinch.codegen.drivers.stepping import SteppedRuns, compile_stepping
-from dualwinch.controllers.estimators.unfiltered import Unfiltered
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.motions import MoveLimits, moves, way_point_motion
-from dualwinch.model.plant import holding_torques
-from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import NONE, Leaf, Positive, Quantity, numbers_of
-from dualwinch.model.quantities.tree import check_values, leaves, shown
-from dualwinch.model.reference import Reference, cruise_speed
-from dualwinch.model.signals import Signal
-from dualwinch.simulation.exogenous.signals import exogenous_pieces
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.external_commands import under_command
-from dualwinch.simulation.loop.closed_loop import FORCE, SILENT
-from dualwinch.simulation.prepare import check_memory
-from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.rows import READ, READINGS
-from dualwinch.simulation.sensors import silence_of
-from dualwinch.simulation.simulate import result_of
-from dualwinch.simulation.stepped_lanes import Scenarios
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Experiment,
+    Leaf,
+    Quantity,
+    Result,
+    Signal,
+    compiled,
+    description,
+    exogenous_signals,
+    external_commands,
+    lanes,
+    leaves,
+    loops,
+    motions,
+    physics,
+    preparation,
+    quantities,
+    references,
+    run_columns,
+    runs,
+    sensing,
+    tree,
+    with_leaves,
+)
 
 Floats: TypeAlias = NDArray[np.float64]
 
-SIGNALS = ("t", *READINGS, "x_ref", "v_ref", "a_ref", "tau_1", "tau_2")
+SIGNALS = ("t", *run_columns.READINGS, "x_ref", "v_ref", "a_ref", "tau_1", "tau_2")
 """Columns sent to clients: sensor readings, the reference, and the torques applied until now."""
 
 PORT = 47800
@@ -88,7 +91,9 @@ class Status:
 class ServerSettings:
     """Settings of a served plant."""
 
-    rate: Annotated[Positive, at.Le(1000), Quantity("1", "speed of the plant's clock relative to real time")] = 1.0
+    rate: Annotated[
+        quantities.Positive, at.Le(1000), Quantity("1", "speed of the plant's clock relative to real time")
+    ] = 1.0
     lockstep: Annotated[
         bool, Quantity("", "each sample waits for the client's answer, so that runs can be repeated bit for bit")
     ] = False
@@ -96,14 +101,14 @@ class ServerSettings:
         False
     )
     watchdog: Annotated[
-        Positive, at.Le(10), Quantity("s", "time without a command after which the safe torques are applied")
+        quantities.Positive, at.Le(10), Quantity("s", "time without a command after which the safe torques are applied")
     ] = 0.05
     safe: Annotated[
         tuple[float, ...],
         at.Ge(-1e6),
         at.Le(1e6),
         Quantity("N m", "safe torques (default: those that hold both ropes at half the preload)"),
-    ] = NONE
+    ] = quantities.NONE
     largest: Annotated[
         float | None,
         at.Gt(0),
@@ -111,7 +116,7 @@ class ServerSettings:
         Quantity("N m", "magnitude beyond which a torque is refused (default: twice what holds tension_max)"),
     ] = None
     release: Annotated[
-        Positive,
+        quantities.Positive,
         at.Le(3600),
         Quantity("s", "real time without a datagram after which another client is admitted"),
     ] = 1.0
@@ -122,15 +127,17 @@ class ServerSettings:
         Quantity("1", "real-time priority of the thread that keeps time (SCHED_FIFO); 0: normal scheduling"),
     ] = 0
     ahead: Annotated[
-        Positive, at.Le(1), Quantity("s", "real time between a new target and the motion towards it, for planning")
+        quantities.Positive,
+        at.Le(1),
+        Quantity("s", "real time between a new target and the motion towards it, for planning"),
     ] = 0.05
 
     def __post_init__(self) -> None:
         """Raise `ConfigurationError` for a value of the wrong type or out of its range."""
-        object.__setattr__(self, "safe", numbers_of(self.safe))
-        check_values(self)
+        object.__setattr__(self, "safe", quantities.numbers_of(self.safe))
+        tree.check_values(self)
         if len(self.safe) not in {0, 2}:
-            raise ConfigurationError(f"safe = {shown(self.safe)}: must be two torques in N m")
+            raise ConfigurationError(f"safe = {tree.shown(self.safe)}: must be two torques in N m")
 
 
 LATENESS_US = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000, 50000)
@@ -172,25 +179,29 @@ class ServedPlant:
         """
         self.settings = settings or ServerSettings()
         self.experiment = replace(experiment, simulation=replace(experiment.simulation, readings=True))
-        self._scenarios = Scenarios(_served(self.experiment), "torques")
+        self._scenarios = lanes.Scenarios(_served(self.experiment), "torques")
         self._loop, self._samples = self._scenarios.loop, experiment.samples
         try:
-            check_memory(self._samples, 1, len(self._loop.columns) + 2 * len(self._loop.exogenous))
+            preparation.check_memory(self._samples, 1, len(self._loop.columns) + 2 * len(self._loop.exogenous))
         except ConfigurationError as error:
             raise ConfigurationError(
                 f"simulation.duration = {experiment.duration:g} s: its rows would take more than half of the memory"
             ) from error
-        self._code = compile_stepping(self._scenarios.commanded(SIGNALS), exact=True)
-        self._signals = next(exogenous_pieces(self._scenarios.experiment, self._samples + 1, self._samples + 1))
-        if not silence_of(experiment.sensors):
-            self._signals[:, self._column(SILENT)] = 0.0
-        limits, own = experiment.controller.limits, self.settings.largest
-        full, half = (holding_torques(pull, experiment.plant) for pull in (2 * limits.tension_max, limits.preload))
-        self._largest = (own, own) if own else (float(2 * full.tau_1), float(2 * full.tau_2))
+        self._code = compiled.compile_stepping(self._scenarios.commanded(SIGNALS), exact=True)
+        self._signals = next(
+            exogenous_signals.exogenous_pieces(self._scenarios.experiment, self._samples + 1, self._samples + 1)
+        )
+        if not sensing.silence_of(experiment.sensors):
+            self._signals[:, self._column(loops.SILENT)] = 0.0
+        limits, largest = experiment.controller.limits, self.settings.largest
+        full, half = (
+            physics.holding_torques(pull, experiment.plant) for pull in (2 * limits.tension_max, limits.preload)
+        )
+        self._largest = (largest, largest) if largest else (float(2 * full.tau_1), float(2 * full.tau_2))
         tau_1, tau_2 = self.settings.safe or (half.tau_1, half.tau_2)
         self.safe = float(tau_1), float(tau_2)
-        if not all(abs(torque) <= most for torque, most in zip(self.safe, self._largest, strict=True)):
-            allowed = " and ".join(f"±{most:g}" for most in self._largest)
+        if not all(abs(torque) <= limit for torque, limit in zip(self.safe, self._largest, strict=True)):
+            allowed = " and ".join(f"±{limit:g}" for limit in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
         self.inputs, self.outputs = self._described()
         self._socket = _bound(host, port)
@@ -204,22 +215,24 @@ class ServedPlant:
 
     def _described(self) -> tuple[dict[str, Leaf], dict[str, Leaf]]:
         """Inputs and outputs by name."""
-        inputs = describe(Inputs)
+        inputs = description.describe(Inputs)
         length = self.experiment.plant.track.length
         inputs["target"] = replace(inputs["target"], constraints=(at.Ge(0), at.Le(length)))
-        for name, most in zip(TORQUE_COMMANDS, self._largest, strict=True):
-            inputs[name] = replace(inputs[name], constraints=(at.Ge(-most), at.Le(most)))
-        known = {name: self._loop.quantities[name] for name in SIGNALS}
-        outputs = {signal_name(name): Leaf(signal_name(name), quantity, float) for name, quantity in known.items()}
-        return inputs, outputs | describe(Status)
+        for name, limit in zip(TORQUE_COMMANDS, self._largest, strict=True):
+            inputs[name] = replace(inputs[name], constraints=(at.Ge(-limit), at.Le(limit)))
+        quantities_read = {name: self._loop.quantities[name] for name in SIGNALS}
+        outputs = {
+            signal_name(name): Leaf(signal_name(name), quantity, float) for name, quantity in quantities_read.items()
+        }
+        return inputs, outputs | description.describe(Status)
 
     def _reset(self) -> None:
         """Prepare a new run."""
         (lane,), _ = self._scenarios.started(self._scenarios.drawn([0], 0), 1)
-        self._runs = SteppedRuns(self._code, 1, self._samples, shared=True)
+        self._runs = compiled.SteppedRuns(self._code, 1, self._samples, shared=True)
         self._runs.start(np.zeros(1, np.int64), lane.state[np.newaxis], lane.parameters[np.newaxis])
         settings, period = self.settings, self.experiment.simulation.sample_time
-        pacing = Pacing(
+        pacing = compiled.Pacing(
             period=round(1e9 * period / settings.rate),
             lockstep=settings.lockstep,
             may_write=settings.may_write,
@@ -229,7 +242,7 @@ class ServedPlant:
             largest=self._largest,
             edges=tuple(1000 * edge for edge in LATENESS_US),
         )
-        self._run = PacedRun(self._code, self._runs, self._signals.copy(), pacing, self._socket.fileno())
+        self._run = compiled.PacedRun(self._code, self._runs, self._signals.copy(), pacing, self._socket.fileno())
         self._runs.read(0, self._run.table.ctypes.data)
         self._runs.look()
         self._written = leaves(Inputs())
@@ -251,9 +264,9 @@ class ServedPlant:
             self._run.serve()
         with self._lock:
             samples = int(self._runs.done[0])
-            (state,), outcome = self._runs.states(np.zeros(1, np.int64)), Outcome(self._runs.outcomes[0])
+            (state,), outcome = self._runs.states(np.zeros(1, np.int64)), compiled.Outcome(self._runs.outcomes[0])
             rows = self._run.rows[:samples]
-            result = result_of(self._loop, self.experiment, None, rows, state, outcome, samples)
+            result = runs.result_of(self._loop, self.experiment, None, rows, state, outcome, samples)
             self._finished = self._run, self._runs, self.events
             self._begun += 1
             if not self.closed:
@@ -359,8 +372,8 @@ class ServedPlant:
             if name in {"slack_1", "slack_2"}:
                 shared.share[name == "slack_2"] = 1.0 - value
             elif name == "outage":
-                added[self._column(SILENT)] = value
-            elif name in {FORCE, "current"}:
+                added[self._column(loops.SILENT)] = value
+            elif name in {loops.FORCE, "current"}:
                 added[self._column(name)] = value
         if not values.keys().isdisjoint(TORQUE_COMMANDS):
             shared.other[:] = [self._written[name] for name in TORQUE_COMMANDS]
@@ -387,22 +400,22 @@ class ServedPlant:
         table[start:, columns] = approach(t, x, v, target, reference).T
 
 
-def approach(t: Floats, x: float, v: float, target: float, reference: Reference) -> Floats:
+def approach(t: Floats, x: float, v: float, target: float, reference: references.Reference) -> Floats:
     """A motion that brakes to rest and then moves to a target: position, speed, acceleration, (3, samples).
 
     Times (samples,) in s count from its beginning, at x in m and v in m/s; the target is in m. The reference gives
     cruising speed, acceleration and jerk limit; braking ignores the jerk limit.
     """
     braking = abs(v) / reference.acceleration
-    rest = x + v * braking / 2
-    limits = MoveLimits(cruise_speed(reference), reference.acceleration, reference.jerk_limit)
-    way = moves((abs(target - rest),), (), limits)
-    motion = way_point_motion(np.maximum(t - braking, 0.0), way, reference.jerk_limit)
-    sign, slowing = math.copysign(1.0, target - rest), -math.copysign(reference.acceleration, v)
+    standstill = x + v * braking / 2
+    limits = motions.MoveLimits(references.cruise_speed(reference), reference.acceleration, reference.jerk_limit)
+    way = motions.moves((abs(target - standstill),), (), limits)
+    motion = motions.way_point_motion(np.maximum(t - braking, 0.0), way, reference.jerk_limit)
+    sign, slowing = math.copysign(1.0, target - standstill), -math.copysign(reference.acceleration, v)
     brakes = t < braking
     return np.array(
         [
-            np.where(brakes, x + v * t + slowing * t**2 / 2, rest + sign * motion.x),
+            np.where(brakes, x + v * t + slowing * t**2 / 2, standstill + sign * motion.x),
             np.where(brakes, v + slowing * t, sign * motion.v),
             np.where(brakes, slowing, sign * motion.a),
         ]
@@ -411,7 +424,7 @@ def approach(t: Floats, x: float, v: float, target: float, reference: Reference)
 
 def signal_name(column: str) -> str:
     """Name of a signal in exported controllers: ``x`` for the column ``x_read``."""
-    return column.removesuffix(READ)
+    return column.removesuffix(run_columns.READ)
 
 
 def _served(experiment: Experiment) -> Experiment:
@@ -422,10 +435,10 @@ def _served(experiment: Experiment) -> Experiment:
     sea, sensors = experiment.disturbance, experiment.sensors
     if not sea.force.given:
         sea = replace(sea, force=Signal(times=(0.0, 1.0), values=(0.0, 0.0), unit="N"))
-    if not silence_of(sensors):
+    if not sensing.silence_of(sensors):
         sensors = replace(sensors, outage_length=experiment.simulation.sample_time)
-    controller = replace(experiment.controller, estimator=Unfiltered())
-    return under_command(replace(experiment, controller=controller, disturbance=sea, sensors=sensors), "torques")
+    unfiltered = with_leaves(experiment, {"controller.estimator": "none"})
+    return external_commands.under_command(replace(unfiltered, disturbance=sea, sensors=sensors), "torques")
 
 
 @contextmanager
@@ -465,14 +478,14 @@ def _bound(host: str, port: int) -> socket.socket:
             with socket.socket(family, kind) as any_free:
                 any_free.bind(address)
                 address = any_free.getsockname()
-        made = socket.socket(family, kind)
+        endpoint = socket.socket(family, kind)
         try:
-            made.bind(address)
+            endpoint.bind(address)
         except OSError:
-            made.close()
+            endpoint.close()
             raise
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ConfigurationError(f"cannot listen at {host}, port {port} (UDP): {reason}") from error
-    made.settimeout(0.0)
-    return made
+    endpoint.settimeout(0.0)
+    return endpoint

@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.model.quantities.tables import readable_unit
+from dualwinch.toolbox import ConfigurationError, errors, tables
 from dualwinch.toolboxes.server.plant import ServedPlant
 from dualwinch.toolboxes.server.registers import NAMESPACE, Register, registers
 
@@ -48,7 +47,7 @@ class Protocol(ABC):
         try:
             __import__(self.library)
         except ImportError:
-            raise MissingExtraError(self.library, "serve") from None
+            raise errors.MissingExtraError(self.library, "serve") from None
         logging.getLogger(self.library).setLevel(logging.CRITICAL)  # errors of clients are reported to the clients
         self.host, self.port = host, port
 
@@ -96,10 +95,10 @@ def served(plant: ServedPlant, protocols: Sequence[Protocol]) -> Iterator[None]:
 
 def _end(loop: asyncio.AbstractEventLoop, thread: threading.Thread) -> None:
     async def finish() -> None:
-        others = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in others:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*others, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     asyncio.run_coroutine_threadsafe(finish(), loop).result()
     loop.call_soon_threadsafe(loop.stop)
@@ -142,11 +141,11 @@ class Modbus(Protocol):
         from pymodbus.server import ModbusTcpServer
         from pymodbus.simulator import DataType, SimData, SimDevice
 
-        self._plant, known = plant, registers(plant)
-        self._at = {register.modbus: register for register in known}
+        self._plant, entries = plant, registers(plant)
+        self._at = {register.modbus: register for register in entries}
         blocks = [
             SimData(register.modbus, values=[0, 0], datatype=DataType.REGISTERS, readonly=not register.writable)
-            for register in known
+            for register in entries
         ]
         device = SimDevice(0, simdata=blocks, action=self._act)
         self._server = ModbusTcpServer(device, address=(self.host, self.port))
@@ -193,9 +192,9 @@ class Modbus(Protocol):
 
     def _values(self, address: int, count: int) -> list[tuple[int, float]]:
         """First register and value of every number in a range of registers."""
-        wanted = [self._at[place] for place in range(address - 1, address + count) if place in self._at]
+        addressed = [self._at[place] for place in range(address - 1, address + count) if place in self._at]
         values = self._plant.read() | self._plant.written
-        return [(register.modbus, values[register.name]) for register in wanted]
+        return [(register.modbus, values[register.name]) for register in addressed]
 
 
 def node_at(space: int, name: str) -> "ua.NodeId":
@@ -250,7 +249,7 @@ class OpcUa(Protocol):
 
         quantity, node_id = register.leaf.quantity, node_at(space, register.name)
         node = await folder.add_variable(node_id, f"{space}:{register.name}", 0.0, ua.VariantType.Double)
-        meaning = f"{quantity.meaning} [{readable_unit(quantity.unit) or '1'}]"
+        meaning = f"{quantity.meaning} [{tables.readable_unit(quantity.unit) or '1'}]"
         text = ua.DataValue(ua.Variant(ua.LocalizedText(meaning), ua.VariantType.LocalizedText))
         await node.write_attribute(AttributeIds.Description, text)
         self._nodes[register.name] = node_id

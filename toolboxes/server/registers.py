@@ -9,13 +9,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from dualwinch.codegen.block import Block
-from dualwinch.codegen.errors import CodegenError
-from dualwinch.codegen.export.package import Provenance, templates
-from dualwinch.codegen.files import write_whole
-from dualwinch.codegen.text import markdown
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Leaf
+from dualwinch.toolbox import ConfigurationError, Leaf, blocks, errors, package, texts, whole_files
 from dualwinch.toolboxes.server.plant import PORT, SIGNALS, ServedPlant, signal_name
 
 FIRST_INPUT = 1000
@@ -92,7 +86,7 @@ def map_as_page(plant: ServedPlant) -> str:
     lines = [
         MAP_COLUMNS,
         ["---"] * len(MAP_COLUMNS),
-        *([markdown(cell) for cell in row] for row in register_rows(plant)),
+        *([texts.markdown(cell) for cell in row] for row in register_rows(plant)),
     ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
@@ -111,14 +105,14 @@ def write_map(plant: ServedPlant, path: str | PathLike[str]) -> None:
     path = Path(path)
     if path.suffix not in FORMATS:
         raise ConfigurationError(f"{path.name}: the name of a register map must end with {' or '.join(FORMATS)}")
-    write_whole(path, FORMATS[path.suffix](plant))
+    whole_files.write_whole(path, FORMATS[path.suffix](plant))
 
 
 COMMAND_MAGIC, MEASUREMENT_MAGIC = b"DWC1", b"DWM1"
 """First bytes of datagrams from and to clients, as in codegen/drivers/realtime.c."""
 
 
-def udp_client(block: Block, name: str, provenance: Provenance) -> str:
+def udp_client(block: blocks.Block, name: str, provenance: package.Provenance) -> str:
     """A C99 program that runs a controller of `codegen.export.package.c_package` against ``dualwinch serve``.
 
     Raises:
@@ -127,11 +121,11 @@ def udp_client(block: Block, name: str, provenance: Provenance) -> str:
     signals = [signal_name(column) for column in SIGNALS]
     for variable in block.inputs:
         if variable.name not in signals:
-            raise CodegenError(
+            raise errors.CodegenError(
                 f"the input {variable.name} is not sent by `dualwinch serve`; it sends {', '.join(signals)}"
             )
     return (
-        templates("double")
+        package.templates("double", Path(__file__).parent / "templates")
         .get_template("udp.c.j2")
         .render(
             block=block,

@@ -6,23 +6,26 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.codegen.drivers.stepping import compile_stepping
-from dualwinch.model.arguments import whole_number
-from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.description import describe
-from dualwinch.model.quantities.quantity import Quantity, suggestion
-from dualwinch.simulation.batch.workers import cores
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.external_commands import COMMANDS, NOUNS, CommandName, Sensed
-from dualwinch.simulation.metrics.metrics import final_states, metrics_of
-from dualwinch.simulation.prepare import check_memory
-from dualwinch.simulation.results.outcomes import words_of
-from dualwinch.simulation.results.result import Result
-from dualwinch.simulation.scenario import Scenario
-from dualwinch.simulation.simulate import result_of
-from dualwinch.simulation.stepped_lanes import LONGEST, Lanes, Scenarios, first_page
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    Quantity,
+    Result,
+    Scenario,
+    arguments,
+    compiled,
+    description,
+    errors,
+    executors,
+    external_commands,
+    lanes,
+    merits,
+    preparation,
+    quantities,
+    run_outcomes,
+    runs,
+)
 
 
 class Observation(Mapping[str, NDArray[np.float64]]):
@@ -53,7 +56,9 @@ class Observation(Mapping[str, NDArray[np.float64]]):
         try:
             return self.array[self._rows[name]]
         except (KeyError, TypeError):
-            raise UnknownNameError(f"signal '{name}' is not observed; {suggestion(name, self._rows)}") from None
+            raise errors.UnknownNameError(
+                f"signal '{name}' is not observed; {quantities.suggestion(name, self._rows)}"
+            ) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._rows)
@@ -67,7 +72,13 @@ class Observation(Mapping[str, NDArray[np.float64]]):
 
 Floats: TypeAlias = NDArray[np.float64]
 
-SENSED = ("t", "x_ref", "v_ref", "a_ref", *(key for key in describe(Sensed) if key.endswith("_sensed")))
+SENSED = (
+    "t",
+    "x_ref",
+    "v_ref",
+    "a_ref",
+    *(key for key in description.describe(external_commands.Sensed) if key.endswith("_sensed")),
+)
 """Inputs of a controller: the reference, and the sensor values as passed on by the estimator."""
 
 WORTH_A_THREAD = {True: 4000, False: 16000}
@@ -101,7 +112,7 @@ class Stepper:
         batch: int = 256,
         seed: int = 0,
         *,
-        command: CommandName = "torques",
+        command: external_commands.CommandName = "torques",
         hold: int = 1,
         signals: Iterable[str] = SENSED,
         exact: bool = False,
@@ -132,19 +143,19 @@ class Stepper:
             raise ConfigurationError(
                 f"experiment: must be an Experiment or an Ensemble, not {type(experiment).__name__}"
             )
-        given = {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1)}
-        _check(command, given if threads is None else given | {"threads": (threads, 1)})
-        self.command: CommandName = command
+        numbers = {"batch": (batch, 1), "seed": (seed, 0), "hold": (hold, 1)}
+        _check(command, numbers if threads is None else numbers | {"threads": (threads, 1)})
+        self.command: external_commands.CommandName = command
         self.batch, self.seed, self.hold = int(batch), int(seed), int(hold)
         self.signals = tuple(signals)
-        self.source = Scenarios(experiment, command)
+        self.source = lanes.Scenarios(experiment, command)
         self.experiment, self._loop = self.source.experiment, self.source.loop
-        self._code, self._exact = compile_stepping(self.source.commanded(self.signals), exact=exact), exact
-        self._threads = threads or max(1, min(cores(), self.batch * self.hold // WORTH_A_THREAD[exact]))
+        self._code, self._exact = compiled.compile_stepping(self.source.commanded(self.signals), exact=exact), exact
+        self._threads = threads or max(1, min(executors.cores(), self.batch * self.hold // WORTH_A_THREAD[exact]))
         self._rows = {name: row for row, name in enumerate(self.signals)}
         self._quantities = {name: self._loop.quantities[name] for name in self.signals}
         self._shape = (self.batch, 2) if command == "torques" else (self.batch,)
-        self._lanes = Lanes(self._code, self.batch, self.experiment.samples, shared=self.source.ensemble is None)
+        self._lanes = lanes.Lanes(self._code, self.batch, self.experiment.samples, shared=self.source.ensemble is None)
         self._log: list[Floats] | None = [] if record else None
         self._since = np.zeros(self.batch, np.int64)
         self.reset()
@@ -174,15 +185,15 @@ class Stepper:
             _check(self.command, {"seed": (seed, 0)})
             self.seed = int(seed)
         indices = self._indices(lanes)
-        wanted = indices.tolist() if scenarios is None else list(scenarios)
-        if len(wanted) != len(indices):
-            raise ConfigurationError(f"scenarios: has {len(wanted)} numbers: must have {len(indices)}, one a lane")
+        requests = indices.tolist() if scenarios is None else list(scenarios)
+        if len(requests) != len(indices):
+            raise ConfigurationError(f"scenarios: has {len(requests)} numbers: must have {len(indices)}, one a lane")
         if len(indices):
-            numbers = [given for given in wanted if not isinstance(given, Scenario)]
-            drawn = iter(self.source.drawn(numbers, self.seed))
-            chosen = [given if isinstance(given, Scenario) else next(drawn) for given in wanted]
-            self._lanes.start(indices, *self.source.started(chosen, self.batch))
-        self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
+            numbers = [request for request in requests if not isinstance(request, Scenario)]
+            draws = iter(self.source.drawn(numbers, self.seed))
+            scenario_list = [request if isinstance(request, Scenario) else next(draws) for request in requests]
+            self._lanes.start(indices, *self.source.started(scenario_list, self.batch))
+        self.under_way = int((self._lanes.runs.outcomes == compiled.Outcome.RUNNING).sum())
         self._forget(indices)
         return self.observation
 
@@ -199,21 +210,21 @@ class Stepper:
             ConfigurationError: a wrong shape, a number that is not finite, or all lanes have ended.
         """
         try:
-            given = np.array(commands, dtype=np.float64)
+            array = np.array(commands, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise ConfigurationError(f"{self.command}: must be numbers, {self._wanted}") from error
-        if given.shape != self._shape:
-            raise ConfigurationError(f"{self.command}: shape {given.shape} must be {self._wanted}")
+        if array.shape != self._shape:
+            raise ConfigurationError(f"{self.command}: shape {array.shape} must be {self._wanted}")
         if not self.under_way:
             raise ConfigurationError("step: all lanes have ended; reset() restarts them")
         runs = self._lanes.runs
-        runs.commands[:] = given if given.ndim == 2 else given[:, None]
+        runs.commands[:] = array if array.ndim == 2 else array[:, None]
         odd = runs.odd_command()
         if odd:
-            index = ", ".join(map(str, odd[: given.ndim]))
+            index = ", ".join(map(str, odd[: array.ndim]))
             raise ConfigurationError(f"{self.command}[{index}] = {runs.commands[odd]}: must be finite")
         if self._log is not None:
-            self._log.append(given)
+            self._log.append(array)
         self.under_way = self._lanes.step(self.hold, self._threads)
         return self.observation
 
@@ -235,21 +246,21 @@ class Stepper:
     @property
     def running(self) -> NDArray[np.bool_]:
         """(batch,) whether each lane is running."""
-        return self._lanes.runs.outcomes == Outcome.RUNNING
+        return self._lanes.runs.outcomes == compiled.Outcome.RUNNING
 
     @property
     def outcomes(self) -> NDArray[np.str_]:
         """(batch,) words: ``running``, ``completed``, ``diverged`` or ``left_track``."""
-        return words_of(self._lanes.runs.outcomes)
+        return run_outcomes.words_of(self._lanes.runs.outcomes)
 
     @property
     def metrics(self) -> Mapping[str, Floats]:
         """Name → (batch,) figures of merit, as in `Metrics`; NaN for lanes that have not completed their run."""
         runs = self._lanes.runs
         states = runs.states(np.arange(self.batch))
-        own = self.experiment.metrics
-        final = {name: states[:, self._loop.states.index(name)] for name in final_states(own)}
-        return vars(metrics_of(final, completed=runs.outcomes == Outcome.COMPLETED, own=own))
+        user_metrics = self.experiment.metrics
+        final = {name: states[:, self._loop.states.index(name)] for name in merits.final_states(user_metrics)}
+        return vars(merits.metrics_of(final, completed=runs.outcomes == compiled.Outcome.COMPLETED, own=user_metrics))
 
     @property
     def scenarios(self) -> list[Scenario]:
@@ -272,7 +283,7 @@ class Stepper:
         continued, log = self._lanes.copies(indices), self._log
         if log is not None:
             same = np.array_equal(indices, np.arange(self.batch))
-            log = list(log) if same else [given[indices] for given in log]
+            log = list(log) if same else [record[indices] for record in log]
         other = object.__new__(Stepper)
         vars(other).update(
             vars(self),
@@ -280,7 +291,7 @@ class Stepper:
             _shape=(len(indices), *self._shape[1:]),
             _lanes=continued,
             _since=self._since[indices],
-            under_way=int((continued.runs.outcomes == Outcome.RUNNING).sum()),
+            under_way=int((continued.runs.outcomes == compiled.Outcome.RUNNING).sum()),
             _log=log,
         )
         return other
@@ -308,9 +319,9 @@ class Stepper:
         )
 
     def __setstate__(self, state: tuple[dict[str, Any], list[Floats] | None, NDArray[np.int64]]) -> None:
-        kept, self._log, self._since = state
-        self._lanes.resume(**kept)
-        self.under_way = int((self._lanes.runs.outcomes == Outcome.RUNNING).sum())
+        snapshot, self._log, self._since = state
+        self._lanes.resume(**snapshot)
+        self.under_way = int((self._lanes.runs.outcomes == compiled.Outcome.RUNNING).sum())
 
     def result(self, lane: int, stride: int = 1) -> Result:
         """The run of a lane so far, as a result of `simulate`: its recorded commands are run again to get the rows.
@@ -330,39 +341,41 @@ class Stepper:
             raise ConfigurationError("result: commands were not recorded; make the stepper with record=True")
         index = int(self._indices([lane])[0])
         started, samples = self._lanes.lanes[index], int(self._lanes.runs.done[index])
-        check_memory(samples, 1, len(self._loop.columns))
-        again = Lanes(self._code, 1, started.experiment.samples, shared=True)  # the same bits for any number of lanes
-        again.start(np.zeros(1, np.int64), [started], [first_page(started.experiment, LONGEST)])
+        preparation.check_memory(samples, 1, len(self._loop.columns))
+        replay = lanes.Lanes(
+            self._code, 1, started.experiment.samples, shared=True
+        )  # the same bits for any number of lanes
+        replay.start(np.zeros(1, np.int64), [started], [lanes.first_page(started.experiment, lanes.LONGEST)])
         rows, commands = np.empty((samples, len(self._loop.columns))), self._log[self._since[index] :]
-        for start, given in zip(range(0, samples, self.hold), commands, strict=False):
-            again.runs.commands[:] = given[index]
-            again.step(self.hold, row=rows[start:].ctypes.data)
-        return result_of(
+        for start, command in zip(range(0, samples, self.hold), commands, strict=False):
+            replay.runs.commands[:] = command[index]
+            replay.step(self.hold, row=rows[start:].ctypes.data)
+        return runs.result_of(
             self._loop,
             started.experiment,
             started.scenario.nominal if self.source.ensemble else None,
             rows[::stride] if stride else rows[:0],
-            again.runs.states(np.zeros(1, np.int64))[0],
-            Outcome(again.runs.outcomes[0]),
+            replay.runs.states(np.zeros(1, np.int64))[0],
+            compiled.Outcome(replay.runs.outcomes[0]),
             samples,
         )
 
     @property
     def _wanted(self) -> str:
-        return f"{self._shape}: {NOUNS[self.command]} for each lane"
+        return f"{self._shape}: {external_commands.NOUNS[self.command]} for each lane"
 
     def _indices(self, lanes: ArrayLike | None) -> NDArray[np.int64]:
         if lanes is None:
             return np.arange(self.batch)
-        given = np.asarray(lanes)
-        if given.dtype == np.bool_ and given.shape == (self.batch,):
-            return np.flatnonzero(given)
-        if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+        numbers = np.asarray(lanes)
+        if numbers.dtype == np.bool_ and numbers.shape == (self.batch,):
+            return np.flatnonzero(numbers)
+        if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
             raise ConfigurationError(f"lanes: must be numbers of lanes, or {self.batch} truth values")
-        if given.size and not (given.min() >= 0 and given.max() < self.batch):
-            odd = next(number for number in given.tolist() if not 0 <= number < self.batch)
+        if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.batch):
+            odd = next(number for number in numbers.tolist() if not 0 <= number < self.batch)
             raise ConfigurationError(f"lanes: there is no lane {odd}: must be 0 to {self.batch - 1}")
-        return given.astype(np.int64)
+        return numbers.astype(np.int64)
 
     def _forget(self, indices: NDArray[np.int64]) -> None:
         """Drop recorded commands that no lane needs any more."""
@@ -383,7 +396,9 @@ def _rebuilt(
 
 
 def _check(command: str, numbers: dict[str, tuple[int, int]]) -> None:
-    if command not in COMMANDS:
-        raise ConfigurationError(f'command = "{command}": must be ' + " or ".join(f'"{name}"' for name in COMMANDS))
-    for name, (value, least) in numbers.items():
-        whole_number(name, value, least)
+    if command not in external_commands.COMMANDS:
+        raise ConfigurationError(
+            f'command = "{command}": must be ' + " or ".join(f'"{name}"' for name in external_commands.COMMANDS)
+        )
+    for name, (value, minimum) in numbers.items():
+        arguments.whole_number(name, value, minimum)

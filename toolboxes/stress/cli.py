@@ -12,39 +12,25 @@ from json import loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dualwinch.cli.options import (
-    CheckpointingWorkerOptions,
-    ExperimentOptions,
-    Json,
-    Whole,
-    default_of,
-    first,
-    note_other_ensemble,
-    own_default,
-    sizes_of_ensemble,
-    stated,
-)
-from dualwinch.cli.output import json_text, print_json, print_note, terminal, version_notes, wrote
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
-    from dualwinch.simulation.ensembles.ensemble import Ensemble
-    from dualwinch.simulation.experiment import Experiment
+    from dualwinch.toolbox import Ensemble, Experiment
     from dualwinch.toolboxes.stress.result import RobustnessResult
 
 
 def stress(
     file: Path | None = None,
     *,
-    given: ExperimentOptions = ExperimentOptions(),
-    ensemble: Annotated[str | None, default_of("stress", "ensemble")] = None,
-    base: Annotated[str | None, default_of("stress", "base")] = None,
+    given: options.ExperimentOptions = options.ExperimentOptions(),
+    ensemble: Annotated[str | None, options.default_of("stress", "ensemble")] = None,
+    base: Annotated[str | None, options.default_of("stress", "base")] = None,
     constraint: list[str] | None = None,
-    scenarios: Annotated[Whole, default_of("stress", "scenarios")] = None,
-    seed: Annotated[Whole, default_of("stress", "seed")] = None,
+    scenarios: Annotated[options.Whole, options.default_of("stress", "scenarios")] = None,
+    seed: Annotated[options.Whole, options.default_of("stress", "seed")] = None,
     out: Path | None = None,
-    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
-    json: Json = False,
+    where: options.CheckpointingWorkerOptions = options.CheckpointingWorkerOptions(),
+    json: options.Json = False,
 ) -> None:
     """Find which imperfection breaks gains first, and at which size, beside the paper's gains.
 
@@ -70,26 +56,26 @@ def stress(
         dualwinch stress --case 4 --ensemble sea --base none
         dualwinch stress best.toml --constraint "worst.peak_tension<=5500" --constraint "worst.mse<=1*paper"
     """
-    from dualwinch.config.ensemble_file import NO_ENSEMBLE, load_ensemble
-    from dualwinch.config.folders import made_folder
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.toolbox import ConfigurationError, ensemble_file, folders
     from dualwinch.toolboxes.stress.stress import NO_BASE, stress
 
     file = file or given.config
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    around = own_default("stress", "base") if base is None else base
+    around = options.own_default("stress", "base") if base is None else base
     if file:
-        names = [NO_ENSEMBLE]
+        names = [ensemble_file.NO_ENSEMBLE]
         if around != NO_BASE:
-            beneath = load_ensemble(around, experiment)
+            beneath = ensemble_file.load_ensemble(around, experiment)
             note_replaced(file, around, beneath, given.values)
             names = [beneath.name]
-        added = load_ensemble(own_default("stress", "ensemble") if ensemble is None else ensemble, experiment)
-        note_other_ensemble(file, *names, added.name)
+        added = ensemble_file.load_ensemble(
+            options.own_default("stress", "ensemble") if ensemble is None else ensemble, experiment
+        )
+        options.note_other_ensemble(file, *names, added.name)
     with (
-        made_folder(out) if out else nullcontext(),
+        folders.made_folder(out) if out else nullcontext(),
         ProgressLine("simulating", command="stress", patient=True) as progress,
         where.workers(progress) as workers,
     ):
@@ -102,15 +88,15 @@ def stress(
             name=file.name if file else f"case {given.case}",
             workers=workers,
             progress=progress,
-            **stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
+            **options.stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
         )
     if json:
-        print_json(to_record(found))
+        output.print_json(to_record(found))
     else:
-        terminal(soft_wrap=True).print(repr(found), highlight=False)
+        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
     if out:
         for name in write_stress(out, found):
-            wrote(out / name)
+            output.wrote(out / name)
 
 
 def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str]) -> None:
@@ -118,28 +104,27 @@ def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str])
 
     Keys that were `asked` for by ``--set`` are left out.
     """
-    for words in filter(None, (replaced(file, name, base, asked), sizes_of_ensemble(file, name, base))):
-        print_note(words, stderr=True)
+    for words in filter(None, (replaced(file, name, base, asked), options.sizes_of_ensemble(file, name, base))):
+        output.print_note(words, stderr=True)
 
 
 def replaced(file: Path, name: str, base: Ensemble, asked: Collection[str] = ()) -> str:
     """Name the values of the gains' file that a base sets itself, those first that are no defaults; empty if none."""
-    from dualwinch.config.experiment_file import given_keys, load
-    from dualwinch.model.quantities.tree import leaves, shown
-    from dualwinch.simulation.experiment import Experiment
-    from dualwinch.simulation.settings import current
+    from dualwinch.toolbox import Experiment, experiment_file, leaves, settings, tree
     from dualwinch.toolboxes.stress.imperfections import MACHINE, METHOD
 
-    there, here, usual = (leaves(each) for each in (load(file), base.experiment, Experiment()))
-    given = {current(key) for key in given_keys(file)} - METHOD - set(map(current, asked))
+    there, here, usual = (leaves(each) for each in (experiment_file.load(file), base.experiment, Experiment()))
+    given = (
+        {settings.current(key) for key in experiment_file.given_keys(file)} - METHOD - set(map(settings.current, asked))
+    )
     keys = [key for key in here.keys() & there.keys() & given if key.startswith(MACHINE) and here[key] != there[key]]
     if not keys:
         return ""
     keys.sort(key=lambda key: (there[key] == usual.get(key), key))
-    differences = [f"{key} = {shown(here[key])} (the file: {shown(there[key])})" for key in keys]
+    differences = [f"{key} = {tree.shown(here[key])} (the file: {tree.shown(there[key])})" for key in keys]
     return (
-        f"the base '{base.name}' sets values of its own: {first(differences, 3)}; to judge the gains with those of "
-        f"{file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
+        f"the base '{base.name}' sets values of its own: {options.first(differences, 3)}; to judge the gains with "
+        f"those of {file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
     )
 
 
@@ -149,7 +134,7 @@ STUDY = "study.json"
 
 def study_constraints(file: Path, experiment: Experiment) -> dict[str, float | None]:
     """Constraints of the study beside a file, and their bounds there, if the file has the study's best gains."""
-    from dualwinch.model.quantities.tree import leaves
+    from dualwinch.toolbox import leaves
 
     try:
         study = loads((file.parent / STUDY).read_text(encoding="utf-8"))
@@ -171,24 +156,23 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     Returns:
         Names of the files that were written.
     """
-    from dualwinch.codegen.files import write_whole
-    from dualwinch.reports.tuning import show_stress
-    from dualwinch.simulation.plots import save
+    from dualwinch.toolbox import drawing, whole_files
+    from dualwinch.toolboxes.stress.report import show_stress
 
-    write_whole(out / "stress.json", json_text(to_record(found)))
-    save(found.plot(), out / "stress.svg")
+    whole_files.write_whole(out / "stress.json", output.json_text(to_record(found)))
+    drawing.save(found.plot(), out / "stress.svg")
     shown = ["report.html"] if show_stress(out / "report.html", found) else []
     return ["stress.json", "stress.svg", *shown]
 
 
 def to_record(found: RobustnessResult) -> dict[str, Any]:
     """The result as plain data, with base and ensemble as TOML."""
-    from dualwinch.config.ensemble_file import ensemble_to_toml
+    from dualwinch.toolbox import ensemble_file
 
     scaling = found.scaling
     return {
         **found.to_dict(),
-        "configuration": ensemble_to_toml(scaling.ensemble),
-        "base_configuration": ensemble_to_toml(scaling.base),
-        **version_notes(),
+        "configuration": ensemble_file.ensemble_to_toml(scaling.ensemble),
+        "base_configuration": ensemble_file.ensemble_to_toml(scaling.base),
+        **output.version_notes(),
     }

@@ -7,23 +7,29 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.plant import Plant
-from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import leaves, shown, with_leaves
-from dualwinch.simulation.ensembles.ensemble import SEED_KEY, Drawn, Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import is_automatic, solver_of
-from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
-from dualwinch.simulation.scenario import Scenario
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Controller,
+    Ensemble,
+    Experiment,
+    Leaf,
+    Mark,
+    Scenario,
+    description,
+    ensembles,
+    leaves,
+    physics,
+    preparation,
+    structures,
+    tree,
+    with_leaves,
+)
 from dualwinch.toolboxes.stress.limits import SHARE, unit_of, with_unit
 
 MACHINE = ("plant.", "disturbance.", "sensors.", "actuator.", "simulation.")
 """Prefixes of the keys of a machine and its environment. A key elsewhere is an imperfection only if it is drawn."""
 
-METHOD = frozenset({"simulation.substeps", SEED_KEY})
+METHOD = frozenset({"simulation.substeps", ensembles.SEED_KEY})
 """Keys besides `Mark.TIMING` of the numerical method, not of the machine."""
 
 NUMBERED = re.compile(r"_[12](?=[._]|$)")
@@ -76,7 +82,7 @@ def imperfections(base: Ensemble, ensemble: Ensemble) -> tuple[Imperfection, ...
         ConfigurationError: there are none.
     """
     ours, theirs = leaves(base.experiment), leaves(ensemble.experiment)
-    known = describe_parts(ensemble.experiment)
+    known = description.describe_parts(ensemble.experiment)
     kinds = [key for key, leaf in known.items() if Mark.PART in leaf.marks and ours.get(key) != theirs[key]]
     groups: dict[str, list[str]] = {}
     for key, leaf in known.items():
@@ -97,7 +103,7 @@ def all_together(single: tuple[Imperfection, ...]) -> Imperfection:
     return Imperfection(ALL, tuple(key for imperfection in single for key in imperfection.keys))
 
 
-def _scalable(key: str, leaf: Leaf, drawn: Drawn | None) -> bool:
+def _scalable(key: str, leaf: Leaf, drawn: ensembles.Drawn | None) -> bool:
     if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.SHAPE_PARAMETER}):
         return False
     if drawn is not None:
@@ -107,7 +113,9 @@ def _scalable(key: str, leaf: Leaf, drawn: Drawn | None) -> bool:
     return leaf.kind in {float, int, bool} or Mark.PART in leaf.marks
 
 
-def _differs(key: str, drawn: Drawn | None, base: Ensemble, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
+def _differs(
+    key: str, drawn: ensembles.Drawn | None, base: Ensemble, ours: Mapping[str, Any], theirs: Mapping[str, Any]
+) -> bool:
     if drawn != base.distributions.get(key):
         return True
     follows = drawn is None or drawn.relative
@@ -178,7 +186,10 @@ class ScaledEnsemble:
     @cached_property
     def known(self) -> dict[str, Leaf]:
         """Description of every key of the base and of the ensemble."""
-        return {**describe_parts(self.base.experiment), **describe_parts(self.ensemble.experiment)}
+        return {
+            **description.describe_parts(self.base.experiment),
+            **description.describe_parts(self.ensemble.experiment),
+        }
 
     @cached_property
     def _start(self) -> Ensemble:
@@ -220,7 +231,7 @@ class ScaledEnsemble:
         }
 
     def scenario(
-        self, index: int, controller: Controller, sizes: Mapping[str, float], nominal: Plant | None = None
+        self, index: int, controller: Controller, sizes: Mapping[str, float], nominal: physics.Plant | None = None
     ) -> Scenario:
         """The scenario of a number; `nominal` is the plant for which the controller was designed, if already known.
 
@@ -247,12 +258,12 @@ class ScaledEnsemble:
                 values = self._ends[index][0].draws | self.values(index, sizes)
                 plant = {key: value for key, value in values.items() if key.startswith("plant.")}
                 experiment = with_leaves(self._start.experiment, plant)
-                if is_automatic(experiment):
+                if structures.is_automatic(experiment):
                     break
-                integrator = solver_of(experiment).integrator
+                integrator = structures.solver_of(experiment).integrator
                 try:
-                    fastest = fastest_swing(experiment.plant, integrator, experiment.controller.limits)
-                    wanted = float(substeps_for(fastest, simulation, integrator))
+                    fastest = preparation.fastest_swing(experiment.plant, integrator, experiment.controller.limits)
+                    wanted = float(preparation.substeps_for(fastest, simulation, integrator))
                 except ArithmeticError:
                     wanted = math.inf
                 if not math.isfinite(wanted):  # values not allowed; `prepare` gives the reason
@@ -286,7 +297,7 @@ class ScaledEnsemble:
         nominal = self.nominal(sizes)
         return [self.scenario(index, controller, sizes, nominal) for index in range(self.count)]
 
-    def nominal(self, sizes: Mapping[str, float]) -> Plant:
+    def nominal(self, sizes: Mapping[str, float]) -> physics.Plant:
         """The plant for which a controller was designed: with the values that are set, without the draws."""
         ours, theirs = (leaves(each.experiment.plant, "plant.") for each in (self._start, self.ensemble))
         mixed = self._between(ours, theirs, sizes)
@@ -301,7 +312,7 @@ class ScaledEnsemble:
                     return f"{key}: must be {self.known[key].wanted}"
             try:
                 for controller in self.controllers or (self._start.experiment.controller,):
-                    prepare(self.scenario(index, controller, sizes).experiment)
+                    preparation.prepare(self.scenario(index, controller, sizes).experiment)
             except ConfigurationError as error:
                 return str(error)
         return ""
@@ -356,7 +367,9 @@ def _of_key(scaling: ScaledEnsemble, key: str, size: float) -> ImperfectionSize:
     if drawn is None or base is None or ensemble is None or leaf.kind not in {int, float}:
         value = between(leaf, base, ensemble, size)
         if isinstance(value, bool | str) or value is None:
-            return ImperfectionSize(None, None, "", drawn=False, text=value if isinstance(value, str) else shown(value))
+            return ImperfectionSize(
+                None, None, "", drawn=False, text=value if isinstance(value, str) else tree.shown(value)
+            )
         return ImperfectionSize(value, value, unit_of(leaf.quantity), drawn=False)
     ours, there = scaling.base.distributions.get(key), drawn.ends(ensemble)
     here = ours.ends(base) if ours else ()

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import Quantity
-from dualwinch.model.quantities.tables import readable_unit
-from dualwinch.simulation.ensembles.result import Statistic
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.metrics.metrics import in_words
-from dualwinch.simulation.results.outcomes import RunOutcomes
-from dualwinch.tuning.constraints import NO_PEAK, Constraint, constraints_from, measured
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Experiment,
+    Quantity,
+    merit_statistics,
+    merits,
+    run_outcomes,
+    tables,
+    tuning_constraints,
+)
 
 SHARE = "share"
 """Stands for the unit of a share, which is shown in per cent."""
@@ -53,7 +55,7 @@ def plain(value: float, digits: int = 3) -> str:
 
 def scaled_unit(largest: float, unit: str) -> tuple[float, str]:
     """Factor and name of the unit for numbers up to a largest one."""
-    factor, name = 1.0, readable_unit(unit)
+    factor, name = 1.0, tables.readable_unit(unit)
     for larger, smaller in SMALLER.get(unit, ()):
         if abs(largest) * factor < SMALL_VALUE or unit == SHARE:
             factor, name = larger, smaller
@@ -85,7 +87,7 @@ NO_SLACK = "worst.slack_share<=0"
 NO_WORSE = "worst.mse<=4*paper"
 """Twice the root mean square error of the paper's gains without imperfections."""
 
-DEFAULTS = (NO_SLACK, NO_PEAK, NO_WORSE)
+DEFAULTS = (NO_SLACK, tuning_constraints.NO_PEAK, NO_WORSE)
 """No slack rope, no peak beyond the limit, and at most twice the paper's root mean square error.
 
 A study's own constraint on the same metric replaces one of them.
@@ -95,10 +97,10 @@ WORSE = 2.0
 """Factor on a statistic's value in the base: the eased bound, where gains violate a constraint there (`limits_of`)."""
 
 
-def value_of(constraint: Constraint, runs: RunOutcomes) -> float:
+def value_of(constraint: tuning_constraints.Constraint, runs: run_outcomes.RunOutcomes) -> float:
     """The statistic of a constraint over the completed scenarios (`measured`)."""
     statistic = statistic_of(constraint)
-    return measured(statistic, runs.of_completed(statistic.metric))
+    return tuning_constraints.measured(statistic, runs.of_completed(statistic.metric))
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class ViolatedLimit:
     @property
     def label(self) -> str:
         """Name of the metric or outcome in words."""
-        return in_words(self.name)
+        return merits.in_words(self.name)
 
 
 ON_BOUND = 1e-6
@@ -150,8 +152,8 @@ class RobustnessLimit:
         violated_by: names of the gains that violate it there.
     """
 
-    constraint: Constraint
-    asked: Constraint
+    constraint: tuning_constraints.Constraint
+    asked: tuning_constraints.Constraint
     on_bound: tuple[str, ...] = ()
     violated_by: tuple[str, ...] = ()
 
@@ -216,7 +218,9 @@ def _listed(names: Sequence[str]) -> str:
     return f"{', '.join(others)} and {last}" if others else last
 
 
-def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
+def constraints_of(
+    texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment
+) -> tuple[tuning_constraints.Constraint, ...]:
     """Parse the constraints of a stress test; by default those of a study (`noted`), and `DEFAULTS` on other metrics.
 
     Margins among those of a study are skipped: they are not measured in runs.
@@ -225,23 +229,27 @@ def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment
         ConfigurationError: a text that is no constraint on a metric.
     """
     if texts is not None:
-        asked = constraints_from(texts, experiment)
+        asked = tuning_constraints.constraints_from(texts, experiment)
         for constraint in asked:
             statistic_of(constraint)
         return asked
-    kept = [each for each in constraints_from(noted, experiment) if isinstance(each.statistic, Statistic)]
+    kept = [
+        each
+        for each in tuning_constraints.constraints_from(noted, experiment)
+        if isinstance(each.statistic, merit_statistics.Statistic)
+    ]
     known = {constraint.statistic.metric for constraint in kept}
-    others = constraints_from(DEFAULTS, experiment)
+    others = tuning_constraints.constraints_from(DEFAULTS, experiment)
     return (*kept, *(constraint for constraint in others if constraint.statistic.metric not in known))
 
 
-def statistic_of(constraint: Constraint) -> Statistic:
+def statistic_of(constraint: tuning_constraints.Constraint) -> merit_statistics.Statistic:
     """The statistic of a constraint.
 
     Raises:
         ConfigurationError: it is no statistic of runs.
     """
-    if not isinstance(constraint.statistic, Statistic):
+    if not isinstance(constraint.statistic, merit_statistics.Statistic):
         raise ConfigurationError(
             f"--constraint {constraint.text}: must be on a figure of merit of runs, e.g. {NO_SLACK}"
         )
@@ -249,7 +257,9 @@ def statistic_of(constraint: Constraint) -> Statistic:
 
 
 def limits_of(
-    constraints: Sequence[Constraint], paper: RunOutcomes, gains: Mapping[str, RunOutcomes]
+    constraints: Sequence[tuning_constraints.Constraint],
+    paper: run_outcomes.RunOutcomes,
+    gains: Mapping[str, run_outcomes.RunOutcomes],
 ) -> tuple[RobustnessLimit, ...]:
     """Constraints with bounds as numbers, the same for all gains, so that their robustness margins are comparable.
 
@@ -274,14 +284,14 @@ def limits_of(
 
 
 def where_paper_is_no_measure(
-    constraints: Sequence[Constraint], bounds: Mapping[str, float | None]
-) -> tuple[tuple[Constraint, ...], tuple[Constraint, ...]]:
+    constraints: Sequence[tuning_constraints.Constraint], bounds: Mapping[str, float | None]
+) -> tuple[tuple[tuning_constraints.Constraint, ...], tuple[tuning_constraints.Constraint, ...]]:
     """Constraints for gains that are judged by multiples of their own values, and those that are left out.
 
     Gains cannot be better than themselves: a factor that asks for that is replaced by the constraint's number in the
     gains' study (`bounds`, by its text), or left out where there is none.
     """
-    kept, left_out = list[Constraint](), list[Constraint]()
+    kept, left_out = list[tuning_constraints.Constraint](), list[tuning_constraints.Constraint]()
     for constraint in constraints:
         number = bounds.get(constraint.text)
         if not constraint.of_paper or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
@@ -294,13 +304,15 @@ def where_paper_is_no_measure(
     return tuple(kept), tuple(left_out)
 
 
-def _eased(asked: Constraint, reached: float) -> Constraint:
+def _eased(asked: tuning_constraints.Constraint, reached: float) -> tuning_constraints.Constraint:
     """A constraint whose bound is `WORSE` times as bad as a value."""
     larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound
     return replace(asked, bound=reached * WORSE if larger else reached / WORSE)
 
 
-def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:
+def failures(
+    limits: Sequence[RobustnessLimit], runs: run_outcomes.RunOutcomes, tension_max: float
+) -> tuple[ViolatedLimit, ...]:
     """Limits (`limits_of`) for which gains already fail in the base; empty if their robustness margins are computed.
 
     Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors (`tension_max`, in N), or
@@ -326,7 +338,7 @@ def is_no_measure(failures: Sequence[ViolatedLimit]) -> bool:
     return any(not failure.at_least for failure in failures)
 
 
-def violated_limits(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[ViolatedLimit, ...]:
+def violated_limits(limits: Sequence[RobustnessLimit], runs: run_outcomes.RunOutcomes) -> tuple[ViolatedLimit, ...]:
     """Violated limits: first incomplete runs, then constraints in descending order of violation."""
     lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
     found = [ViolatedLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]

@@ -11,15 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from dualwinch.controllers.controller import Controller
-from dualwinch.model.quantities.tables import markdown, page, table
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
+from dualwinch.toolbox import Controller, drawing, leaves, tables, tuning_constraints
 from dualwinch.toolboxes.stress.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
 from dualwinch.toolboxes.stress.limits import SHARE, RobustnessLimit, ViolatedLimit, is_no_measure, multiple
 from dualwinch.toolboxes.stress.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
-from dualwinch.tuning.constraints import Constraint
 
 HOLDS = "holds"
 """Text in place of a size if gains break at none."""
@@ -97,7 +92,7 @@ class RobustnessResult:
     limits: dict[str, tuple[RobustnessLimit, ...]]
     lost: dict[str, tuple[ViolatedLimit, ...]]
     rows: tuple[ImperfectionResult, ...]
-    left_out: tuple[Constraint, ...] = ()
+    left_out: tuple[tuning_constraints.Constraint, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -187,13 +182,13 @@ class RobustnessResult:
         return [limit.easing("for all gains" if alike[limit] else "") for limit in eased]
 
     def __repr__(self) -> str:
-        return "\n".join([f"Stress: {self.heading}", "", markdown(*self.table()), "", *self.notes()])
+        return "\n".join([f"Stress: {self.heading}", "", tables.markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return page("RobustnessResult", ". ".join([self.heading, *self.notes()]), table(*self.table()))
+        return tables.page("RobustnessResult", ". ".join([self.heading, *self.notes()]), tables.table(*self.table()))
 
-    def plot(self, *, ax: GivenAxes = None) -> Figure:
+    def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the robustness margins, one row per imperfection.
 
         Args:
@@ -256,7 +251,7 @@ def _unit(unit: str) -> str:
     return "1" if unit == SHARE else unit
 
 
-GAINS_COLOURS = (VERMILION, BLUE)
+GAINS_COLOURS = (drawing.VERMILION, drawing.BLUE)
 """Colours of the paper's gains and of the others."""
 
 LABEL_ROOM = 15.0
@@ -269,17 +264,17 @@ HEADING, A_ROW = 1.35, 0.34
 """Heights in inches."""
 
 
-def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
+def _figure(found: RobustnessResult, ax: drawing.GivenAxes) -> Figure:
     looks = dict(
         zip(found.controllers, GAINS_COLOURS if len(found.controllers) > 1 else GAINS_COLOURS[1:], strict=False)
     )
     scaling = found.scaling
     title = "Robustness margins"
     words = (
-        f"Imperfections of “{plain(scaling.ensemble.name)}” on top of “{plain(scaling.base.name)}”, "
+        f"Imperfections of “{drawing.plain(scaling.ensemble.name)}” on top of “{drawing.plain(scaling.base.name)}”, "
         f"{scaling.count} scenarios, seed {scaling.seed}; the worst scenario counts"
     )
-    with new_page(ax, HEADING + A_ROW * max(len(found.rows), 3), title, words) as page:
+    with drawing.new_page(ax, HEADING + A_ROW * max(len(found.rows), 3), title, words) as page:
         (axes,) = page.panels()
         for height, row in enumerate(found.ranking):
             for index, name in enumerate(found.names):
@@ -290,7 +285,9 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
             Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=_legend(found, name))
             for name, colour in looks.items()
         ]
-        page.legend(*handles, Line2D([], [], color=GREY, marker=">", markersize=5, label="holds", linestyle="none"))
+        page.legend(
+            *handles, Line2D([], [], color=drawing.GREY, marker=">", markersize=5, label="holds", linestyle="none")
+        )
     return page.figure
 
 
@@ -322,14 +319,14 @@ def _draw(
 
 
 def _scales(axes: Axes, found: RobustnessResult) -> None:
-    name = plain(found.scaling.ensemble.name)
+    name = drawing.plain(found.scaling.ensemble.name)
     axes.set_xscale("log")
     axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * LABEL_ROOM)
     axes.xaxis.set_major_locator(FixedLocator([size(step) for step in range(LOWEST, HIGHEST + 1, STEPS)]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel(f"size of the imperfection over its size in “{name}”")
-    axes.axvline(1, color=INK, linewidth=0.9, zorder=1)
+    axes.axvline(1, color=drawing.INK, linewidth=0.9, zorder=1)
     labels = []
     for row in found.ranking:
         amount = found.amount(row, 1.0)
@@ -342,5 +339,5 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
 
 def _legend(found: RobustnessResult, name: str) -> str:
     """Legend of gains: their name, and whether they break without any imperfection."""
-    words = "the paper's gains" if name == PAPER else plain(name)
+    words = "the paper's gains" if name == PAPER else drawing.plain(name)
     return f"{words}: break without any" if found.lost[name] else f"{words} break"

@@ -7,21 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from dualwinch.codegen.drivers.batch import compile_batch
-from dualwinch.config.ensemble_file import find_ensemble, load_ensemble, reset
-from dualwinch.config.experiment_file import given_keys
-from dualwinch.controllers.controller import Controller
-from dualwinch.controllers.paper_controller import has_paper_gains, paper_controller
-from dualwinch.model.arguments import instance, whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.tree import leaves
-from dualwinch.simulation.batch.rollout import BatchResult, ParameterScenarioGrid, run_grid
-from dualwinch.simulation.batch.workers import Workers, map_all, threads_of
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.prepare import prepare
-from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.settings import current, override
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Controller,
+    Ensemble,
+    Experiment,
+    TuningProblem,
+    arguments,
+    batches,
+    compiled,
+    ensemble_file,
+    executors,
+    experiment_file,
+    leaves,
+    paper_gains,
+    preparation,
+    progresses,
+    settings,
+    tuning_constraints,
+)
 from dualwinch.toolboxes.stress.imperfections import (
     ALL,
     METHOD,
@@ -43,8 +47,6 @@ from dualwinch.toolboxes.stress.limits import (
 )
 from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
 from dualwinch.toolboxes.stress.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
-from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.problem import TuningProblem
 
 NO_BASE = "none"
 """Stands for the experiment itself, without any ensemble."""
@@ -70,8 +72,8 @@ def stress(
     scenarios: int = SCENARIOS,
     seed: int = 0,
     name: str = "given",
-    workers: Workers = None,
-    progress: Progress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.Progress = progresses.no_progress,
 ) -> RobustnessResult:
     """Compute the robustness margins of an experiment's gains and of the paper's, by bisection.
 
@@ -104,11 +106,11 @@ def stress(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
     """
-    instance("experiment", experiment, Experiment)
+    arguments.instance("experiment", experiment, Experiment)
     benign, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
     own = experiment.controller
-    controllers = {PAPER: paper_controller(own)}
-    if not has_paper_gains(own):
+    controllers = {PAPER: paper_gains.paper_controller(own)}
+    if not paper_gains.has_paper_gains(own):
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
         controllers[name] = own
@@ -144,8 +146,8 @@ def stress_tuned(
     *,
     scenarios: int | None = None,
     name: str = "given",
-    workers: Workers = None,
-    progress: Progress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.Progress = progresses.no_progress,
 ) -> RobustnessResult:
     """`stress` for the best of a tuning problem, with its ensemble as the base, and with its constraints."""
     return stress(
@@ -191,11 +193,11 @@ def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -
     if isinstance(ensemble, Ensemble):
         asked, given = ensemble.experiment, leaves(ensemble.experiment).keys()
     else:
-        asked = load_ensemble(ensemble, experiment).experiment
-        given = {current(key) for key in given_keys(find_ensemble(ensemble))}
+        asked = ensemble_file.load_ensemble(ensemble, experiment).experiment
+        given = {settings.current(key) for key in experiment_file.given_keys(ensemble_file.find_ensemble(ensemble))}
     usual, theirs, ours = leaves(Experiment()), leaves(asked), leaves(experiment)
     taken = {key for key in theirs.keys() & given if usual.get(key) != theirs[key] == ours.get(key)}
-    return override(
+    return settings.override(
         experiment, {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)}
     )
 
@@ -205,26 +207,30 @@ def _ensemble(
 ) -> Ensemble:
     """An ensemble with the controller and the metrics of an experiment."""
     if asked is None or asked == NO_BASE:
-        return reset(Ensemble(NO_BASE, "", experiment, {}), values)
+        return ensemble_file.reset(Ensemble(NO_BASE, "", experiment, {}), values)
     if isinstance(asked, Ensemble):
-        return reset(asked.controlled_as(experiment), values)
-    return reset(load_ensemble(asked, experiment), values)
+        return ensemble_file.reset(asked.controlled_as(experiment), values)
+    return ensemble_file.reset(ensemble_file.load_ensemble(asked, experiment), values)
 
 
 class ScaledRunner:
     """Runs scenarios of scaled imperfections, and reports the share that is done of the `expected` number of sizes."""
 
-    def __init__(self, scaling: ScaledEnsemble, expected: int, workers: Workers, progress: Progress) -> None:
+    def __init__(
+        self, scaling: ScaledEnsemble, expected: int, workers: executors.Workers, progress: progresses.Progress
+    ) -> None:
         self._scaling, self._expected, self._workers, self._progress = scaling, expected, workers, progress
         self._done = 0
 
     def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
         """Compile the code for scenarios of given sizes, in parallel: that takes longer than all their runs."""
         first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
-        loops = dict.fromkeys(ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first)
-        map_all(compile_batch, list(loops), threads_of(self._workers))
+        loops = dict.fromkeys(
+            batches.ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first
+        )
+        executors.map_all(compiled.compile_batch, list(loops), executors.threads_of(self._workers))
 
-    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[BatchResult]:
+    def run(self, controller: Controller, sizes: Sequence[Mapping[str, float]]) -> list[batches.BatchResult]:
         """Run the scenarios of each of several sizes, given by scaled key; an empty one is the base."""
         scenarios = np.empty((len(sizes), self._scaling.count), dtype=object)
         for row, each in enumerate(sizes):
@@ -233,7 +239,7 @@ class ScaledRunner:
         def report(share: float, before: int = self._done) -> None:
             self._progress((before + share * len(sizes)) / self._expected)
 
-        runs = run_grid(scenarios, workers=self._workers, progress=report)
+        runs = batches.run_grid(scenarios, workers=self._workers, progress=report)
         if runs.interrupted:
             raise KeyboardInterrupt
         self._done += len(sizes)
@@ -248,13 +254,13 @@ def breakdowns(
     controllers: Mapping[str, Controller],
     base: Ensemble,
     ensemble: Ensemble,
-    constraints: Sequence[Constraint],
+    constraints: Sequence[tuning_constraints.Constraint],
     *,
     bounds: Mapping[str, float | None] | None = None,
     scenarios: int,
     seed: int,
-    workers: Workers = None,
-    progress: Progress = no_progress,
+    workers: executors.Workers = None,
+    progress: progresses.Progress = progresses.no_progress,
 ) -> RobustnessResult:
     """Compute the robustness margins of several controllers for each imperfection, by bisection.
 
@@ -267,15 +273,15 @@ def breakdowns(
     Raises:
         ConfigurationError: no imperfection, a count or seed out of range, or a controller that does not suit the plant.
     """
-    whole_number("scenarios", scenarios, 1)
-    whole_number("seed", seed)
+    arguments.whole_number("scenarios", scenarios, 1)
+    arguments.whole_number("seed", seed)
     ensemble = union(base, ensemble)
     scaling = ScaledEnsemble(
         base, ensemble, imperfections(base, ensemble), scenarios, seed, tuple(controllers.values())
     )
     for name, controller in controllers.items():
         try:
-            prepare(scaling.scenario(0, controller, {}).experiment)
+            preparation.prepare(scaling.scenario(0, controller, {}).experiment)
         except ConfigurationError as error:
             raise ConfigurationError(f"{name}: {error}") from error
     single = {imperfection: size_range(scaling, imperfection) for imperfection in scaling.single}
@@ -292,7 +298,7 @@ def breakdowns(
     limits = {name: limits_of(constraints, plain[PAPER], {name: runs}) for name, runs in plain.items()}
     lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
     held = {name: runs for name, runs in plain.items() if not lost[name]}
-    left_out: tuple[Constraint, ...] = ()
+    left_out: tuple[tuning_constraints.Constraint, ...] = ()
     if is_no_measure(lost[PAPER]) and len(controllers) > 1:  # others are judged by multiples of their own values
         judged, left_out = where_paper_is_no_measure(constraints, bounds or {})
         limits |= {name: limits_of(judged, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}

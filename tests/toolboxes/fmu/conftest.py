@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
+from dualwinch.toolboxes.fmu.export import export_fmu
 from tests.fmus import Exported
 
 

@@ -16,15 +16,15 @@ from fmpy.fmi2 import fmi2Error
 from fmpy.validation import validate_fmu
 
 from dualwinch.codegen.compiler import find_compiler
-from dualwinch.export import export_fmu
 from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.simulation.blocks import block
 from dualwinch.simulation.exogenous.signals import exogenous_signals
 from dualwinch.simulation.loop.closed_loop import exogenous_names
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.simulate import simulate
-from dualwinch.toolboxes.fmu import PLATFORMS, Version
-from dualwinch.toolboxes.fmu.build import compiler_for
+from dualwinch.toolboxes.fmu.build import PLATFORMS, compiler_for
+from dualwinch.toolboxes.fmu.export import export_fmu
+from dualwinch.toolboxes.fmu.model import Version
 from tests.conftest import PaperRun
 from tests.fmus import Exported, Instance
 from tests.tiers import all_but, each_choice, mostly_slow

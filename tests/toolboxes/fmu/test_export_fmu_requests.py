@@ -8,9 +8,9 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.codegen.compiler import Compiler, find_compiler
 from dualwinch.codegen.errors import CompilerNotFoundError
-from dualwinch.export import export_fmu
 from dualwinch.simulation.paper import case
-from dualwinch.toolboxes.fmu import PLATFORMS, host_platform
+from dualwinch.toolboxes.fmu.build import PLATFORMS, host_platform
+from dualwinch.toolboxes.fmu.export import export_fmu
 from tests.fmus import Instance
 
 
@@ -64,7 +64,7 @@ def test_without_zig_there_are_binaries_for_this_machine_alone(
             raise CompilerNotFoundError
         return find_compiler(wanted)
 
-    monkeypatch.setattr("dualwinch.toolboxes.fmu.build.find_compiler", systems_own)
+    monkeypatch.setattr("dualwinch.codegen.compiler.find_compiler", systems_own)
     other = next(name for name in PLATFORMS if name != host_platform().name)
     with pytest.raises(SystemExit, match="1"):
         main(["export", "fmu", "--platforms", other, "--out", str(tmp_path / "a.fmu")])

@@ -13,9 +13,9 @@ import pytest
 
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.codegen.errors import CodegenError
-from dualwinch.toolboxes.fmu import About, archive, build_fmu, fmu_model, host_platform
-from dualwinch.toolboxes.fmu.build import fmu_source
-from dualwinch.toolboxes.fmu.description import base_powers
+from dualwinch.toolboxes.fmu.build import archive, build_fmu, fmu_source, host_platform
+from dualwinch.toolboxes.fmu.description import About, base_powers
+from dualwinch.toolboxes.fmu.model import fmu_model
 
 ABOUT = About("tested 1.0", 2.0)
 SANITISERS = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]

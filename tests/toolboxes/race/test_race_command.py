@@ -11,6 +11,7 @@ import dualwinch as dw
 from dualwinch.cli import main
 from dualwinch.cli.options import other_ensemble
 from dualwinch.config.ensemble_file import loads_ensemble
+from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
 from dualwinch.toolboxes.race.cli import write_race
@@ -132,10 +133,10 @@ def test_who_takes_part_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(race_module, "run_race", noted)
     dw.race("rig")
-    laws = list(race_module.POSITION_LAWS)
+    laws = list(POSITION_LAWS)
     assert seen[-1] == [f"{law}, self-calibrating-kalman, differential-tension" for law in laws]
     dw.race("sea", laws=["adrc"], estimators="all", coordinations="all")
-    assert len(seen[-1]) == len(race_module.ESTIMATORS) * len(race_module.COORDINATIONS)
+    assert len(seen[-1]) == len(ESTIMATORS) * len(COORDINATIONS)
     dw.race("sea", laws=["fando-nftsm"], ablations=True)
     assert len(seen[-1]) == len(set(seen[-1])) == 5
 

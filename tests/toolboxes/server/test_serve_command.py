@@ -197,9 +197,9 @@ def test_a_terminated_run_keeps_what_happened(tmp_path: Path) -> None:
 
 
 def test_the_lab_follows_a_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(serve, "page_of", lambda own: f"<p>{own['live']}</p>")
+    monkeypatch.setattr("dualwinch.toolboxes.lab.live.page_of", lambda own: f"<p>{own['live']}</p>")
     plant = ServedPlant(short(0.1), ServerSettings(lockstep=True, may_write=True))
-    with serve.shown(plant, plant.experiment, [], "127.0.0.1", lab=True), ThreadPoolExecutor(1) as pool:
+    with serve.shown(plant, [], "127.0.0.1", lab=True), ThreadPoolExecutor(1) as pool:
         run = pool.submit(plant.serve)
         client = Client(plant.port)
         client.begin()

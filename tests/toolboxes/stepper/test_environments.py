@@ -45,8 +45,14 @@ def test_every_name_makes_an_environment(name: str) -> None:
     register()  # once more is no error
     envs = gymnasium.make_vec(name, num_envs=2)
     assert isinstance(envs.unwrapped, VectorEnvironment)
-    assert isinstance(gymnasium.make(f"dualwinch.toolboxes.stepper.environments:{name}").unwrapped, Environment)
+    assert isinstance(gymnasium.make(name).unwrapped, Environment)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+
+
+def test_a_name_with_its_module_needs_no_import() -> None:
+    program = "import gymnasium; print(gymnasium.make('dualwinch.toolboxes.stepper.environments:dualwinch/Case4-v0'))"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "dualwinch/Case4-v0" in run.stdout
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from dualwinch.controllers.laws.nftsm import NftsmGains
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
+from dualwinch.simulation.batch import batches
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
@@ -92,7 +93,7 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
     def interrupted(*_: object, **__: object):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(bench, "run_grid", interrupted)
+    monkeypatch.setattr(batches, "run_grid", interrupted)
     with pytest.raises(KeyboardInterrupt):
         breakdowns(*words, scenarios=2, seed=0)
 
@@ -101,7 +102,7 @@ def test_progress_grows_up_to_1_and_an_interrupt_is_raised(monkeypatch: pytest.M
 def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Side by side: whatever of it is left over would be compiled while nothing else is done."""
     base, compiled, before = sea(), [], []
-    whole, loaded = bench.run_grid, batch.loaded
+    whole, loaded = batches.run_grid, batch.loaded
 
     def compiling(*words: Any, **signatures: str) -> Any:
         compiled.append(words)
@@ -112,7 +113,7 @@ def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -
         return whole(scenarios, **options)
 
     monkeypatch.setattr(batch, "loaded", compiling)
-    monkeypatch.setattr(bench, "run_grid", counted)
+    monkeypatch.setattr(batches, "run_grid", counted)
     text = DRUMS + "[sensors]\nposition_drift = 1e-3\n[simulation]\njitter = 1e-4\n"
     breakdowns({"paper": paper_controller()}, base, of(text, base), (), scenarios=2, seed=0)
     assert set(before) == {len(compiled)}
@@ -120,7 +121,7 @@ def test_all_is_compiled_before_the_first_run(monkeypatch: pytest.MonkeyPatch) -
 
 def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pytest.MonkeyPatch) -> None:
     wild = replace(paper_controller(), limits=Limits(preload=3e3))
-    whole = bench.run_grid
+    whole = batches.run_grid
 
     def lost(scenarios: np.ndarray, **options: Any):
         runs = whole(scenarios, **options)
@@ -129,7 +130,7 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
             runs.outcomes[:, 1] = "left_track"
         return runs
 
-    monkeypatch.setattr(bench, "run_grid", lost)
+    monkeypatch.setattr(batches, "run_grid", lost)
     base = bare()
     found = breakdowns({"paper": paper_controller(), "wild": wild}, base, of(DRUMS, base), (), scenarios=2, seed=0)
     assert [each.words for each in found.lost["wild"]] == ["left track in 1 scenario"]
@@ -140,7 +141,7 @@ def test_gains_that_are_lost_in_the_base_are_not_tried_further(monkeypatch: pyte
 
 def test_gains_that_fail_in_the_base_ease_no_bound_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
     wild = replace(paper_controller(), limits=Limits(preload=3e3))
-    whole = bench.run_grid
+    whole = batches.run_grid
 
     def beyond(scenarios: np.ndarray, **options: Any):
         runs = whole(scenarios, **options)
@@ -148,7 +149,7 @@ def test_gains_that_fail_in_the_base_ease_no_bound_of_others(monkeypatch: pytest
             runs.metrics["peak_tension"][:] = 1e5
         return runs
 
-    monkeypatch.setattr(bench, "run_grid", beyond)
+    monkeypatch.setattr(batches, "run_grid", beyond)
     base = bare()
     constraints = constraints_from(["worst.peak_tension<=6000"], base.experiment)
     own = {"paper": paper_controller(), "wild": wild}
@@ -162,7 +163,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Unstable paper gains would let an error of tens of m² pass; those whose rope is slack for a moment would not."""
-    whole = bench.run_grid
+    whole = batches.run_grid
 
     def slack(scenarios: np.ndarray, **options: Any):
         runs = whole(scenarios, **options)
@@ -171,7 +172,7 @@ def test_where_the_papers_gains_fail_others_are_held_to_what_they_reach_themselv
             runs.metrics["mse"][:] = 50.0
         return runs
 
-    monkeypatch.setattr(bench, "run_grid", slack)
+    monkeypatch.setattr(batches, "run_grid", slack)
     base = bare()
     constraints = constraints_from(["worst.slack_share<=0", "worst.mse<=4*paper"], base.experiment)
     own = {"paper": paper_controller(), "own": Controller(limits=Limits(preload=3e3))}

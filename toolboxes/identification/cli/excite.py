@@ -5,32 +5,38 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from dualwinch.cli.options import ExperimentOptions, Figure, Json, Priors, Whole, default_of, seconds_from, stated
-from dualwinch.cli.output import check_file, print_json, terminal, version_notes, write_figure, write_text
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 from dualwinch.toolboxes.identification.cli.identify import prior_from
+
+
+def default_max_trials() -> int:
+    """The default of an option, imported for the help alone."""
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    return DEFAULTS.excitation.max_trials
 
 
 def excite(
     *,
     fit: list[str],
-    given: ExperimentOptions = ExperimentOptions(),
+    given: options.ExperimentOptions = options.ExperimentOptions(),
     ensemble: str | None = None,
-    prior: Priors = None,
-    duration: Annotated[str | None, default_of("excite", "duration", "{:g}s")] = None,
-    criterion: Annotated[Literal["D", "A"] | None, default_of("excite", "criterion")] = None,
+    prior: options.Priors = None,
+    duration: Annotated[str | None, options.default_of("excite", "duration", "{:g}s")] = None,
+    criterion: Annotated[Literal["D", "A"] | None, options.default_of("excite", "criterion")] = None,
     track: float | None = None,
     speed: float | None = None,
     acceleration: float | None = None,
     torque: float | None = None,
     trials: Annotated[
-        Whole, default_of("identification.options:DEFAULTS.excitation.max_trials", words="{} without --time")
+        options.Whole,
+        options.default_of(default_max_trials, words="{} without --time"),
     ] = None,
     time: str | None = None,
-    seed: Annotated[Whole, default_of("excite", "seed")] = None,
+    seed: Annotated[options.Whole, options.default_of("excite", "seed")] = None,
     out: Path | None = None,
-    plot: Figure = None,
-    json: Json = False,
+    plot: options.Figure = None,
+    json: options.Json = False,
 ) -> None:
     """Design the experiment that identifies parameters of a machine best (D- or A-optimal).
 
@@ -58,15 +64,15 @@ def excite(
         dualwinch excite --ensemble rig --fit plant.vehicle.mass --criterion A --plot exciting.png
         dualwinch simulate --config exciting.toml --out run.parquet    # the run with that motion
     """
-    from dualwinch.config.experiment_file import to_toml
+    from dualwinch.toolbox import experiment_file
     from dualwinch.toolboxes.identification.experiment_design import excite
     from dualwinch.toolboxes.identification.options import DEFAULTS
 
     search = DEFAULTS.excitation
-    length = seconds_from(duration, "--duration", search.min_duration, search.max_duration)
+    length = options.seconds_from(duration, "--duration", search.min_duration, search.max_duration)
     known = dict(map(prior_from, prior or []))
-    limit = seconds_from(time)
-    check_file(out, ".toml")
+    limit = options.seconds_from(time)
+    output.check_file(out, ".toml")
     with ProgressLine("searching", command="excite", patient=True) as progress:
         found = excite(
             fit,
@@ -80,11 +86,11 @@ def excite(
             trials=trials,
             seconds=limit,
             progress=progress,
-            **stated(duration=length, criterion=criterion, seed=seed),
+            **options.stated(duration=length, criterion=criterion, seed=seed),
         )
     if json:
-        print_json(found.to_record() | version_notes())
+        output.print_json(found.to_record() | output.version_notes())
     else:
-        terminal(soft_wrap=True).print(repr(found), highlight=False)
-    write_text(out, lambda: to_toml(found.experiment))
-    write_figure(plot, found.plot)
+        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
+    output.write_text(out, lambda: experiment_file.to_toml(found.experiment))
+    output.write_figure(plot, found.plot)

@@ -7,56 +7,41 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from dualwinch.cli.options import (
-    WHOLE,
-    CheckpointingWorkerOptions,
-    ExperimentOptions,
-    Figure,
-    Json,
-    Priors,
-    Whole,
-    default_of,
-    share_from,
-    stated,
-)
-from dualwinch.cli.output import (
-    check_file,
-    print_idealisations,
-    print_json,
-    terminal,
-    version_notes,
-    write_figure,
-    write_json,
-    write_text,
-    wrote,
-)
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolboxes.identification.result import IdentificationResult
+
+
+def default_max_unrecorded() -> float:
+    """The default of an option, imported for the help alone."""
+    from dualwinch.toolboxes.identification.options import DEFAULTS
+
+    return DEFAULTS.plausibility.max_unrecorded
 
 
 def identify(
     logs: list[Path],
     *,
     fit: list[str],
-    given: ExperimentOptions = ExperimentOptions(),
+    given: options.ExperimentOptions = options.ExperimentOptions(),
     ensemble: str | None = None,
-    prior: Priors = None,
+    prior: options.Priors = None,
     column: list[str] | None = None,
     csv: str = "",
-    hold_out: Annotated[str | None, default_of("identify", "hold_out", "{:.0%}")] = None,
-    starts: Annotated[Whole, default_of("identify", "starts")] = None,
-    seed: Annotated[int, WHOLE] = 0,
+    hold_out: Annotated[str | None, options.default_of("identify", "hold_out", "{:.0%}")] = None,
+    starts: Annotated[options.Whole, options.default_of("identify", "starts")] = None,
+    seed: Annotated[int, options.WHOLE] = 0,
     profile: list[str] | None = None,
     disturbance: Path | None = None,
     unrecorded: Annotated[
-        str | None, default_of("identification.options:DEFAULTS.plausibility.max_unrecorded", words="{:.0%}")
+        str | None,
+        options.default_of(default_max_unrecorded, words="{:.0%}"),
     ] = None,
     out: Path | None = None,
-    plot: Figure = None,
-    where: CheckpointingWorkerOptions = CheckpointingWorkerOptions(),
-    json: Json = False,
+    plot: options.Figure = None,
+    where: options.CheckpointingWorkerOptions = options.CheckpointingWorkerOptions(),
+    json: options.Json = False,
 ) -> None:
     """Estimate parameters of a machine from its logs, by maximum likelihood.
 
@@ -90,17 +75,14 @@ def identify(
         dualwinch simulate --set disturbance.force.file=force.parquet    # the disturbance of that log
         dualwinch tune --ensemble fitted-ensemble.toml --time 60s    # gains for the machines consistent with the logs
     """
-    from dualwinch.analysis.idealisations import idealisations
-    from dualwinch.config.ensemble_file import ensemble_to_toml
-    from dualwinch.config.experiment_file import to_toml
-    from dualwinch.simulation.results.file_formats import FORMATS
+    from dualwinch.toolbox import ensemble_file, experiment_file, file_formats, idealisations
     from dualwinch.toolboxes.identification.identify import identify
 
-    share = share_from(hold_out, "--hold-out", 0.2, zero=True)
-    most = share_from(unrecorded, "--unrecorded", 0.2, zero=True)
+    share = options.share_from(hold_out, "--hold-out", 0.2, zero=True)
+    most = options.share_from(unrecorded, "--unrecorded", 0.2, zero=True)
     known = dict(map(prior_from, prior or []))
-    check_file(out, ".toml")
-    check_file(disturbance, *FORMATS)
+    output.check_file(out, ".toml")
+    output.check_file(disturbance, *file_formats.FORMATS)
     with ProgressLine("fitting", command="identify") as progress, where.workers(progress) as workers:
         found = identify(
             list(logs),
@@ -116,24 +98,24 @@ def identify(
             workers=workers,
             unrecorded=most,
             progress=progress,
-            **stated(hold_out=share, starts=starts),
+            **options.stated(hold_out=share, starts=starts),
         )
-    left_out = idealisations(found.experiment)
-    facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | version_notes()
+    left_out = idealisations.idealisations(found.experiment)
+    facts = found.to_record() | {"idealisations": [asdict(one) for one in left_out]} | output.version_notes()
     if json:
-        print_json(facts)
+        output.print_json(facts)
     else:
-        terminal(soft_wrap=True).print(repr(found), highlight=False)
-        print_idealisations(left_out)
+        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
+        output.print_idealisations(left_out)
     if out:
-        write_text(out, lambda: to_toml(found.experiment))
+        output.write_text(out, lambda: experiment_file.to_toml(found.experiment))
         drawn = out.with_name(f"{out.stem}-ensemble.toml")
-        write_text(drawn, lambda: ensemble_to_toml(found.ensemble(out.stem, seed)))
-        write_json(out.with_suffix(".json"), facts)
+        output.write_text(drawn, lambda: ensemble_file.ensemble_to_toml(found.ensemble(out.stem, seed)))
+        output.write_json(out.with_suffix(".json"), facts)
     if disturbance:
         for file in write_forces(disturbance, found):
-            wrote(file)
-    write_figure(plot, found.plot)
+            output.wrote(file)
+    output.write_figure(plot, found.plot)
 
 
 def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
@@ -142,12 +124,12 @@ def write_forces(file: Path, found: IdentificationResult) -> list[Path]:
     Returns:
         The files: one, or NAME-1, NAME-2, ... for several logs.
     """
-    from dualwinch.simulation.results.file_formats import format_of
+    from dualwinch.toolbox import file_formats
 
     many = len(found.forces) > 1
     files = [file.with_stem(f"{file.stem}-{k}") if many else file for k in range(1, len(found.forces) + 1)]
     for path, force in zip(files, found.forces, strict=True):
-        format_of(path).write(force.content, path)
+        file_formats.format_of(path).write(force.content, path)
     return files
 
 
@@ -157,7 +139,7 @@ def prior_from(text: str) -> tuple[str, tuple[float, float]]:
     Raises:
         ConfigurationError: another form.
     """
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.toolbox import ConfigurationError
 
     parts = re.fullmatch(r"\s*([\w.]+)\s*=\s*(\S+?)\s*(?:±|\+-)\s*(\S+)\s*", text)
     try:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dualwinch import __version__
-from dualwinch.cli.options import WHOLE
-from dualwinch.cli.output import check_file, terminal, wrote
-from dualwinch.cli.progress import ProgressLine
+from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
@@ -19,7 +17,7 @@ if TYPE_CHECKING:
 Browser = Annotated[bool, Parameter(help="Open the page in a browser.", negative="--no-browser")]
 
 
-def lab(*, out: Path | None = None, port: Annotated[int, WHOLE] = 0, browser: Browser = True) -> None:
+def lab(*, out: Path | None = None, port: Annotated[int, options.WHOLE] = 0, browser: Browser = True) -> None:
     """Play with the closed loop in a browser: every case, law and number, redrawn at once.
 
     The page is one file and needs no server; it runs what `simulate` runs, compiled to WebAssembly. The first
@@ -36,27 +34,30 @@ def lab(*, out: Path | None = None, port: Annotated[int, WHOLE] = 0, browser: Br
     """
     import webbrowser
 
-    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.toolbox import ConfigurationError
 
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"--port = {port}: must be 0 to 65535 (0: any that is free)")
-    check_file(out, *PAGES)
+    output.check_file(out, *PAGES)
     page = page_of()
     if out:
         write_page(page, out)
         return
     with server_of(page, port) as server:
         address = f"http://{HOST}:{server.server_port}/"
-        terminal(stderr=True).print(f"the lab is at {address} (Ctrl-C ends it)")
+        output.terminal(stderr=True).print(f"the lab is at {address} (Ctrl-C ends it)")
         if browser:
             webbrowser.open(address)
         try:
             server.serve_forever()
         except KeyboardInterrupt:
-            terminal(stderr=True).print("ended")
+            output.terminal(stderr=True).print("ended")
 
 
 HOST = "127.0.0.1"
+
+ADDRESS = "live"
+"""Path of the requests for further rows of a live run, below the page's address."""
 
 PAGES = (".html", ".htm")
 """Suffixes of pages."""
@@ -64,21 +65,21 @@ PAGES = (".html", ".htm")
 
 def page_of(own: dict[str, Any] | None = None) -> str:
     """Assemble the lab's page, with the user's own run if given."""
-    from dualwinch.config.ensemble_file import load_ensemble
+    from dualwinch.toolbox import ensemble_file
     from dualwinch.toolboxes.lab.assemble import assemble
     from dualwinch.toolboxes.lab.content import content
 
     with ProgressLine("building the lab", command="lab", patient=True) as progress:
-        made = content(load_ensemble("rig"), __version__, progress=progress)
-    return assemble(made.catalogue, made.modules, own)
+        contents = content(ensemble_file.load_ensemble("rig"), version("dualwinch"), progress=progress)
+    return assemble(contents.catalogue, contents.modules, own)
 
 
 def write_page(page: str, out: Path) -> None:
     """Write the page, and print its size."""
-    from dualwinch.codegen.files import write_whole
+    from dualwinch.toolbox import whole_files
 
-    write_whole(out, page)
-    wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
+    whole_files.write_whole(out, page)
+    output.wrote(f"{out} ({len(page.encode()) / 1e6:.2f} MB)")
 
 
 def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | None = None) -> ThreadingHTTPServer:
@@ -92,8 +93,7 @@ def server_of(page: str, port: int, live: Callable[[Mapping[str, int]], str] | N
     from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
     from urllib.parse import parse_qsl, urlsplit
 
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.toolboxes.lab.live import ADDRESS
+    from dualwinch.toolbox import ConfigurationError
 
     text = page.encode()
 

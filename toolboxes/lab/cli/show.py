@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dualwinch.cli.output import check_file
+from dualwinch.toolbox import output
 from dualwinch.toolboxes.lab.cli.lab import PAGES, Browser, page_of, write_page
 
 
@@ -18,15 +18,14 @@ def show(run: Path, /, *, out: Path | None = None, browser: Browser = False) -> 
         dualwinch show run.parquet
         dualwinch show run.parquet --out run.html --browser
     """
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.results.file_formats import load_result
+    from dualwinch.toolbox import ConfigurationError, file_formats
     from dualwinch.toolboxes.lab.assemble import own_run
 
     if not run.is_file():
         raise ConfigurationError(f"cannot read {run}: no such file")
     file = out or run.with_suffix(".html")
-    check_file(file, *PAGES)
-    result = load_result(run)
+    output.check_file(file, *PAGES)
+    result = file_formats.load_result(run)
     if not len(result.columns.get("t", ())):
         raise ConfigurationError(f"{run}: holds no rows to draw")
     write_page(page_of(own_run(run.name, result)), file)

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from dualwinch.codegen.compiler import Compiler, find_compiler
-from dualwinch.codegen.errors import CompilerNotFoundError, installing
+from dualwinch.toolbox import compilers, errors
 from dualwinch.toolboxes.lab.wasm.settings import Settings
 from dualwinch.toolboxes.lab.wasm.source import module_source
 
@@ -21,16 +20,18 @@ The generated code is already straight and inlined: -O3 makes it a tenth larger 
 """
 
 
-def wasm_compiler() -> Compiler:
+def wasm_compiler() -> compilers.Compiler:
     """The compiler of modules, zig.
 
     Raises:
         CompilerNotFoundError: zig is not installed.
     """
     try:
-        return find_compiler("zig")
-    except CompilerNotFoundError:
-        raise CompilerNotFoundError(f"no compiler for WebAssembly: it needs zig; run: {installing('zig')}") from None
+        return compilers.find_compiler("zig")
+    except errors.CompilerNotFoundError:
+        raise errors.CompilerNotFoundError(
+            f"no compiler for WebAssembly: it needs zig; run: {errors.installing('zig')}"
+        ) from None
 
 
 def modules(settings: Iterable[Settings]) -> Iterator[bytes]:
@@ -53,7 +54,7 @@ def modules(settings: Iterable[Settings]) -> Iterator[bytes]:
             yield last.result()
 
 
-def _compiled(source: str, compiler: Compiler) -> bytes:
+def _compiled(source: str, compiler: compilers.Compiler) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         module = Path(folder) / "module.wasm"
         compiler.run(source, module, WASM_FLAGS)

@@ -6,16 +6,20 @@ from functools import cached_property
 
 import casadi as ca
 
-from dualwinch.codegen.sampled import Sampled
-from dualwinch.controllers.nominal import Nominal
-from dualwinch.model.actuators import Motor
-from dualwinch.model.quantities.description import describe_parts
-from dualwinch.model.quantities.quantity import Leaf, Mark
-from dualwinch.model.quantities.tree import leaves, numbers
-from dualwinch.model.scalar import Scalar, where
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.closed_loop import FORCE, ClosedLoop, closed_loop, named_function, start_function
-from dualwinch.simulation.loop.structure import structure_of, unknown_keys
+from dualwinch.toolbox import (
+    Experiment,
+    Leaf,
+    Mark,
+    description,
+    leaves,
+    loops,
+    nominal_model,
+    physics,
+    sampled,
+    scalar,
+    structures,
+    tree,
+)
 
 DELAY = "simulation.delay_samples"
 """A parameter at run time here; elsewhere it shapes the code."""
@@ -43,7 +47,7 @@ def wide(experiment: Experiment) -> Experiment:
     """
     return replace(
         experiment,
-        actuator=Motor(),
+        actuator=physics.Motor(),
         sensors=replace(
             experiment.sensors,
             outage="held",
@@ -56,7 +60,7 @@ def wide(experiment: Experiment) -> Experiment:
 
 
 @dataclass(frozen=True)
-class WideLoop(Sampled):
+class WideLoop(sampled.Sampled):
     """The closed loop of a wide experiment, whose last parameter is the torques' delay in samples.
 
     At 0 a torque arrives at once, at 1 it waits a sample in the queue; the driver adds longer delays (``delay.h``).
@@ -65,7 +69,7 @@ class WideLoop(Sampled):
         closed: the closed loop without that parameter.
     """
 
-    closed: ClosedLoop
+    closed: loops.ClosedLoop
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -80,21 +84,22 @@ class WideLoop(Sampled):
 
 def wide_loop(experiment: Experiment) -> WideLoop:
     """The closed loop of an experiment made by `wide`."""
-    loop = closed_loop(structure_of(experiment), frozenset({FORCE}))
+    loop = loops.closed_loop(structures.structure_of(experiment), frozenset({loops.FORCE}))
     sizes, states = loop.sizes, loop.states
     state, exogenous = ca.SX.sym("state", sizes["STATES"]), ca.SX.sym("exogenous", sizes["EXOGENOUS"])
     parameters = ca.SX.sym("parameters", sizes["PARAMETERS"] + 1)
-    known, delay = parameters[:-1], parameters[-1]
-    sent, _ = loop.sample(state, exogenous, known)
+    values, delay = parameters[:-1], parameters[-1]
+    sent, _ = loop.sample(state, exogenous, values)
     arriving = {
-        name: where(delay > 0, state[states.index(name)], sent[states.index(name) - sizes["MOTION"]]) for name in QUEUE
+        name: scalar.where(delay > 0, state[states.index(name)], sent[states.index(name) - sizes["MOTION"]])
+        for name in QUEUE
     }
     now = ca.vertcat(*(arriving.get(name, state[index]) for index, name in enumerate(states)))
     inputs = {"state": state, "exogenous": exogenous, "parameters": parameters}
-    discrete, hold = loop.sample(now, exogenous, known)
+    discrete, hold = loop.sample(now, exogenous, values)
     return WideLoop(
-        sample=named_function("sample", inputs, {"discrete": discrete, "hold": hold}),
-        observe=named_function("observe", inputs, {"row": loop.observe(now, exogenous, known)}),
+        sample=loops.named_function("sample", inputs, {"discrete": discrete, "hold": hold}),
+        observe=loops.named_function("observe", inputs, {"row": loop.observe(now, exogenous, values)}),
         move=_with_delay(loop.move, parameters),
         parts=loop.parts,
         one_step=_with_delay(loop.one_step, parameters) if loop.one_step else None,
@@ -108,8 +113,10 @@ def _with_delay(function: ca.Function, parameters: ca.SX) -> ca.Function:
         name: parameters if name == "parameters" else ca.SX.sym(name, function.size1_in(name))
         for name in function.name_in()
     }
-    given = [parameters[:-1] if name == "parameters" else symbol for name, symbol in inputs.items()]
-    return named_function(function.name(), inputs, dict(zip(function.name_out(), function.call(given), strict=True)))
+    arguments = [parameters[:-1] if name == "parameters" else symbol for name, symbol in inputs.items()]
+    return loops.named_function(
+        function.name(), inputs, dict(zip(function.name_out(), function.call(arguments), strict=True))
+    )
 
 
 REFERENCE_KIND = "reference.kind"
@@ -147,7 +154,7 @@ class Settings:
     @cached_property
     def described(self) -> Mapping[str, Leaf]:
         """Key → description, for the whole experiment."""
-        return describe_parts(self.wide)
+        return description.describe_parts(self.wide)
 
     @cached_property
     def idle(self) -> frozenset[str]:
@@ -155,24 +162,24 @@ class Settings:
         loop = self.loop.closed
         symbols = ca.vertcat(*map(ca.SX.sym, loop.parameters))
         every = [ca.SX(0)]
-        for function in (*loop.functions, start_function(structure_of(self.wide))):
+        for function in (*loop.functions, loops.start_function(structures.structure_of(self.wide))):
             sizes = {name: function.sparsity_in(name) for name in function.name_in()}
-            given = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
-            every += function.call(given)
+            arguments = [symbols if name == "parameters" else ca.SX.sym(name, size) for name, size in sizes.items()]
+            every += function.call(arguments)
         matter = {symbol.name().partition(".")[2] for symbol in ca.symvar(ca.vertcat(*every))}
-        return frozenset(f"plant.{key}" for key in numbers(self.wide.plant) if key not in matter) - DRAWN
+        return frozenset(f"plant.{key}" for key in tree.numbers(self.wide.plant) if key not in matter) - DRAWN
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Keys with an effect, in the order of the vector."""
-        own = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
+        keys = [key for key in self.loop.closed.parameters if not key.startswith("nominal.") and key not in self.idle]
         ahead = [
             key
             for key, leaf in self.described.items()
             if Mark.DRAWN_AHEAD in leaf.marks and leaf.kind is float and not key.startswith(UNHEEDED)
         ]
-        nominal = list(leaves(Nominal(), "controller.nominal."))
-        return (*dict.fromkeys([*own, *ahead, *nominal, REFERENCE_KIND, DURATION, DELAY]),)
+        nominal = list(leaves(nominal_model.Nominal(), "controller.nominal."))
+        return (*dict.fromkeys([*keys, *ahead, *nominal, REFERENCE_KIND, DURATION, DELAY]),)
 
     @cached_property
     def optional(self) -> tuple[str, ...]:
@@ -182,8 +189,8 @@ class Settings:
     @cached_property
     def nominal(self) -> tuple[str, ...]:
         """Keys of the plant with a nominal value in the controller, beside the simulated one."""
-        unknown = {key.removeprefix("nominal.") for key in unknown_keys()}
-        every = (f"plant.{key}" for key in numbers(self.wide.plant) if key not in unknown)
+        unknown = {key.removeprefix("nominal.") for key in structures.unknown_keys()}
+        every = (f"plant.{key}" for key in tree.numbers(self.wide.plant) if key not in unknown)
         return tuple(key for key in every if key not in self.idle)
 
     @cached_property
@@ -197,14 +204,16 @@ class Settings:
         names = [*self.keys, *(NOMINAL + key for key in self.nominal), *(GIVEN + key for key in self.optional)]
         return dict(zip(names, ca.vertsplit(self.vector), strict=True))
 
-    def given(self, key: str, otherwise: Scalar) -> Scalar:
+    def given(self, key: str, otherwise: scalar.Scalar) -> scalar.Scalar:
         """The number of an optional key, or another one if it is not given."""
-        return where(self.symbols[GIVEN + key] > 0, self.symbols[key], otherwise)
+        return scalar.where(self.symbols[GIVEN + key] > 0, self.symbols[key], otherwise)
 
-    def function(self, name: str, inputs: dict[str, ca.SX] | None = None, **outputs: list[Scalar]) -> ca.Function:
+    def function(
+        self, name: str, inputs: dict[str, ca.SX] | None = None, **outputs: list[scalar.Scalar]
+    ) -> ca.Function:
         """A function of ``parameters``, the vector, as its last input; outputs are columns."""
         columns = {key: ca.densify(ca.vertcat(*map(ca.SX, values))) for key, values in outputs.items()}
-        return named_function(name, (inputs or {}) | {"parameters": self.vector}, columns)
+        return loops.named_function(name, (inputs or {}) | {"parameters": self.vector}, columns)
 
 
 UNHEEDED = (

@@ -4,13 +4,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from typing import Any
 
-from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
-from dualwinch.model.quantities.part import Registry
-from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.paper import case
+from dualwinch.toolbox import Ensemble, Experiment, ensemble_file, leaves, paper, parts, registries, with_leaves
 from dualwinch.toolboxes.lab.wasm.settings import Settings
 
 LAW, ESTIMATOR, COORDINATION, SLACK = (
@@ -21,7 +15,11 @@ LAW, ESTIMATOR, COORDINATION, SLACK = (
 )
 """Keys of the choices."""
 
-REGISTRIES: dict[str, Registry[Any]] = {LAW: POSITION_LAWS, ESTIMATOR: ESTIMATORS, COORDINATION: COORDINATIONS}
+REGISTRIES: dict[str, parts.Registry[Any]] = {
+    LAW: registries.POSITION_LAWS,
+    ESTIMATOR: registries.ESTIMATORS,
+    COORDINATION: registries.COORDINATIONS,
+}
 """Key of a choice → registry of its parts."""
 
 FILTERED = ("fando-nftsm", "adrc", "super-twisting")
@@ -46,7 +44,7 @@ SUBSTEPS = 10
 @cache
 def heavy_ensemble() -> Ensemble:
     """The ensemble of heavy machines."""
-    return load_ensemble(HEAVY)
+    return ensemble_file.load_ensemble(HEAVY)
 
 
 @cache
@@ -54,7 +52,7 @@ def heavy_machine() -> Experiment:
     """The paper's Case 4 on the heavy machine, its drums damped."""
     plant = heavy_ensemble().experiment.plant
     damping = {f"controller.winch_{number}.damping": DAMPING for number in (1, 2)}
-    return with_leaves(replace(case(4), plant=plant), damping | {"simulation.substeps": SUBSTEPS})
+    return with_leaves(replace(paper.case(4), plant=plant), damping | {"simulation.substeps": SUBSTEPS})
 
 
 @dataclass(frozen=True)
@@ -97,9 +95,9 @@ class LabStructure:
     @property
     def label(self) -> str:
         """Name for users."""
-        usual, parts = leaves(Experiment()), [POSITION_LAWS.find(self.chosen[LAW]).label]
-        others = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
-        parts += [REGISTRIES[key].find(self.chosen[key]).label for key in others]
+        usual, parts = leaves(Experiment()), [registries.POSITION_LAWS.find(self.chosen[LAW]).label]
+        differing = [key for key in (ESTIMATOR, COORDINATION) if self.chosen[key] != usual[key]]
+        parts += [REGISTRIES[key].find(self.chosen[key]).label for key in differing]
         parts += ["" if self.chosen[SLACK] else "ropes that push", f"machine {self.machine}" if self.machine else ""]
         return ", ".join(filter(None, parts))
 
@@ -108,14 +106,14 @@ def structures() -> tuple[LabStructure, ...]:
     """Every structure of the lab, the paper's first."""
     values = leaves(Experiment())
     usual = {key: values[key] for key in (LAW, ESTIMATOR, COORDINATION, SLACK)}
-    changes = [{LAW: law} for law in POSITION_LAWS]
+    changes = [{LAW: law} for law in registries.POSITION_LAWS]
     changes += [{LAW: law, ESTIMATOR: estimator} for law in FILTERED for estimator in FILTERS]
-    changes += [{COORDINATION: kind} for kind in COORDINATIONS if kind != usual[COORDINATION]]
+    changes += [{COORDINATION: kind} for kind in registries.COORDINATIONS if kind != usual[COORDINATION]]
     changes += [{SLACK: False}]
-    found = [LabStructure(tuple((usual | change).items())) for change in changes]
+    light = [LabStructure(tuple((usual | change).items())) for change in changes]
     heavy = [
         tuple((usual | {ESTIMATOR: estimator, COORDINATION: coordination}).items())
         for coordination in HEAVY_COORDINATIONS
         for estimator in HEAVY_ESTIMATORS
     ]
-    return (*found, *(LabStructure(settings, heavy_machine(), HEAVY) for settings in heavy))
+    return (*light, *(LabStructure(settings, heavy_machine(), HEAVY) for settings in heavy))

@@ -10,11 +10,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from dualwinch.model.arguments import whole_number
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.external_commands import CommandName
+from dualwinch.toolbox import ConfigurationError, Ensemble, Experiment, arguments, external_commands
 from dualwinch.toolboxes.stepper.environments.task import Floats, Reward, Task
 from dualwinch.toolboxes.stepper.stepper import SENSED
 
@@ -42,7 +38,7 @@ class Environment(gymnasium.Env[Floats, Any]):
         self,
         experiment: Experiment | Ensemble | str = "case-4",
         *,
-        command: CommandName = "force",
+        command: external_commands.CommandName = "force",
         hold: int = HOLD,
         normalised: bool = False,
         reward: Reward | Mapping[str, float] | None = None,
@@ -116,7 +112,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
         num_envs: int = 1,
         experiment: Experiment | Ensemble | str = "case-4",
         *,
-        command: CommandName = "force",
+        command: external_commands.CommandName = "force",
         hold: int = HOLD,
         normalised: bool = False,
         reward: Reward | Mapping[str, float] | None = None,
@@ -182,23 +178,23 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Floats, Any, Any]):
             ConfigurationError: not as many seeds as lanes.
         """
         if isinstance(seed, int | np.integer):
-            whole_number("seed", seed)
-        given = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-        if given is not None and not isinstance(given, Sequence | np.ndarray):
-            raise ConfigurationError(f"seed = {given!r}: must be a whole number, or one a lane")
-        for number in () if given is None else given:
+            arguments.whole_number("seed", seed)
+        seeds = [seed + lane for lane in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if seeds is not None and not isinstance(seeds, Sequence | np.ndarray):
+            raise ConfigurationError(f"seed = {seeds!r}: must be a whole number, or one a lane")
+        for number in () if seeds is None else seeds:
             if number is not None:
-                whole_number("seed", number)
-        if given is not None and len(given) != self.num_envs:
-            raise ConfigurationError(f"seed: has {len(given)} numbers: must have {self.num_envs}, one a lane")
-        first = next((number for number in (() if given is None else given) if number is not None), None)
+                arguments.whole_number("seed", number)
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ConfigurationError(f"seed: has {len(seeds)} numbers: must have {self.num_envs}, one a lane")
+        first = next((number for number in (() if seeds is None else seeds) if number is not None), None)
         super().reset(seed=first, options=options)
         self._episodes += 1
         if not self._seeds:
-            own = int(self.np_random.integers(2**31))
-            self._seeds = [own + lane for lane in range(self.num_envs)]
+            drawn_seed = int(self.np_random.integers(2**31))
+            self._seeds = [drawn_seed + lane for lane in range(self.num_envs)]
             self._episodes[:] = 0
-        for lane, number in enumerate(() if given is None else given):
+        for lane, number in enumerate(() if seeds is None else seeds):
             if number is not None:
                 self._seeds[lane], self._episodes[lane] = int(number), 0
         self._start(np.arange(self.num_envs))

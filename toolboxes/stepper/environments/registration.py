@@ -1,6 +1,6 @@
 """Registration of the environments with Gymnasium."""
 
-from dualwinch.model.errors import MissingExtraError
+from dualwinch.toolbox import errors
 
 ENVIRONMENT_NAMES = {f"dualwinch/Case{number}-v0": f"case-{number}" for number in (1, 2, 3, 4)} | {
     "dualwinch/Sea-v0": "sea"
@@ -17,7 +17,7 @@ def register() -> None:
     try:
         from gymnasium.envs import registration
     except ImportError:
-        raise MissingExtraError("gymnasium", "gymnasium") from None
+        raise errors.MissingExtraError("gymnasium", "gymnasium") from None
     for name in ENVIRONMENT_NAMES.keys() - registration.registry.keys():
         registration.register(
             id=name,

@@ -8,13 +8,15 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.config.ensemble_file import load_ensemble
-from dualwinch.model.errors import ConfigurationError
-from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.ensembles.ensemble import Ensemble
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.external_commands import CommandName
-from dualwinch.simulation.paper import CASES, case
+from dualwinch.toolbox import (
+    ConfigurationError,
+    Ensemble,
+    Experiment,
+    ensemble_file,
+    external_commands,
+    paper,
+    quantities,
+)
 from dualwinch.toolboxes.stepper.stepper import SENSED, Observation, Stepper
 
 Floats = NDArray[np.float64]
@@ -75,10 +77,10 @@ def weighted(weights: Mapping[str, float]) -> Reward:
     """
     if not isinstance(weights, Mapping):
         raise ConfigurationError(f"reward: must be a Reward, or weights by name, not {type(weights).__name__}")
-    known = [field.name for field in fields(Reward)]
+    names = [field.name for field in fields(Reward)]
     for name in weights:
-        if name not in known:
-            raise ConfigurationError(f"reward: {unknown('weight', name, known)}")
+        if name not in names:
+            raise ConfigurationError(f"reward: {quantities.unknown('weight', name, names)}")
     return Reward(**weights)
 
 
@@ -99,7 +101,7 @@ class Task:
         experiment: Experiment | Ensemble | str,
         lanes: int,
         *,
-        command: CommandName,
+        command: external_commands.CommandName,
         hold: int,
         reward: Reward | Mapping[str, float] | None,
         exact: bool,
@@ -116,10 +118,10 @@ class Task:
                 raise ConfigurationError(f"{name} = {value!r}: must be True or False")
         if render_mode is not None:
             raise ConfigurationError(f"render_mode = {render_mode!r}: must be None; results have figures")
-        given = named(experiment) if isinstance(experiment, str) else experiment
+        source = named(experiment) if isinstance(experiment, str) else experiment
         self._reward = reward if isinstance(reward, Reward) else weighted({} if reward is None else reward)
         self.stepper = Stepper(
-            with_fresh_noise(given),
+            with_fresh_noise(source),
             lanes,
             command=command,
             hold=hold,
@@ -127,9 +129,9 @@ class Task:
             exact=exact,
             record=False,
         )
-        first = self.stepper.experiment
-        self.bounds = _bounds(first)
-        self.limits = _limits(first, command)
+        nominal = self.stepper.experiment
+        self.bounds = _bounds(nominal)
+        self.limits = _limits(nominal, command)
         self.units = {name: self.stepper.observation.units[name] for name in SENSED}
         self._low, self._high = np.array(list(self.bounds.values())).T[..., np.newaxis]
         self._lower, self._upper = np.array(list(self.limits.values())).T
@@ -155,16 +157,16 @@ class Task:
         try:
             if not self._normalised and len(self.limits) > 1:
                 actions = np.stack([np.asarray(actions[name], dtype=np.float64) for name in self.limits], axis=-1)
-            given = np.asarray(actions, dtype=np.float64).reshape(lanes, len(self.limits))
+            commands = np.asarray(actions, dtype=np.float64).reshape(lanes, len(self.limits))
         except (TypeError, ValueError, KeyError, IndexError) as error:
             raise ConfigurationError(f"action: must be of {self.action_space}, for each of {lanes} lanes") from error
-        return self._lower + (given + 1) / 2 * (self._upper - self._lower) if self._normalised else given
+        return self._lower + (commands + 1) / 2 * (self._upper - self._lower) if self._normalised else commands
 
     def start(self, lanes: NDArray[np.int64], seeds: Sequence[int], episodes: Sequence[int]) -> None:
         """Begin episodes: each lane runs the scenario with the number of its episode, drawn with its seed."""
         source = self.stepper.source.ensemble
-        drawn = source.chosen(episodes, seeds) if source else [0] * len(episodes)
-        self._last = self.stepper.reset(lanes=lanes, scenarios=drawn)
+        scenarios = source.chosen(episodes, seeds) if source else [0] * len(episodes)
+        self._last = self.stepper.reset(lanes=lanes, scenarios=scenarios)
 
     def step(self, commands: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
         """Step all running lanes.
@@ -199,10 +201,10 @@ class Task:
     def infos(self, lanes: Sequence[int]) -> list[dict[str, Any]]:
         """Infos at the end of lanes' episodes: outcome and, for completed runs, the MSE in m²."""
         outcomes, errors = self.stepper.outcomes, self.stepper.metrics["mse"]
-        found: list[dict[str, Any]] = [{"outcome": str(outcomes[lane])} for lane in lanes]
+        infos: list[dict[str, Any]] = [{"outcome": str(outcomes[lane])} for lane in lanes]
         return [
             info | {"mse": float(errors[lane])} if info["outcome"] == "completed" else info
-            for info, lane in zip(found, lanes, strict=True)
+            for info, lane in zip(infos, lanes, strict=True)
         ]
 
 
@@ -212,8 +214,8 @@ def named(name: str) -> Experiment | Ensemble:
     Raises:
         ConfigurationError: no such case, ensemble or file.
     """
-    cases = {f"case-{number}": number for number in CASES}
-    return case(cases[name]) if name in cases else load_ensemble(name)
+    cases = {f"case-{number}": number for number in paper.CASES}
+    return paper.case(cases[name]) if name in cases else ensemble_file.load_ensemble(name)
 
 
 def with_fresh_noise(given: Experiment | Ensemble) -> Experiment | Ensemble:
@@ -244,7 +246,7 @@ def _bounds(experiment: Experiment) -> dict[str, tuple[float, float]]:
     return {name: by_name[name] for name in SENSED}
 
 
-def _limits(experiment: Experiment, command: CommandName) -> dict[str, tuple[float, float]]:
+def _limits(experiment: Experiment, command: external_commands.CommandName) -> dict[str, tuple[float, float]]:
     limits, plant = experiment.controller.limits, experiment.plant
     if command == "force":
         return {"u": (-limits.force, limits.force)}

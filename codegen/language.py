@@ -1,0 +1,28 @@
+"""Statements of a CasADi function in C, or in a language of one's own (`Style`)."""
+
+from dualwinch.codegen.source.c_source import c_source
+from dualwinch.codegen.source.casadi_c import lacking
+from dualwinch.codegen.source.expressions import GRAPHS, built_once, instructions
+from dualwinch.codegen.source.hoist import hoisted, hoisted_together
+from dualwinch.codegen.source.loops import rolled_statements
+from dualwinch.codegen.source.operations import PRECISIONS, Precision, Style, literal, name_of
+from dualwinch.codegen.source.statements import Element, Strand, statements
+
+__all__ = [
+    "GRAPHS",
+    "PRECISIONS",
+    "Element",
+    "Precision",
+    "Strand",
+    "Style",
+    "built_once",
+    "c_source",
+    "hoisted",
+    "hoisted_together",
+    "instructions",
+    "lacking",
+    "literal",
+    "name_of",
+    "rolled_statements",
+    "statements",
+]
