@@ -24,8 +24,8 @@ from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.storage.connection import quiet
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
-from dualwinch.tuning.study import search
+from dualwinch.tuning.storage.store import MemoryStorage
+from dualwinch.tuning.study import SearchBudget, search
 
 GAINS = (
     *(f"controller.nftsm.{name}" for name in ("beta", "eta", "k", "phi")),
@@ -116,7 +116,7 @@ def table(races: Sequence[Race]) -> str:
 def _search(
     prepared: TrainingSet, name: str, proposer: Optimiser, trials: int, watch: TuningProgress = NO_PROGRESS
 ) -> float:
-    progress = search(name, proposer, MemoryStorage(SearchBudget(trials)), Evaluator(prepared), watch)
+    progress = search(name, proposer, MemoryStorage(), Evaluator(prepared), SearchBudget(trials), watch)
     if progress.best is None or not progress.best.feasible:
         raise RuntimeError(f"{name}: found no candidate that satisfies the constraints")
     return progress.best.objectives[0]

@@ -27,8 +27,8 @@ from dualwinch.tuning.scoring import evaluation
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import default_method
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
-from dualwinch.tuning.study import search
+from dualwinch.tuning.storage.store import MemoryStorage
+from dualwinch.tuning.study import SearchBudget, search
 from dualwinch.tuning.tuning_problem import tuning_problem
 
 CANDIDATES, SEED = 8, 1
@@ -60,8 +60,7 @@ def row(name: str, rollouts: int) -> list[str]:
     problem = tuning_problem(ensemble=name, seed=SEED)
     training, method = prepare(problem), default_method(1)
     compile_ahead(method, problem, training.scenarios[0])
-    evaluator, proposer, store = Evaluator(training), optimiser(method, training, SEED), MemoryStorage()
-    store.set_budget(SearchBudget(None, None, rollouts))
+    evaluator, proposer = Evaluator(training), optimiser(method, training, SEED)
     with (
         timed(evaluation, "run_pairs") as of_rollouts,
         timed(linearise, "sensitivities") as of_gradients,
@@ -69,7 +68,7 @@ def row(name: str, rollouts: int) -> list[str]:
         timed(MarginSurvey, "_least") as of_margins,
     ):
         began = time.process_time()
-        search(method, proposer, store, evaluator)
+        search(method, proposer, MemoryStorage(), evaluator, SearchBudget(rollouts=rollouts))
         whole = time.process_time() - began
         kernel = evaluator.rollouts / of_rollouts()
         share = (of_rollouts() + of_gradients() + of_deciding()) / whole

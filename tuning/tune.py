@@ -8,7 +8,7 @@ from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.tuning.optimisers import check_method, compile_ahead, optimiser
-from dualwinch.tuning.problem import SEARCH, TuningProblem
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -17,8 +17,8 @@ from dualwinch.tuning.scoring.selection import select
 from dualwinch.tuning.scoring.training_set import prepare
 from dualwinch.tuning.selection_config import TRIALS, default_method
 from dualwinch.tuning.storage.connection import quiet
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
-from dualwinch.tuning.study import search
+from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
+from dualwinch.tuning.study import SearchBudget, search
 
 WORTH_COMPILING = 20.0
 """Time budget in s from which everything a search may call is compiled beforehand, outside the budget."""
@@ -89,7 +89,7 @@ def tune(
     training = prepare(problem, workers, watch, partial(compile_ahead, method, problem) if worth else None)
     store = store or MemoryStorage()
     evaluator = Evaluator(training, workers=workers)
-    proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
+    proposer = optimiser(method, training, problem.stream(store.stream))
     watch.compiled(build_seconds() - built)
     watch.phase(SEARCHING)
     searched, config = clock.now(), problem.selection
@@ -97,16 +97,14 @@ def tune(
     if seconds is not None:
         evaluator.until = allowed + config.time_of_all(seconds) - reserved_seconds
         until = searched + evaluator.time_of_search(seconds)
-    store.set_budget(SearchBudget(trials, until, rollouts))
     progress, interrupted = SearchStatus(), False
     try:
-        search(method, proposer, store, evaluator, watch, progress)
+        search(method, proposer, store, evaluator, SearchBudget(trials, until, rollouts), watch, progress)
     except KeyboardInterrupt:
         if not keep:
             raise
         interrupted = True
     judged = clock.now()
-    store.set_budget(SearchBudget(store.count(), judged))  # ends the other workers' searches too
     finished = store.finished()
     if not finished and interrupted:
         raise KeyboardInterrupt

@@ -39,7 +39,7 @@ CALLED: dict[str, tuple[Callable[..., Any], ...]] = {
 }
 """Command → what it calls, whose arguments bear the names of the options."""
 
-OTHER = {"preload error", "race out", "tune workers"}
+OTHER = {"preload error", "race out"}
 """Options that are something else than the argument of that name."""
 
 
@@ -66,7 +66,7 @@ def options(holder: Any) -> Iterator[tuple[str, Any]]:
 
 def test_the_commands_are_all_looked_at() -> None:
     """Those that are not have no option with a default that a function has, too."""
-    own = {"certify", "config", "doctor", "export casadi", "export mex", "lab", "reproduce", "show", "worker"}
+    own = {"certify", "config", "doctor", "export casadi", "export mex", "lab", "reproduce", "show"}
     assert set(commands()) == {*CALLED, *own}
 
 

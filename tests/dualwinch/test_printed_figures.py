@@ -139,8 +139,8 @@ AS_JSON = [
     ["doctor"],
 ]
 
-WITHOUT = {"lab", "show", "worker", "config", "export"}
-"""Commands that print no figures: they write pages, code and configurations, and a worker's are those of its study."""
+WITHOUT = {"lab", "show", "config", "export"}
+"""Commands that print no figures: they write pages, code and configurations."""
 
 ELSEWHERE = {"serve"}
 """Commands that need a client, or another process, for this: tests/dualwinch/commands has it."""

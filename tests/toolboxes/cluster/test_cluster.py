@@ -308,21 +308,10 @@ def test_a_race_whose_client_and_worker_were_killed_equals_that_of_one_process_i
 
 
 @pytest.mark.slow
-def test_a_tuning_by_an_executor_finds_the_same_gains_and_workers_share_a_file(
-    dask: DaskProcesses, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_tuning_by_an_executor_finds_the_same_gains(dask: DaskProcesses, tmp_path: Path) -> None:
     words = ["tune", "--ensemble", "sea", "--set", "simulation.duration=0.1", "--trials", "48", "--constraint", "none"]
     main([*words, "--out", str(tmp_path / "here")])
     main([*words, "--out", str(tmp_path / "there"), "--cluster", dask.address])
     best = [(tmp_path / name / "best.toml").read_text().splitlines() for name in ("here", "there")]
     ours, theirs = ([line for line in text if not line.startswith("#")] for text in best)
     assert ours == theirs
-    shared = str(tmp_path / "shared.journal")
-    ran = command(*words, "--storage", shared, "--shared", "--out", str(tmp_path / "shared"), "--method", "random")
-    until(lambda: Path(shared).is_file() and "dualwinch definition" in Path(shared).read_text())
-    capsys.readouterr()
-    main(["worker", "--storage", shared])
-    assert "the study is over: " in capsys.readouterr().err
-    ran.communicate(timeout=120)
-    assert ran.returncode == 0
-    assert len(json.loads((tmp_path / "shared" / "study.json").read_text())["trials"]["number"]) == 48

@@ -21,8 +21,8 @@ from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, select
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.scoring.validation import Screened, ValidationSet, validation_scenarios
 from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
-from dualwinch.tuning.study import search
+from dualwinch.tuning.storage.store import MemoryStorage
+from dualwinch.tuning.study import SearchBudget, search
 from tests.studies import MakeProblem
 
 SMALL = SampleSizes(
@@ -38,8 +38,8 @@ BETA = "controller.nftsm.beta"
 
 
 def studied(evaluator: Evaluator, trials: int) -> list[Evaluation]:
-    store = MemoryStorage(SearchBudget(trials))
-    search("cmaes", optimiser("cmaes", evaluator.training, 0), store, evaluator)
+    store = MemoryStorage()
+    search("cmaes", optimiser("cmaes", evaluator.training, 0), store, evaluator, SearchBudget(trials))
     return store.finished()
 
 
