@@ -152,6 +152,10 @@ ROBUST, ROBUST_AT_REST = (
 DAMPED = "worst.resonance_margin>=1"
 
 
+REFERENCES = ("paper", "start")
+"""Names in a bound for a statistic's value with the paper's controller, and with the start of the search."""
+
+
 @dataclass(frozen=True)
 class Constraint:
     """A bound on a statistic.
@@ -161,24 +165,31 @@ class Constraint:
         statistic: that is bounded.
         at_least: whether the bound is a lower one.
         bound: in the statistic's unit, or a factor.
-        of_paper: whether the bound is a factor on the statistic's value with the paper's controller.
+        reference: of `REFERENCES`, if the bound is a factor on the statistic's value with it; else empty.
     """
 
     text: str
     statistic: Statistic | MarginStatistic
     at_least: bool
     bound: float
-    of_paper: bool = False
+    reference: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What it bounds: every run (``run``), a stability margin (``margin``) or a statistic of runs (``mean``)."""
+        if isinstance(self.statistic, MarginStatistic):
+            return "margin"
+        return "run" if self.statistic.kind == "worst" else "mean"
 
     def given(self, reached: float) -> "Constraint":
-        """The constraint with its bound as a number, given the statistic's value with the paper's controller.
+        """The constraint with its bound as a number, given the statistic's value with the reference.
 
         If that completes no run (NaN), the bound is infinite.
         """
-        if not self.of_paper:
+        if not self.reference:
             return self
         nothing = -math.inf if self.at_least else math.inf
-        return replace(self, bound=nothing if math.isnan(reached) else self.bound * reached, of_paper=False)
+        return replace(self, bound=nothing if math.isnan(reached) else self.bound * reached, reference="")
 
     @property
     def unbounded(self) -> bool:
@@ -203,11 +214,11 @@ class Constraint:
     def label(self) -> str:
         """The constraint with its bound as a number with its unit, or as a factor."""
         if self.unbounded:
-            return f"{self.statistic.name}: no bound, as the paper's gains complete no run"
+            return f"{self.statistic.name}: no bound, as the gains that it refers to complete no run"
         sign = ">=" if self.at_least else "<="
         bound = f"{self.bound:.6g}{behind_number(self.statistic.unit)}"
-        if self.of_paper:
-            bound = "the paper's" if self.bound == 1 else f"{self.bound:.6g} times the paper's"
+        if self.reference:
+            bound = f"the {self.reference}'s" if self.bound == 1 else f"{self.bound:.6g} times the {self.reference}'s"
         return f"{self.statistic.name} {sign} {bound}"
 
 
@@ -281,13 +292,13 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
         sliding_mode(experiment, f"--constraint {text}: must be")
     scale = 1.0 if factor is None else _number(factor, text)
-    if term == "paper":
-        return _checked(Constraint(text, statistic, sign == ">=", scale, of_paper=True))
+    if term in REFERENCES:
+        return _checked(Constraint(text, statistic, sign == ">=", scale, term))
     if re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
         values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            known = ["paper", *(key for key, known in values.items() if isinstance(known, float))]
+            known = [*REFERENCES, *(key for key, known in values.items() if isinstance(known, float))]
             raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, known)}")
         return _checked(Constraint(text, statistic, sign == ">=", scale * float(value)))
     return _checked(Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic)))
@@ -314,7 +325,7 @@ def _checked(constraint: Constraint) -> Constraint:
     least, most = statistic.quantity.least, statistic.quantity.most
     if not constraint.at_least and bound < least:
         raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{unit}")
-    if not constraint.at_least and not constraint.of_paper and bound > most:
+    if not constraint.at_least and not constraint.reference and bound > most:
         raise ConfigurationError(f"--constraint {text}: all runs satisfy it, none has more than {most:g}{unit}")
     return constraint
 

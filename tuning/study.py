@@ -82,7 +82,7 @@ def search(
     optimiser.tell(stored)
     trials = len(stored) if store.continued else 0
     rollouts = sum(trial.scenarios for trial in stored) if store.continued else 0
-    gradients = optimiser.rollouts
+    further = evaluator.further_rollouts
     origins = {trial.candidate.origin for trial in stored}
     waiting = [candidate for candidate in first_candidates(problem) if candidate.origin not in origins]
     while size := budget.batch(trials, rollouts, problem.scenarios):
@@ -96,8 +96,8 @@ def search(
             optimiser.tell(finished)
             progress.add(finished)
         trials += len(evaluations)
-        rollouts += sum(evaluation.scenarios for evaluation in evaluations) + optimiser.rollouts - gradients
-        gradients = optimiser.rollouts
+        rollouts += sum(evaluation.scenarios for evaluation in evaluations) + evaluator.further_rollouts - further
+        further = evaluator.further_rollouts
         progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - before
         progress.seconds, progress.compiling = clock.now() - began, build_seconds() - built
         progress.spent = rollouts

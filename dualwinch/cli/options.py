@@ -78,7 +78,7 @@ def own_default(place: str, argument: str = "") -> Any:
     """The default of a function's argument, or the value of a constant.
 
     The place is a public function such as ``race``, or module and name of a class or constant below ``dualwinch``,
-    such as ``tuning.selection_config:TRIALS``.
+    such as ``tuning.options:TRIALS``.
     """
     module, _, name = place.rpartition(":")
     found = attrgetter(name)(import_module(f"dualwinch.{module}".rstrip(".")))

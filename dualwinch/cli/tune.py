@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
 
-METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
+METHODS = "cmaes, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
 
 
 def usual_methods(_: object) -> str:
     """The default methods for one and for several objectives, for help."""
-    from dualwinch.tuning.selection_config import default_method
+    from dualwinch.tuning.options import default_method
 
     return f"{default_method(1)}; of several objectives {default_method(2)}"
 
@@ -77,9 +77,7 @@ class StudyOptions:
     method: Annotated[str | None, Parameter(help=f"Optimiser: {METHODS}.", show_default=usual_methods)] = None
     trials: Annotated[
         Whole,
-        default_of(
-            "tuning.selection_config:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"
-        ),
+        default_of("tuning.options:TRIALS", words="{}, or as many as the gains need, without --time and --rollouts"),
     ] = None
     time: str | None = None
     rollouts: Whole = None
@@ -101,7 +99,7 @@ class StudyOptions:
         return str(self.storage or self.out / "study.journal")
 
 
-SELECTION = "tuning.selection_config:SelectionConfig"
+SELECTION = "tuning.options:TuningOptions"
 """Class with the defaults of the chance constraint."""
 
 
@@ -109,7 +107,7 @@ def tune(
     *,
     given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
-    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    scenarios: Annotated[Whole, default_of("tuning.options:TuningOptions", "draws")] = None,
     space: list[str] | None = None,
     objective: list[str] | None = None,
     constraint: list[str] | None = None,
@@ -234,8 +232,9 @@ def run_study(
     from dualwinch.config.folders import made_folder
     from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
     from dualwinch.tuning.optimisers import check_method
+    from dualwinch.tuning.options import default_method
+    from dualwinch.tuning.scoring.budget import TIME_MORE, TIME_SHARE
     from dualwinch.tuning.scoring.progress import TuningProgress
-    from dualwinch.tuning.selection_config import default_method
     from dualwinch.tuning.storage.opening import open_store
     from dualwinch.tuning.tune import trials_of
     from dualwinch.tuning.tune import tune as run
@@ -254,8 +253,8 @@ def run_study(
                 _announce(line, problem, method, options.kept_in, store.count())
                 if seconds is not None:
                     line.say(
-                        f"ends within {problem.selection.time_of_all(seconds):.0f} s: up to {seconds:g} s of search, "
-                        "the rest for preparing, choosing, scoring and the report; compiling adds to that"
+                        f"up to {seconds:g} s of search, after preparing and compiling; then certificate and scores: "
+                        f"at most {(1 + TIME_SHARE) * seconds + TIME_MORE:.0f} s in all from the search's beginning"
                     )
                 tuned = run(
                     problem,

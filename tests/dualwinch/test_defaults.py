@@ -18,7 +18,7 @@ from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.selection_config import SCENARIOS, TRIALS, SelectionConfig
+from dualwinch.tuning.options import TRIALS, TuningOptions
 
 CALLED: dict[str, tuple[Callable[..., Any], ...]] = {
     "compare": (dw.compare,),
@@ -82,10 +82,10 @@ def test_an_option_has_the_default_of_its_function(command: str) -> None:
 
 def test_the_defaults_that_are_shown_stand_where_they_are_said_to() -> None:
     assert own_default("race", "rollouts") == 30_000
-    assert own_default("tuning.selection_config:TRIALS") == TRIALS
-    shown = default_of("tuning.selection_config:SelectionConfig", "violation", "{:.1%}").show_default
+    assert own_default("tuning.options:TRIALS") == TRIALS
+    shown = default_of("tuning.options:TuningOptions", "violation", "{:.1%}").show_default
     assert callable(shown)
-    assert shown(None) == f"{SelectionConfig().violation:.1%}"
+    assert shown(None) == f"{TuningOptions().violation:.1%}"
     assert stated(a=None, b=0, c=False) == {"b": 0, "c": False}
 
 
@@ -103,7 +103,7 @@ def test_the_help_of_every_command_finds_them(command: str, capsys: pytest.Captu
 def test_help_shows_the_defaults_of_functions(capsys: pytest.CaptureFixture[str]) -> None:
     tune = helped("tune", capsys)
     assert f"[default: {TRIALS}, or as many as the gains need, without --time and --rollouts]" in tune
-    assert f"[default: {SCENARIOS}]" in tune
+    assert f"[default: {TuningOptions.draws}]" in tune
     assert f"Optimiser: {', '.join(METHODS)}." in tune
     assert f"[default: {PORT}]" in helped("serve", capsys)
     assert f"[default: {DEFAULTS.excitation.max_trials} without --time]" in helped("excite", capsys)

@@ -11,7 +11,6 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
 from dualwinch.toolboxes.stress import stress as stress_module
-from tests.studies import FEWEST, choosing_by
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
 """From the SI unit of a file to what is printed: m to mm, m² to mm², J to kJ, shares to %."""
@@ -159,13 +158,6 @@ def without_bulk(table: dict[str, Any]) -> dict[str, Any]:
 def named(words: list[str]) -> str:
     """What a case is called."""
     return " ".join(words[:4])
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short_choices() -> Iterator[None]:
-    """Few scenarios to choose gains in."""
-    with choosing_by(FEWEST):
-        yield
 
 
 @pytest.fixture(autouse=True)

@@ -48,7 +48,7 @@ def race(
     config: Path | None = None,
     rollouts: Annotated[Whole, default_of("race", "rollouts")] = None,
     searches: Annotated[Whole, default_of("race", "searches")] = None,
-    scenarios: Annotated[Whole, default_of("tuning.selection_config:SCENARIOS")] = None,
+    scenarios: Annotated[Whole, default_of("tuning.options:TuningOptions", "draws")] = None,
     test_scenarios: Annotated[Whole, default_of("race", "test_scenarios")] = None,
     set_: Assignments = None,
     constraint: list[str] | None = None,

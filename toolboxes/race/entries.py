@@ -12,8 +12,8 @@ from dualwinch.model.arguments import whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.part import Registry
 from dualwinch.simulation.exogenous.signals import named_seed
+from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.selection_config import SampleSizes
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR
 
 ALL = "all"
@@ -150,7 +150,7 @@ def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
     ]
 
 
-ROLLOUTS, TEST_SCENARIOS = 30_000, SampleSizes().test
+ROLLOUTS, TEST_SCENARIOS = 30_000, TuningOptions().test
 """Default budget of a search, and default number of test scenarios."""
 
 

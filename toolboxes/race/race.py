@@ -59,11 +59,11 @@ from dualwinch.toolboxes.race.scores import (
 from dualwinch.toolboxes.stress.stress import check_stress, stress_tuned
 from dualwinch.tuning.baseline import default_coordination, default_estimator
 from dualwinch.tuning.optimisers import check_method
+from dualwinch.tuning.options import default_method
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
-from dualwinch.tuning.scoring.evaluation import Scorer
 from dualwinch.tuning.scoring.progress import (
-    CHOOSING,
+    CERTIFYING,
     DRAWING,
     NO_PROGRESS,
     REFERENCES,
@@ -73,9 +73,9 @@ from dualwinch.tuning.scoring.progress import (
 )
 from dualwinch.tuning.scoring.progress import SCORING as SCORING_BEST
 from dualwinch.tuning.scoring.ranking import Evaluation
+from dualwinch.tuning.scoring.scorer import Scorer
 from dualwinch.tuning.scoring.test_set import TestSet
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import default_method
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import COORDINATION, ESTIMATOR, configuration, definition_of, tuning_problem
 
@@ -375,7 +375,7 @@ def scored(
         problem,
         method=terms.method,
         rollouts=terms.rollouts,
-        test_scenarios=min(terms.test_scenarios, problem.selection.sizes.test),
+        test_scenarios=min(terms.test_scenarios, problem.options.test),
         workers=workers,
         keep=False,
         watch=watch,
@@ -436,7 +436,7 @@ BEGINS = {
     PAPER_PHASE: 0.1,
     LEAST_PHASE: 0.1,
     SEARCHING: 0.12,
-    CHOOSING: 0.82,
+    CERTIFYING: 0.82,
     SCORING_BEST: 0.9,
     TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
@@ -460,7 +460,7 @@ class EntryProgress(TuningProgress):
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Report the share of the search that is done."""
-        self._share = BEGINS[SEARCHING] + progress.share * (BEGINS[CHOOSING] - BEGINS[SEARCHING])
+        self._share = BEGINS[SEARCHING] + progress.share * (BEGINS[CERTIFYING] - BEGINS[SEARCHING])
         self._report(self._words)
 
     def _in_phase(self, fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG002

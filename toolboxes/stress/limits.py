@@ -219,7 +219,8 @@ def _listed(names: Sequence[str]) -> str:
 def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment: Experiment) -> tuple[Constraint, ...]:
     """Parse the constraints of a stress test; by default those of a study (`noted`), and `DEFAULTS` on other metrics.
 
-    Margins among those of a study are skipped: they are not measured in runs.
+    Margins among those of a study are skipped, as they are not measured in runs; so are multiples of the values with
+    the gains that its search started from.
 
     Raises:
         ConfigurationError: a text that is no constraint on a metric.
@@ -229,7 +230,11 @@ def constraints_of(texts: Sequence[str] | None, noted: Sequence[str], experiment
         for constraint in asked:
             statistic_of(constraint)
         return asked
-    kept = [each for each in constraints_from(noted, experiment) if isinstance(each.statistic, Statistic)]
+    kept = [
+        each
+        for each in constraints_from(noted, experiment)
+        if isinstance(each.statistic, Statistic) and each.reference != "start"
+    ]
     known = {constraint.statistic.metric for constraint in kept}
     others = constraints_from(DEFAULTS, experiment)
     return (*kept, *(constraint for constraint in others if constraint.statistic.metric not in known))
@@ -264,7 +269,7 @@ def limits_of(
             continue
         values = {name: value_of(asked, runs) for name, runs in gains.items()}
         excess = {name: asked.violation(value) for name, value in values.items() if math.isfinite(value)}
-        near = ON_BOUND if constraint.of_paper and asked.bound else 0.0  # twice 0 is no easier bound
+        near = ON_BOUND if constraint.reference and asked.bound else 0.0  # twice 0 is no easier bound
         on_bound = tuple(name for name, share in excess.items() if abs(share) < near)
         violated_by = tuple(name for name, share in excess.items() if share >= near and share > 0)
         eased = [_eased(asked, values[name]) for name in (*on_bound, *violated_by)]
@@ -284,13 +289,13 @@ def where_paper_is_no_measure(
     kept, left_out = list[Constraint](), list[Constraint]()
     for constraint in constraints:
         number = bounds.get(constraint.text)
-        if not constraint.of_paper or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
+        if not constraint.reference or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
             kept.append(constraint)
         elif number is None:
             left_out.append(constraint)
         else:
             text = f"{constraint.statistic.name}{'>=' if constraint.at_least else '<='}{number:g}"
-            kept.append(replace(constraint, text=text, bound=number, of_paper=False))
+            kept.append(replace(constraint, text=text, bound=number, reference=""))
     return tuple(kept), tuple(left_out)
 
 

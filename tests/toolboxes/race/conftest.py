@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from dualwinch.toolboxes.race.entries import BenchmarkEntry, BenchmarkTerms, EntryProblem
-from tests.studies import MakeProblem, few_scenarios, fewest_scenarios, make_problem
+from tests.studies import MakeProblem, make_problem
 
-__all__ = ["few_scenarios", "fewest_scenarios", "make_problem"]
+__all__ = ["make_problem"]
 
 MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]
 

@@ -15,11 +15,8 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
 from dualwinch.toolboxes.race.cli import write_race
 from dualwinch.toolboxes.stress import stress as stress_module
-from tests.studies import few_scenarios  # noqa: F401 # a fixture
 from tests.toolboxes.race.made_up import made_up, scored
 from tests.toolboxes.stress.ensembles import DRUMS
-
-pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
 SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)

@@ -16,10 +16,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.stress import stress as stress_module
 from dualwinch.toolboxes.stress.cli import replaced, study_constraints
 from dualwinch.toolboxes.stress.stress import base_and_ensemble
-from tests.studies import few_scenarios  # noqa: F401 # a fixture
 from tests.toolboxes.stress.ensembles import DRUMS, short
-
-pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 SHORT = ("--set", "simulation.duration=0.5", "--scenarios", "2")
 
