@@ -142,6 +142,8 @@ NO_MORE_SATURATED = "mean.saturated_share<=1*paper"
 NO_HEAVIER = "mean.continuous_load<=1.05*paper"
 STIFFER = "mean.continuous_load<=1.2*paper"
 """Where drums swing: a sagging rope's stiffness grows with the cube of its tension (Ernst), so preload pays."""
+NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START = "mean.chatter<=2*start", "mean.continuous_load<=1.2*start"
+"""Bounds for a machine of one's own: chatter and load of the paper's gains say nothing about other ropes and motors."""
 LATE = 5e-3
 """Least delay margin in s: the default bound where margins are bounded; elsewhere a remark reports smaller ones."""
 LATE_AT_REST = 1e-3
@@ -223,7 +225,7 @@ class Constraint:
 
 
 def default_constraints(
-    ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False
+    ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False, own: bool = False
 ) -> tuple[str, ...]:
     """No slack rope, no peak beyond the limit, less chatter than the paper's, stability margins, a damped resonance.
 
@@ -236,10 +238,13 @@ def default_constraints(
     more load is allowed, for a preload that stiffens the ropes. Margins are bounded in an ensemble only: in a run
     without noise they would be those of infinitely small motions. Where drums swing, they are computed at rest only,
     the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too, if its rule applies to
-    the law (`resonance`).
+    the law (`resonance`). In an ensemble of one's own (`own`), chatter and load are bounded by multiples of those of
+    the gains that the search starts from.
     """
     robust = ROBUST_AT_REST if swinging else ROBUST
     damped = (*(robust if ensemble else ()), *((DAMPED,) if resonance else ()))
+    if ensemble and own:
+        return NO_SLACK, NO_PEAK, NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START, *damped
     if ensemble and lag:
         return NO_SLACK, NO_PEAK, NO_LOUDER, STIFFER if swinging else NO_HEAVIER, *damped
     if ensemble:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
@@ -57,6 +58,8 @@ class TuningProblem:
         seed: of all random streams (`stream`).
         options: parameters of the method.
         choices: the defaults chosen for this problem, each with its reason, in words.
+        starts: controllers of the same parts, from whose gains the search may begin as well; the better begins
+            (`tuning.scoring.starts`).
     """
 
     experiment: Experiment
@@ -68,6 +71,7 @@ class TuningProblem:
     seed: int
     options: TuningOptions = field(default_factory=TuningOptions)
     choices: tuple[str, ...] = field(default=(), compare=False)
+    starts: tuple[Controller, ...] = ()
 
     def stream(self, name: str) -> int:
         """The seed of a named random stream: `TRAINING` to `SEARCH`, possibly with a number."""
@@ -118,6 +122,18 @@ class TuningProblem:
         ]
         for ends in product(*((dimension.lower, dimension.upper) for dimension in dimensions)):
             yield self.start | {dimension.name: end for dimension, end in zip(dimensions, ends, strict=True)}
+
+    @property
+    def beginnings(self) -> tuple["TuningProblem", ...]:
+        """The problem with each of its starts, the experiment's own first; gains are moved into the space."""
+        others = []
+        for controller in self.starts:
+            experiment = replace(self.experiment, controller=controller)
+            point = self.space.nearest(self.space.start(leaves(experiment)))
+            experiment = with_leaves(experiment, self.space.settings(point))
+            ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
+            others.append(replace(self, experiment=experiment, ensemble=ensemble, starts=()))
+        return replace(self, starts=()), *others
 
     @property
     def start(self) -> Point:

@@ -21,7 +21,7 @@ from dualwinch.tuning.scoring.certificate import Certificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import Certification, select
-from dualwinch.tuning.scoring.training_set import prepare
+from dualwinch.tuning.scoring.starts import prepare_best_start
 from dualwinch.tuning.storage.connection import quiet
 from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
 from dualwinch.tuning.study import SearchBudget, first_candidates, search
@@ -89,7 +89,7 @@ def tune(
     check_method(method, len(problem.objectives))
     quiet()
     began, built = clock.now(), build_seconds()
-    training = prepare(problem, workers, watch)
+    training = prepare_best_start(problem, workers, watch)
     problem = training.problem
     store = store or MemoryStorage()
     evaluator = Evaluator(training, workers=workers)

@@ -7,9 +7,17 @@ from typing import Any
 
 from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.config.distribution_entries import check_range
-from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
+from dualwinch.config.ensemble_file import (
+    built_in_ensembles,
+    ensemble_to_toml,
+    find_ensemble,
+    load_ensemble,
+    loads_ensemble,
+    reset,
+)
 from dualwinch.config.experiment_file import assigned, experiment_from, loads, own_keys, to_toml
 from dualwinch.config.toml_text import flattened, read_source
+from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
@@ -63,6 +71,7 @@ def tuning_problem(
     violation: float | None = None,
     confidence: float | None = None,
     options: TuningOptions | None = None,
+    starts: Sequence[Controller] = (),
 ) -> TuningProblem:
     """Make a tuning problem for `dualwinch.tune` from the arguments of the command ``dualwinch tune``.
 
@@ -92,6 +101,7 @@ def tuning_problem(
             `options`.
         confidence: of the statement that the best stays below `violation`; default: from `options`.
         options: parameters of the method.
+        starts: controllers of the same parts, from whose gains the search may begin as well; the better begins.
 
     Raises:
         ConfigurationError: an invalid key, value, space, objective or constraint.
@@ -130,6 +140,7 @@ def tuning_problem(
         lag=not is_ideal(base.actuator),
         swinging=swinging,
         resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
+        own=drawn is not None and drawn.name not in built_in_ensembles(),
     )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
@@ -143,6 +154,7 @@ def tuning_problem(
         seed=seed,
         options=options,
         choices=tuple(chosen),
+        starts=tuple(starts),
     )
     problem.check()
     return problem
