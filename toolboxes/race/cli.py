@@ -30,7 +30,7 @@ from dualwinch.cli.output import if_interrupted, json_text, terminal, version_no
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.toolboxes.race.result import BenchmarkResult
+    from dualwinch.toolboxes.race.result import RaceResult
     from dualwinch.toolboxes.race.scores import EntryResult
 
 OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"
@@ -62,8 +62,8 @@ def race(
 
     All entries have the same seeds, constraints and scenarios; errors are compared scenario by scenario with those of
     the paper's gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
-    continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
-    and the gains of each entry as a configuration.
+    continues with the rest, and a call with other laws adds them to those of race.json. The folder receives race.json,
+    report.html, figures, and the gains of each entry as a configuration.
 
     Args:
         ensemble: Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file.
@@ -136,7 +136,7 @@ GAINS = "gains"
 """Folder of the configurations."""
 
 
-def write_race(out: Path, found: BenchmarkResult) -> list[str]:
+def write_race(out: Path, found: RaceResult) -> list[str]:
     """Write ``race.json``, ``race.svg``, ``fronts.svg``, ``report.html``, and the gains of each entry.
 
     Returns:
@@ -153,12 +153,11 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     write_race_report(out / "report.html", found, versions())
     make_folder(out / GAINS)
     for scored in found.entries:
-        if text := configuration(found, scored):
-            write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
+        write_whole(out / GAINS / f"{scored.entry.stem}.toml", configuration(found, scored))
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
-def to_record(found: BenchmarkResult) -> dict[str, Any]:
+def to_record(found: RaceResult) -> dict[str, Any]:
     """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
     from dualwinch.analysis.idealisations import idealisations
     from dualwinch.config.ensemble_file import loads_ensemble
@@ -181,19 +180,15 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
     return {**record, **facts, **version_notes()}
 
 
-def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
-    """The best gains of an entry as TOML; empty if its parts are not registered, as those of an earlier call may be."""
+def configuration(found: RaceResult, scored: EntryResult) -> str:
+    """The best gains of an entry as TOML."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import TUNED_IN, loads_ensemble
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.settings import override
 
     nominal = loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
-    try:
-        best = override(nominal, {**scored.entry.values, **scored.gains})
-    except ConfigurationError:
-        return ""
+    best = override(nominal, {**scored.entry.values, **scored.gains})
     terms = found.terms
     words = f"{scored.entry.key}: the best of {terms.rollouts} rollouts in '{terms.ensemble}', seed {terms.seed}"
     return f"# {words}, by `dualwinch race`.\n# {TUNED_IN}: {one_line(terms.ensemble)}\n\n{to_toml(best)}"

@@ -33,7 +33,7 @@ from dualwinch.simulation.plots.style import (
     plain,
 )
 from dualwinch.toolboxes.race.comparison import LEAST_DIFFERENCE, RULE, ErrorRatio, PairComparison, holm, ratio_of
-from dualwinch.toolboxes.race.entries import NO_OBSERVER, PAPER_LAW, BenchmarkTerms, names
+from dualwinch.toolboxes.race.entries import NO_OBSERVER, PAPER_LAW, RaceTerms, names
 from dualwinch.toolboxes.race.scores import (
     COSTS,
     ERROR,
@@ -68,7 +68,7 @@ MEAN_ERROR = Statistic("mean", ERROR)
 
 
 @dataclass(frozen=True, repr=False)
-class BenchmarkResult:
+class RaceResult:
     """Result of a race: laws tuned with the same number of rollouts, scored in the same scenarios, shown as a table.
 
     Attributes:
@@ -78,7 +78,7 @@ class BenchmarkResult:
         remaining: number of entries that an interrupt left out.
     """
 
-    terms: BenchmarkTerms
+    terms: RaceTerms
     paper: BaselineScore
     entries: tuple[EntryResult, ...]
     remaining: int = 0
@@ -146,7 +146,7 @@ class BenchmarkResult:
         return max((max(span) / min(span) for span in spans if span), default=1.0)
 
     def not_different(self, key: str) -> tuple[str, ...]:
-        """Keys in the ranking that do not differ from `key`, by `tuning.benchmark.comparison.RULE`."""
+        """Keys in the ranking that do not differ from `key`, by `RULE`."""
         return tuple(
             pair.second if pair.first == key else pair.first
             for pair in self.pairs
@@ -271,7 +271,7 @@ class BenchmarkResult:
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return page("BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), table(*self.table()))
+        return page("RaceResult", " ".join([f"{self.heading}.", *self.notes()]), table(*self.table()))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
         """Draw the ratios of errors to those of the paper's gains, with intervals, in order of the ranking.
@@ -320,11 +320,11 @@ class BenchmarkResult:
         }
 
     def _entry(self, scored: EntryResult) -> dict[str, Any]:
-        entry, record = scored.entry, scored.to_record()
+        entry = scored.entry
         return {
             "key": entry.key,
             "name": self.names[entry.key],
-            **{name: value for name, value in record["entry"].items() if name != "search"},
+            **{name: value for name, value in asdict(entry).items() if name != "search"},
             "over_paper": self.ratios[entry.key].to_dict(),
             "not_different": list(self.not_different(entry.key)),
             "searches": [
@@ -332,7 +332,10 @@ class BenchmarkResult:
                 for search in self.searches[entry.group]
             ],
             **scored.runs.to_dict(),
-            **{name: record[name] for name in ("gains", "search", "fronts", "stress")},
+            "gains": scored.gains,
+            "search": asdict(scored.search),
+            "fronts": {cost: [asdict(point) for point in points] for cost, points in scored.fronts.items()},
+            "stress": scored.stress,
         }
 
 
@@ -374,7 +377,7 @@ DRAWN_FROM = 0.05
 """A lower bound on the error is drawn if it is at least this share of the least error of all entries."""
 
 
-def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
+def _figure(found: RaceResult, ax: GivenAxes) -> Figure:
     terms = found.terms
     words = (
         f"{terms.rollouts} rollouts in “{plain(terms.ensemble)}” to tune each, "
@@ -410,7 +413,7 @@ def _figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
     return page.figure
 
 
-def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colour: str) -> None:
+def _dot(axes: Axes, found: RaceResult, scored: EntryResult, row: int, colour: str) -> None:
     interval = found.ratios[scored.entry.key].interval
     if math.isnan(interval.estimate):
         return
@@ -445,7 +448,7 @@ def _share(ratio: float) -> str:
     return f"{ratio:.2g}×" if ratio >= SMALL_RATIO else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
-def _fronts_figure(found: BenchmarkResult, ax: GivenAxes) -> Figure:
+def _fronts_figure(found: RaceResult, ax: GivenAxes) -> Figure:
     styles = looks((scored.entry.key for scored in found.ranking), ENTRY_COLOURS)
     count = found.terms.test_scenarios
     words = f"Trials that satisfy every constraint, in {count} test scenarios; ●: the best, ×: the paper's"
@@ -487,7 +490,7 @@ def _rms(mean_square: float) -> float:
     return MILLIMETRES * math.sqrt(mean_square)
 
 
-def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
+def _least_lines(found: RaceResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
     """Lower bounds on the error in mm, if near the entries' errors: value, dashes and name."""
     nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
     lines = (((0, (4, 2)), "least error without foresight"), ((0, (1, 1.5)), "with foresight"))

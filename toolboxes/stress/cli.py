@@ -30,7 +30,7 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
-    from dualwinch.toolboxes.stress.result import RobustnessResult
+    from dualwinch.toolboxes.stress.result import StressResult
 
 
 def stress(
@@ -165,7 +165,7 @@ def _number(value: Any) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
-def write_stress(out: Path, found: RobustnessResult) -> list[str]:
+def write_stress(out: Path, found: StressResult) -> list[str]:
     """Write ``stress.json`` and ``stress.svg``, and add them to a study's report in the folder.
 
     Returns:
@@ -181,7 +181,7 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     return ["stress.json", "stress.svg", *shown]
 
 
-def to_record(found: RobustnessResult) -> dict[str, Any]:
+def to_record(found: StressResult) -> dict[str, Any]:
     """The result as plain data, with base and ensemble as TOML."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
 

@@ -139,7 +139,7 @@ ON_BOUND = 1e-6
 
 
 @dataclass(frozen=True)
-class RobustnessLimit:
+class StressLimit:
     """A constraint of a stress test, the same for all gains.
 
     Attributes:
@@ -250,7 +250,7 @@ def statistic_of(constraint: Constraint) -> Statistic:
 
 def limits_of(
     constraints: Sequence[Constraint], paper: RunOutcomes, gains: Mapping[str, RunOutcomes]
-) -> tuple[RobustnessLimit, ...]:
+) -> tuple[StressLimit, ...]:
     """Constraints with bounds as numbers, the same for all gains, so that their robustness margins are comparable.
 
     A bound that some gains violate in the base, or lie on, as the paper's lie on their own value, measures no
@@ -269,7 +269,7 @@ def limits_of(
         violated_by = tuple(name for name, share in excess.items() if share >= near and share > 0)
         eased = [_eased(asked, values[name]) for name in (*on_bound, *violated_by)]
         loosest = (min if asked.at_least else max)(eased, key=lambda each: each.bound, default=asked)
-        found.append(RobustnessLimit(loosest, asked, on_bound, violated_by))
+        found.append(StressLimit(loosest, asked, on_bound, violated_by))
     return tuple(found)
 
 
@@ -300,7 +300,7 @@ def _eased(asked: Constraint, reached: float) -> Constraint:
     return replace(asked, bound=reached * WORSE if larger else reached / WORSE)
 
 
-def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:
+def failures(limits: Sequence[StressLimit], runs: RunOutcomes, tension_max: float) -> tuple[ViolatedLimit, ...]:
     """Limits (`limits_of`) for which gains already fail in the base; empty if their robustness margins are computed.
 
     Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors (`tension_max`, in N), or
@@ -308,7 +308,7 @@ def failures(limits: Sequence[RobustnessLimit], runs: RunOutcomes, tension_max: 
     """
     if lost := violated_limits((), runs):
         return lost
-    asked = [RobustnessLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
+    asked = [StressLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
     hopeless = {limit.asked for limit in limits if limit.vacuous}
     return tuple(
         found
@@ -326,7 +326,7 @@ def is_no_measure(failures: Sequence[ViolatedLimit]) -> bool:
     return any(not failure.at_least for failure in failures)
 
 
-def violated_limits(limits: Sequence[RobustnessLimit], runs: RunOutcomes) -> tuple[ViolatedLimit, ...]:
+def violated_limits(limits: Sequence[StressLimit], runs: RunOutcomes) -> tuple[ViolatedLimit, ...]:
     """Violated limits: first incomplete runs, then constraints in descending order of violation."""
     lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
     found = [ViolatedLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]

@@ -17,7 +17,7 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.plots.page import GivenAxes, new_page
 from dualwinch.simulation.plots.style import BLUE, GREY, INK, VERMILION, plain
 from dualwinch.toolboxes.stress.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
-from dualwinch.toolboxes.stress.limits import SHARE, RobustnessLimit, ViolatedLimit, is_no_measure, multiple
+from dualwinch.toolboxes.stress.limits import SHARE, StressLimit, ViolatedLimit, is_no_measure, multiple
 from dualwinch.toolboxes.stress.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
 from dualwinch.tuning.constraints import Constraint
 
@@ -79,7 +79,7 @@ class ImperfectionResult:
 
 
 @dataclass(frozen=True, repr=False)
-class RobustnessResult:
+class StressResult:
     """Robustness margins of one or more controllers; shown at a prompt and in a notebook as a table.
 
     Attributes:
@@ -94,7 +94,7 @@ class RobustnessResult:
 
     scaling: ScaledEnsemble
     controllers: dict[str, Controller]
-    limits: dict[str, tuple[RobustnessLimit, ...]]
+    limits: dict[str, tuple[StressLimit, ...]]
     lost: dict[str, tuple[ViolatedLimit, ...]]
     rows: tuple[ImperfectionResult, ...]
     left_out: tuple[Constraint, ...] = ()
@@ -191,7 +191,7 @@ class RobustnessResult:
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return page("RobustnessResult", ". ".join([self.heading, *self.notes()]), table(*self.table()))
+        return page("StressResult", ". ".join([self.heading, *self.notes()]), table(*self.table()))
 
     def plot(self, *, ax: GivenAxes = None) -> Figure:
         """Draw the robustness margins, one row per imperfection.
@@ -269,7 +269,7 @@ HEADING, A_ROW = 1.35, 0.34
 """Heights in inches."""
 
 
-def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
+def _figure(found: StressResult, ax: GivenAxes) -> Figure:
     looks = dict(
         zip(found.controllers, GAINS_COLOURS if len(found.controllers) > 1 else GAINS_COLOURS[1:], strict=False)
     )
@@ -295,7 +295,7 @@ def _figure(found: RobustnessResult, ax: GivenAxes) -> Figure:
 
 
 def _draw(
-    axes: Axes, found: RobustnessResult, row: ImperfectionResult, margin: RobustnessMargin, height: float, colour: str
+    axes: Axes, found: StressResult, row: ImperfectionResult, margin: RobustnessMargin, height: float, colour: str
 ) -> None:
     """Draw the range of sizes at which gains hold, and the size at which they break with its cause, or an arrow."""
     lowest = size(LOWEST)
@@ -321,7 +321,7 @@ def _draw(
     )
 
 
-def _scales(axes: Axes, found: RobustnessResult) -> None:
+def _scales(axes: Axes, found: StressResult) -> None:
     name = plain(found.scaling.ensemble.name)
     axes.set_xscale("log")
     axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * LABEL_ROOM)
@@ -340,7 +340,7 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
     axes.tick_params(axis="y", length=0)
 
 
-def _legend(found: RobustnessResult, name: str) -> str:
+def _legend(found: StressResult, name: str) -> str:
     """Legend of gains: their name, and whether they break without any imperfection."""
     words = "the paper's gains" if name == PAPER else plain(name)
     return f"{words}: break without any" if found.lost[name] else f"{words} break"

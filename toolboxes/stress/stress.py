@@ -32,7 +32,7 @@ from dualwinch.toolboxes.stress.imperfections import (
     union,
 )
 from dualwinch.toolboxes.stress.limits import (
-    RobustnessLimit,
+    StressLimit,
     ViolatedLimit,
     constraints_of,
     failures,
@@ -41,7 +41,7 @@ from dualwinch.toolboxes.stress.limits import (
     violated_limits,
     where_paper_is_no_measure,
 )
-from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
+from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, StressResult
 from dualwinch.toolboxes.stress.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TuningProblem
@@ -72,7 +72,7 @@ def stress(
     name: str = "given",
     workers: Workers = None,
     progress: Progress = no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """Compute the robustness margins of an experiment's gains and of the paper's, by bisection.
 
     An imperfection is a value that the ensemble draws or sets and the base does not. Each is scaled, alone and all
@@ -146,7 +146,7 @@ def stress_tuned(
     name: str = "given",
     workers: Workers = None,
     progress: Progress = no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """`stress` for the best of a tuning problem, with its ensemble as the base, and with its constraints."""
     return stress(
         best,
@@ -255,7 +255,7 @@ def breakdowns(
     seed: int,
     workers: Workers = None,
     progress: Progress = no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """Compute the robustness margins of several controllers for each imperfection, by bisection.
 
     Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
@@ -308,13 +308,13 @@ def breakdowns(
         for imperfection, reach in reaches.items()
     ]
     progress(1.0)
-    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows), left_out)
+    return StressResult(scaling, dict(controllers), limits, lost, tuple(rows), left_out)
 
 
 def _margins(
     runner: ScaledRunner,
     controller: Controller,
-    limits: Sequence[RobustnessLimit],
+    limits: Sequence[StressLimit],
     reaches: Mapping[Imperfection, SizeRange],
     sizes_of: Callable[[Imperfection, int], dict[str, float]],
 ) -> dict[Imperfection, RobustnessMargin]:

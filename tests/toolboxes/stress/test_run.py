@@ -21,7 +21,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.toolboxes.stress import stress as bench
 from dualwinch.toolboxes.stress.imperfections import imperfections, union
-from dualwinch.toolboxes.stress.result import RobustnessResult
+from dualwinch.toolboxes.stress.result import StressResult
 from dualwinch.toolboxes.stress.sizes import size
 from dualwinch.toolboxes.stress.stress import PAPER, breakdowns
 from dualwinch.tuning.constraints import constraints_from
@@ -71,7 +71,7 @@ def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
     text = DRUMS + "[sensors]\nspeed_noise = 4e-3\n"
     own = {"paper": paper_controller(), "other": Controller(estimator=Kalman(), limits=Limits(preload=3e3))}
 
-    def found(seed: int, threads: int) -> RobustnessResult:
+    def found(seed: int, threads: int) -> StressResult:
         constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
         return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, workers=threads)
 
