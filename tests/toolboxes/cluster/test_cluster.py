@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any, cast
@@ -21,6 +21,7 @@ from dualwinch.simulation.batch.workers import WorkerWarning, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.toolboxes.cluster.client import ClusterExecutor, cluster_client
+from dualwinch.toolboxes.race.race import CHECKPOINTS
 from tests.simulation.batch.test_workers import ensemble_with_own_law
 from tests.toolboxes.cluster.dask_cluster import DaskProcesses, dask_processes
 
@@ -143,6 +144,16 @@ def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str], monkey
     main(["simulate", "--set", "simulation.duration=0.1"])
 
 
+def test_without_the_toolbox_one_line_says_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "dualwinch.toolboxes.cluster.client", None)  # as if its folder were deleted
+    with pytest.raises(SystemExit):
+        main(["simulate", "--ensemble", "sea", "--cluster", "tcp://127.0.0.1:1"])
+    error = "dualwinch: error: --cluster: needs the toolbox `cluster`, which is not installed"
+    assert capsys.readouterr().err.splitlines()[-1] == error
+
+
 class Workers(Executor):
     """A Dask client and its executor: of the workers `a` and `b`, those in `unable` cannot compile."""
 
@@ -155,7 +166,8 @@ class Workers(Executor):
     def scheduler_info(self, n_workers: int) -> dict[str, Any]:  # noqa: ARG002
         return {"workers": {"a": None, "b": None}}
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, workers: Sequence[str] = "ab", **_: bool) -> Future[Any]:  # noqa: ARG002
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ARG002
+        workers = kwargs.get("workers", "ab")
         self.asked.append(workers[0])
         future: Future[Any] = Future()
         if workers[0] in self.unable:
@@ -337,7 +349,7 @@ def test_a_race_whose_client_and_worker_were_killed_equals_that_of_one_process_i
     there = [*words, "--out", str(tmp_path / "there"), "--cluster", dask.address]
 
     def entries() -> int:
-        return len(list((tmp_path / "there" / "entries").glob("*.json")))
+        return len(list((tmp_path / "there" / CHECKPOINTS).glob("*.result")))
 
     ran = command(*there)
     until(lambda: entries() > 0)

@@ -2,9 +2,6 @@
 
 import json
 import re
-import signal
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +17,7 @@ from dualwinch.toolboxes.race.race import CHECKPOINTS, EntryTask, run_race
 from dualwinch.toolboxes.race.result import RaceResult
 from dualwinch.toolboxes.race.scores import COSTS
 from dualwinch.tuning.scoring.progress import SCORING, SCREENING
+from tests.killed import killed_after, written
 from tests.simulation.batch.test_workers import Remote
 from tests.toolboxes.race.conftest import MakeRace
 
@@ -96,49 +94,17 @@ def test_a_race_by_an_executor_is_that_of_this_process(finished: Finished, tmp_p
     assert len(executor.sent) == 3, "everything is stored"
 
 
-RACE = """
-import os, signal, sys
-from dualwinch.simulation.batch.workers import CheckpointingExecutor
-store = CheckpointingExecutor.store
-
-def store_and_die(self, key, result):
-    store(self, key, result)
-    if len(list(self.folder.iterdir())) == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-CheckpointingExecutor.store = store_and_die
-from tests.studies import FEW, choosing_by
-from dualwinch.cli import main
-with choosing_by(FEW):
-    main(sys.argv[1:])
-"""
-
-
 @pytest.mark.slow
 def test_a_killed_race_goes_on_to_the_same_digits(tmp_path: Path, few_scenarios: None) -> None:  # noqa: ARG001
     """Killed by the system when the paper's gains and the first entry are finished."""
-    words = ["race", "--ensemble", "sea", "--set", "simulation.duration=0.1", "--constraint", "none"]
-    words += [
-        "--law",
-        "nftsm",
-        "--law",
-        "adrc",
-        "--rollouts",
-        "60",
-        "--scenarios",
-        "2",
-        "--test-scenarios",
-        "4",
-        "--out",
-    ]
-    command = [sys.executable, "-c", RACE, *words, str(tmp_path / "killed")]
-    ended = subprocess.run(command, check=False, capture_output=True)
-    assert ended.returncode == -signal.SIGKILL, ended.stderr.decode()
-    stored = {file: file.stat().st_mtime_ns for file in (tmp_path / "killed" / "checkpoints").iterdir()}
-    assert len(stored) == 2
+    words = ["race", "--ensemble", "sea", "--set", "simulation.duration=0.1", "--constraint", "none", "--law", "nftsm"]
+    words += ["--law", "adrc", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4", "--out"]
+    checkpoints = tmp_path / "killed" / CHECKPOINTS
+    files = killed_after(2, [*words, str(tmp_path / "killed")], checkpoints)
     for folder in ("killed", "whole"):
         main([*words, str(tmp_path / folder)])
-    assert all(file.stat().st_mtime_ns == time for file, time in stored.items())
+    assert len(written(checkpoints)) == 3
+    assert files.items() <= written(checkpoints).items()
     killed, whole = (json.loads((tmp_path / name / "race.json").read_text()) for name in ("killed", "whole"))
     for entry in (*killed["entries"], *whole["entries"]):
         del entry["search"]["seconds"]
