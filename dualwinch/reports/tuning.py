@@ -18,8 +18,8 @@ from dualwinch.reports.page import data_uri, number_text, template, write_page
 from dualwinch.simulation.metrics.metrics import in_words
 from dualwinch.simulation.plots.runs import length_unit
 from dualwinch.toolboxes.race.comparison import RULE
-from dualwinch.toolboxes.race.result import BenchmarkResult
-from dualwinch.toolboxes.stress.result import RobustnessResult
+from dualwinch.toolboxes.race.result import RaceResult
+from dualwinch.toolboxes.stress.result import StressResult
 from dualwinch.tuning.plots import (
     before_and_after,
     distributions,
@@ -288,7 +288,7 @@ BEGIN, END = "<!-- stress: begin -->", "<!-- stress: end -->"
 """Marks around the section on robustness margins."""
 
 
-def show_stress(report: Path, found: RobustnessResult) -> bool:
+def show_stress(report: Path, found: StressResult) -> bool:
     """Write robustness margins into a report of `dualwinch tune`, in place of the section's present content.
 
     Args:
@@ -319,7 +319,7 @@ def show_stress(report: Path, found: RobustnessResult) -> bool:
     return True
 
 
-def write_race_report(path: Path, found: BenchmarkResult, facts: Mapping[str, str]) -> None:
+def write_race_report(path: Path, found: RaceResult, facts: Mapping[str, str]) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:

@@ -30,7 +30,7 @@ from dualwinch.cli.output import if_interrupted, json_text, terminal, version_no
 from dualwinch.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from dualwinch.toolboxes.race.result import BenchmarkResult
+    from dualwinch.toolboxes.race.result import RaceResult
     from dualwinch.toolboxes.race.scores import EntryResult
 
 OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"
@@ -62,8 +62,8 @@ def race(
 
     All entries have the same seeds, constraints and scenarios; errors are compared scenario by scenario with those of
     the paper's gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
-    continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
-    and the gains of each entry as a configuration.
+    continues with the rest, and a call with other laws adds them to those of race.json. The folder receives race.json,
+    report.html, figures, and the gains of each entry as a configuration.
 
     Args:
         ensemble: Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file.
@@ -95,17 +95,17 @@ def race(
 
     use_parts(plugin)
     name = own_default("race", "ensemble") if ensemble is None else ensemble
-    drawn = load_ensemble(name, load(config) if config else None)
-    note_other_machine(config, name, drawn)
-    note_papers_machine(ExperimentOptions(config=config, set_=set_), name, drawn)
+    scenes = load_ensemble(name, load(config) if config else None)
+    note_other_machine(config, name, scenes)
+    note_papers_machine(ExperimentOptions(config=config, set_=set_), name, scenes)
     with (
         made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
         where.workers(progress) as workers,
         if_interrupted(GO_ON),
     ):
-        found = race(
-            ensemble=drawn,
+        result = race(
+            ensemble=scenes,
             laws=law,
             estimators=estimator,
             coordinations=coordination,
@@ -122,10 +122,10 @@ def race(
             ),
         )
         progress(1.0, "writing the report")
-        written = write_race(out, found)
-    terminal(soft_wrap=True).print(repr(found), highlight=False)
+        written = write_race(out, result)
+    terminal(soft_wrap=True).print(repr(result), highlight=False)
     progress.say(f"wrote {', '.join(written)} in {out}")
-    if found.remaining:
+    if result.remaining:
         raise KeyboardInterrupt(GO_ON)
 
 
@@ -136,7 +136,7 @@ GAINS = "gains"
 """Folder of the configurations."""
 
 
-def write_race(out: Path, found: BenchmarkResult) -> list[str]:
+def write_race(out: Path, result: RaceResult) -> list[str]:
     """Write ``race.json``, ``race.svg``, ``fronts.svg``, ``report.html``, and the gains of each entry.
 
     Returns:
@@ -147,24 +147,23 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     from dualwinch.reports.tuning import write_race_report
     from dualwinch.simulation.plots import save
 
-    write_whole(out / "race.json", json_text(to_record(found)))
-    save(found.plot(), out / "race.svg")
-    save(found.plot_fronts(), out / "fronts.svg")
-    write_race_report(out / "report.html", found, versions())
+    write_whole(out / "race.json", json_text(to_record(result)))
+    save(result.plot(), out / "race.svg")
+    save(result.plot_fronts(), out / "fronts.svg")
+    write_race_report(out / "report.html", result, versions())
     make_folder(out / GAINS)
-    for scored in found.entries:
-        if text := configuration(found, scored):
-            write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
+    for scored in result.entries:
+        write_whole(out / GAINS / f"{scored.entry.stem}.toml", configuration(result, scored))
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
-def to_record(found: BenchmarkResult) -> dict[str, Any]:
+def to_record(result: RaceResult) -> dict[str, Any]:
     """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
     from dualwinch.analysis.idealisations import idealisations
     from dualwinch.config.ensemble_file import loads_ensemble
     from dualwinch.simulation.metrics.metrics import metric_quantities
 
-    record = found.to_dict()
+    record = result.to_dict()
     for runs in (record["paper"], *record["entries"]):
         runs["rms_error"] = math.sqrt(runs["statistics"]["mean.mse"] or math.nan)
     for entry in record["entries"]:
@@ -176,24 +175,20 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
     metrics = {name: quantity.unit for name, quantity in metric_quantities().items()}
     units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
     rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
-    left_out = idealisations(loads_ensemble(found.terms.configuration).experiment)
-    facts = {"idealisations": [asdict(one) for one in left_out], "units": units | rms}
+    simplifications = idealisations(loads_ensemble(result.terms.configuration).experiment)
+    facts = {"idealisations": [asdict(simplification) for simplification in simplifications], "units": units | rms}
     return {**record, **facts, **version_notes()}
 
 
-def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
-    """The best gains of an entry as TOML; empty if its parts are not registered, as those of an earlier call may be."""
+def configuration(result: RaceResult, scored: EntryResult) -> str:
+    """The best gains of an entry as TOML."""
     from dualwinch.codegen.text import one_line
     from dualwinch.config.ensemble_file import TUNED_IN, loads_ensemble
     from dualwinch.config.experiment_file import to_toml
-    from dualwinch.model.errors import ConfigurationError
     from dualwinch.simulation.settings import override
 
-    nominal = loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
-    try:
-        best = override(nominal, {**scored.entry.values, **scored.gains})
-    except ConfigurationError:
-        return ""
-    terms = found.terms
+    nominal = loads_ensemble(result.terms.configuration, name="the race's ensemble").experiment
+    best = override(nominal, {**scored.entry.values, **scored.gains})
+    terms = result.terms
     words = f"{scored.entry.key}: the best of {terms.rollouts} rollouts in '{terms.ensemble}', seed {terms.seed}"
     return f"# {words}, by `dualwinch race`.\n# {TUNED_IN}: {one_line(terms.ensemble)}\n\n{to_toml(best)}"

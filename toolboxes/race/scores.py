@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,9 @@ from dualwinch.simulation.batch.authority import LeastErrors
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.ensembles.comparison import Interval
 from dualwinch.simulation.ensembles.result import Statistic, statistic_from
-from dualwinch.simulation.results.file_formats import plain
-from dualwinch.simulation.results.outcomes import RunOutcomes, outcomes_from
+from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.toolboxes.race.comparison import finite_or_none
-from dualwinch.toolboxes.race.entries import BenchmarkEntry
+from dualwinch.toolboxes.race.entries import RaceEntry
 from dualwinch.tuning.scoring.ranking import Evaluation, undominated
 
 Floats = NDArray[np.float64]
@@ -71,10 +70,6 @@ class ScoredRuns(RunOutcomes):
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
         return f"violated: {self.violated[0]}" if self.violated else "satisfied"
 
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return super().to_record() | {"violations": self.violations, "operations": self.operations}
-
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``race.json``."""
         statistics = [statistic_from(name) for name in STATISTICS]
@@ -84,11 +79,6 @@ class ScoredRuns(RunOutcomes):
             "violated": list(self.violated),
             "operations": self.operations,
         }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        return cls(**vars(outcomes_from(record)), violations=record["violations"], operations=record["operations"])
 
 
 def scored_runs(result: BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
@@ -108,22 +98,6 @@ class BaselineScore:
 
     runs: ScoredRuns
     lower_bounds: LeastErrors
-
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return {
-            "runs": self.runs.to_record(),
-            "without_foresight": plain(self.lower_bounds.without_foresight),
-            "with_foresight": plain(self.lower_bounds.with_foresight),
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        runs = ScoredRuns.from_record(record["runs"])
-        return cls(
-            runs, LeastErrors(*(np.array(record[name], float) for name in ("without_foresight", "with_foresight")))
-        )
 
 
 @dataclass(frozen=True)
@@ -176,37 +150,12 @@ class EntryResult:
         stress: least robustness margins, each a label, a size and the violated limit; ``None``: not computed.
     """
 
-    entry: BenchmarkEntry
+    entry: RaceEntry
     runs: ScoredRuns
     gains: dict[str, Any]
     fronts: dict[str, tuple[FrontPoint, ...]]
     search: SearchRecord
     stress: tuple[dict[str, Any], ...] | None = None
-
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return {
-            "entry": asdict(self.entry) | {"excluded": list(self.entry.excluded)},
-            "runs": self.runs.to_record(),
-            "gains": self.gains,
-            "fronts": {name: [asdict(point) for point in points] for name, points in self.fronts.items()},
-            "search": asdict(self.search),
-            "stress": None if self.stress is None else list(self.stress),
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        entry = record["entry"]
-        stress = record["stress"]
-        return cls(
-            entry=BenchmarkEntry(**(entry | {"excluded": tuple(entry["excluded"])})),
-            runs=ScoredRuns.from_record(record["runs"]),
-            gains=record["gains"],
-            fronts={name: tuple(FrontPoint(**point) for point in points) for name, points in record["fronts"].items()},
-            search=SearchRecord(**record["search"]),
-            stress=None if stress is None else tuple(stress),
-        )
 
 
 FRONT_POINTS = 8

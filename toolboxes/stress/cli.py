@@ -30,7 +30,7 @@ from dualwinch.cli.progress import ProgressLine
 if TYPE_CHECKING:
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
-    from dualwinch.toolboxes.stress.result import RobustnessResult
+    from dualwinch.toolboxes.stress.result import StressResult
 
 
 def stress(
@@ -79,23 +79,23 @@ def stress(
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    around = own_default("stress", "base") if base is None else base
+    base_name = own_default("stress", "base") if base is None else base
     if file:
         names = [NO_ENSEMBLE]
-        if around != NO_BASE:
-            beneath = load_ensemble(around, experiment)
-            note_replaced(file, around, beneath, given.values)
-            names = [beneath.name]
-        added = load_ensemble(own_default("stress", "ensemble") if ensemble is None else ensemble, experiment)
-        note_other_ensemble(file, *names, added.name)
+        if base_name != NO_BASE:
+            base_ensemble = load_ensemble(base_name, experiment)
+            note_replaced(file, base_name, base_ensemble, given.values)
+            names = [base_ensemble.name]
+        imperfect = load_ensemble(own_default("stress", "ensemble") if ensemble is None else ensemble, experiment)
+        note_other_ensemble(file, *names, imperfect.name)
     with (
         made_folder(out) if out else nullcontext(),
         ProgressLine("simulating", command="stress", patient=True) as progress,
         where.workers(progress) as workers,
     ):
-        found = stress(
+        result = stress(
             experiment,
-            base=around,
+            base=base_name,
             settings=given.values,
             constraints=constraint,
             study_constraints=study_constraints(file, experiment) if file else (),
@@ -105,11 +105,11 @@ def stress(
             **stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
         )
     if json:
-        print_json(to_record(found))
+        print_json(to_record(result))
     else:
-        terminal(soft_wrap=True).print(repr(found), highlight=False)
+        terminal(soft_wrap=True).print(repr(result), highlight=False)
     if out:
-        for name in write_stress(out, found):
+        for name in write_stress(out, result):
             wrote(out / name)
 
 
@@ -122,7 +122,7 @@ def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str])
         print_note(words, stderr=True)
 
 
-def replaced(file: Path, name: str, base: Ensemble, asked: Collection[str] = ()) -> str:
+def replaced(file: Path, name: str, base: Ensemble, assigned: Collection[str] = ()) -> str:
     """Name the values of the gains' file that a base sets itself, those first that are no defaults; empty if none."""
     from dualwinch.config.experiment_file import given_keys, load
     from dualwinch.model.quantities.tree import leaves, shown
@@ -130,13 +130,17 @@ def replaced(file: Path, name: str, base: Ensemble, asked: Collection[str] = ())
     from dualwinch.simulation.settings import current
     from dualwinch.toolboxes.stress.imperfections import MACHINE, METHOD
 
-    there, here, usual = (leaves(each) for each in (load(file), base.experiment, Experiment()))
-    given = {current(key) for key in given_keys(file)} - METHOD - set(map(current, asked))
-    keys = [key for key in here.keys() & there.keys() & given if key.startswith(MACHINE) and here[key] != there[key]]
+    file_values, base_values, defaults = (leaves(each) for each in (load(file), base.experiment, Experiment()))
+    file_keys = {current(key) for key in given_keys(file)} - METHOD - set(map(current, assigned))
+    keys = [
+        key
+        for key in base_values.keys() & file_values.keys() & file_keys
+        if key.startswith(MACHINE) and base_values[key] != file_values[key]
+    ]
     if not keys:
         return ""
-    keys.sort(key=lambda key: (there[key] == usual.get(key), key))
-    differences = [f"{key} = {shown(here[key])} (the file: {shown(there[key])})" for key in keys]
+    keys.sort(key=lambda key: (file_values[key] == defaults.get(key), key))
+    differences = [f"{key} = {shown(base_values[key])} (the file: {shown(file_values[key])})" for key in keys]
     return (
         f"the base '{base.name}' sets values of its own: {first(differences, 3)}; to judge the gains with those of "
         f"{file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
@@ -165,7 +169,7 @@ def _number(value: Any) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
-def write_stress(out: Path, found: RobustnessResult) -> list[str]:
+def write_stress(out: Path, result: StressResult) -> list[str]:
     """Write ``stress.json`` and ``stress.svg``, and add them to a study's report in the folder.
 
     Returns:
@@ -175,19 +179,19 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     from dualwinch.reports.tuning import show_stress
     from dualwinch.simulation.plots import save
 
-    write_whole(out / "stress.json", json_text(to_record(found)))
-    save(found.plot(), out / "stress.svg")
-    shown = ["report.html"] if show_stress(out / "report.html", found) else []
+    write_whole(out / "stress.json", json_text(to_record(result)))
+    save(result.plot(), out / "stress.svg")
+    shown = ["report.html"] if show_stress(out / "report.html", result) else []
     return ["stress.json", "stress.svg", *shown]
 
 
-def to_record(found: RobustnessResult) -> dict[str, Any]:
+def to_record(result: StressResult) -> dict[str, Any]:
     """The result as plain data, with base and ensemble as TOML."""
     from dualwinch.config.ensemble_file import ensemble_to_toml
 
-    scaling = found.scaling
+    scaling = result.scaling
     return {
-        **found.to_dict(),
+        **result.to_dict(),
         "configuration": ensemble_to_toml(scaling.ensemble),
         "base_configuration": ensemble_to_toml(scaling.base),
         **version_notes(),

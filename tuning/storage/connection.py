@@ -89,12 +89,12 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
         raise ConfigurationError(f"--storage: not the URL of a database; must be such as {EXAMPLE}") from None
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise StorageError(f"cannot use the database {shown(url)}: {_reason(error, url)}") from None
-    there, here = storage.get_current_version(), storage.get_head_version()
-    if there != here:
+    version, supported = storage.get_current_version(), storage.get_head_version()
+    if version != supported:
         storage.engine.dispose()
         raise StorageError(
-            f"the database {shown(url)} is of another version of Optuna: its tables are {there}, must be {here}; "
-            "use another database, or `optuna storage upgrade`"
+            f"the database {shown(url)} is of another version of Optuna: its tables are {version}, must be "
+            f"{supported}; use another database, or `optuna storage upgrade`"
         )
     return storage
 
@@ -144,13 +144,13 @@ def _secrets(url: str) -> set[str]:
     parts = _parts(url)
     if parts is None:
         return {url}
-    found = {str(parts.password)} if parts.password else set()
+    secrets = {str(parts.password)} if parts.password else set()
     for name, value in parts.query.items():
         if name not in HARMLESS:
-            found |= {value} if isinstance(value, str) else set(value)
+            secrets |= {value} if isinstance(value, str) else set(value)
     if re.search(r"=|://", parts.database or ""):
-        found.add(str(parts.database))
-    return {secret for plain in found for secret in (plain, quote(plain, safe=""), quote_plus(plain)) if secret}
+        secrets.add(str(parts.database))
+    return {secret for text in secrets for secret in (text, quote(text, safe=""), quote_plus(text)) if secret}
 
 
 def quiet() -> None:

@@ -13,9 +13,8 @@ from dualwinch.cli.options import other_ensemble
 from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
-from dualwinch.toolboxes.race.cli import write_race
 from dualwinch.toolboxes.stress import stress as stress_module
-from tests.toolboxes.race.made_up import made_up, scored
+from tests.toolboxes.race.made_up import made_up
 from tests.toolboxes.stress.ensembles import DRUMS
 
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
@@ -63,7 +62,8 @@ def test_a_race_is_printed_written_and_added_to(
     main([*words, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
     assert "Race: 2 entries" in said.out
-    assert "race: nftsm" not in said.err, "it is finished"
+    assert "race: 1 of 2, spring: searching" in said.err
+    assert "nftsm: " not in said.err, "it is finished"
     facts = json.loads((out / "race.json").read_text())
     assert {entry["law"] for entry in facts["entries"]} == {"nftsm", "spring"}
     for entry in facts["entries"]:
@@ -167,12 +167,6 @@ def test_an_interrupt_writes_what_is_finished(
     said = capsys.readouterr()
     assert "2 entries remain" in said.out
     assert "interrupted; the same call goes on with the entries that are not" in said.err.splitlines()[-1]
-
-
-def test_gains_of_parts_that_are_not_known_here_are_left_out(tmp_path: Path) -> None:
-    written = write_race(tmp_path, replace(made_up(), entries=(scored("nobody-knows", 1.0),)))
-    assert written[0] == "race.json"
-    assert list((tmp_path / "gains").iterdir()) == []
 
 
 def test_an_ensemble_that_draws_gains_is_refused() -> None:
