@@ -20,6 +20,7 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
 from dualwinch.tuning.constraints import LATE
+from dualwinch.tuning.limit_cycle import LimitCycle, limit_cycle
 from dualwinch.tuning.options import TuningOptions, default_method
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import AMPLITUDES, TuningProblem
@@ -113,11 +114,19 @@ class TuningResult:
 
         The advice to bound a margin is left out where drums swing: there, it is bounded for small speed errors only.
         """
-        found = list(loop_remarks(self.best))
+        found = [
+            f"{words}; it ends in {self.cycle.words}" if words.startswith(UNSTABLE) and self.cycle else words
+            for words in loop_remarks(self.best)
+        ]
         if amplitudes := self._amplitudes:
             advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
             found += amplitude_remarks(self.best, amplitudes, advice)
         return tuple(found)
+
+    @cached_property
+    def cycle(self) -> LimitCycle | None:
+        """The limit cycle of the best's loop on the nominal machine; ``None``: none was found."""
+        return limit_cycle(self.best)
 
     @cached_property
     def _late(self) -> tuple[str, ...]:
@@ -198,6 +207,9 @@ class TuningResult:
         )
 
 
+UNSTABLE = "unstable at small amplitudes"
+"""Beginning of the remark of `loop_remarks` on a loop that is unstable."""
+
 EDGE = 0.02
 """A gain lies at a bound within this share of its range."""
 
@@ -256,7 +268,8 @@ def headline(tuned: TuningResult) -> str:
 def instability(tuned: TuningResult) -> str:
     """The best's first instability on the nominal machine, in a few words; empty if it is stable."""
     words = next(iter(tuned.instabilities), "").partition(":")[0]
-    return f"the loop with these gains is {words}" if words.startswith("unstable") else words
+    cycle = f", in {tuned.cycle.words}" if words.startswith(UNSTABLE) and tuned.cycle else ""
+    return f"the loop with these gains is {words}{cycle}" if words.startswith("unstable") else words
 
 
 def worth(tuned: TuningResult) -> str:

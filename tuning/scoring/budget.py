@@ -6,7 +6,7 @@ from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.scoring import clock
 
 CERTIFICATE_SHARE = 0.125
-"""Share of a budget of rollouts that is reserved for the certificate: 1 500 of 12 000."""
+"""Share of a budget of rollouts that is reserved for the certificate, 1 500 of 12 000, and that it may take besides."""
 
 TIME_SHARE, TIME_MORE = 0.3, 10.0
 """A study with a time T for its search takes at most this share of T and this time in s besides, after preparation."""
