@@ -15,7 +15,6 @@ from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
-from dualwinch.simulation.batch.authority import infeasible_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
@@ -404,9 +403,13 @@ def _digits(ratio: float) -> str:
 
 
 def authority(tuned: TuningResult) -> str:
-    """Number of infeasible test scenarios, in words; empty for none."""
-    beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible_scenarios
-    return infeasible_words(beyond) if beyond and tuned.verdict.has_test_set else ""
+    """Number of test scenarios beyond the motors' authority, in words; empty for none."""
+    verdict, share = tuned.verdict, tuned.problem.options.authority
+    beyond = verdict.scored.scenarios - verdict.feasible_scenarios
+    if not beyond or not verdict.has_test_set:
+        return ""
+    verb = "demands" if beyond == 1 else "demand"
+    return f"{beyond} of the scenarios {verb} more than {100 * share:g} % of the motors' force: no gains keep up there"
 
 
 def advice(tuned: TuningResult) -> list[str]:

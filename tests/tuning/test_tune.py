@@ -332,7 +332,7 @@ def test_where_scenarios_are_infeasible_the_feasible_ones_are_compared_first(tun
     feasible, _, every = words.partition(f" in the {count - 1} test scenarios within the motors' authority (")
     assert feasible == comparison(tuned)
     assert every.endswith(f" and as large as the start's in all {count})")
-    assert authority(replace(tuned, verdict=mixed)).startswith("1 of the scenarios is infeasible")
+    assert authority(replace(tuned, verdict=mixed)).startswith("1 of the scenarios demands more than 95 %")
 
 
 def test_gains_that_lose_runs_or_violate_a_bound_are_not_called_free_of_cost(tuned: TuningResult) -> None:

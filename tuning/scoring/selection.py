@@ -117,13 +117,9 @@ class Certification:
     def run(self, budget: SelectionBudget, watch: TuningProgress = NO_PROGRESS) -> Examination | None:
         """Examine leaders until one is certified, the budget ends or every candidate has been rejected.
 
-        The first leader is examined whatever the budget of rollouts.
+        A first leader is examined whatever the budget.
         """
-        begun = bool(self.examined)
-        while not self.certified and not budget.ended():
-            if self.examined and begun and not budget.allows(self._evaluator.meter, 1):
-                break
-            begun = True
+        while not self.certified and (not self.examined or budget.allows(self._evaluator.meter, 1)):
             entry = self._evaluator.leader()
             if entry is None:
                 break
@@ -171,7 +167,7 @@ class Certification:
         evaluator, chunk = self._evaluator, self._evaluator.problem.options.chunk
         stage, first = certificate.draws_of_stage(0), self._draws
         draws, runs, constraints = FreshDraws.none(), [], evaluator.training.constraints
-        while not budget.ended():
+        while not runs or not budget.ended():
             report = watch.step(CERTIFYING, f"certifying: {which} in {stage} fresh draws")
             report(certificate.draws / stage)
             more = evaluator.fresh(CERTIFICATE, first + certificate.draws, min(chunk, stage - certificate.draws))
@@ -192,7 +188,8 @@ class Certification:
                 break
             if certificate.draws == stage:
                 needed = certificate.draws_of_stage(certificate.violations)
-                if needed <= stage or not budget.allows(evaluator.meter, needed - stage):
+                expected = (needed - stage) * certificate.violations / stage
+                if needed <= stage or expected >= 1 or not budget.allows(evaluator.meter, needed - stage):
                     break
                 stage = needed
         self._draws += max(certificate.draws, certificate.machines)
@@ -214,16 +211,21 @@ class Certification:
     def best(self, budget: SelectionBudget, watch: TuningProgress = NO_PROGRESS) -> Examination:
         """The certified candidate; else of those that beat the start the one with the least supported probability.
 
-        For that comparison, the start is examined as well if it has not been.
+        For that comparison, the start is examined as well if it has not been, in a few draws and on a few machines.
         """
         if self.certified:
             return self.certified
         start = next((each for each in self.examined if each.entry is self.start), None)
         if start is None:
-            start = self._examine(self.start, SelectionBudget(budget.until, 0), watch)
+            start = self._examine(self.start, SelectionBudget(until=0.0), watch)
             self.examined.append(start)
-        better = [each for each in self.examined if each is not start and each.merit < start.merit]
+        better = [each for each in self.others if each.merit < start.merit]
         return min(better, key=lambda each: (each.certificate.supported, each.merit), default=start)
+
+    @property
+    def others(self) -> list[Examination]:
+        """The examined candidates but the start."""
+        return [each for each in self.examined if each.entry is not self.start]
 
     @property
     def unexamined(self) -> int:
@@ -272,7 +274,7 @@ def select(
         obstacle=_obstacle(certification) if chosen is start else "",
         contradiction="" if chosen is start else _contradiction(scores, certificate, test_set.constraints),
         certificate=certificate,
-        examined=len(certification.examined) if certification else 0,
+        examined=len(certification.others) if certification else 0,
         unexamined=certification.unexamined if certification else 0,
         test_violations=scores["best"].evaluation.violated,
         scores=scores,
@@ -292,7 +294,7 @@ def _obstacle(certification: Certification | None) -> str:
     """Why the start is kept, in words."""
     if certification is None:
         return NOT_CHOSEN
-    others = [each for each in certification.examined if each.entry is not certification.start]
+    others = certification.others
     if not others:
         return NONE_BEFORE
     best = min(others, key=lambda each: each.merit)

@@ -75,7 +75,7 @@ class SelectionResult:
         obstacle: why the start is kept, in words; empty if the best is a trial.
         contradiction: of the test set to the selection, in words; empty if there is none.
         certificate: what fresh draws and machines support of the best; ``None`` without an ensemble.
-        examined: number of candidates that were examined for a certificate, the start included.
+        examined: number of candidates, besides the start, that were examined for a certificate.
         unexamined: number of candidates that were not, and rank before the start in training.
         test_violations: number of test scenarios in which the best violates a bound on the worst case.
         scores: ``best``, ``start`` and ``paper`` → scores on the test set; without an ensemble, in the experiment.

@@ -1,6 +1,7 @@
 """The training set: random draws for means, and those that demand the most force as first cuts."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -67,4 +68,4 @@ def test_options_are_kept_with_a_study_and_probabilities_lie_between_0_and_1() -
     assert TuningOptions.from_record(OPTIONS.to_record()) == OPTIONS
     for words in ({"violation": 0.0}, {"violation": 1.0}, {"confidence": 95.0}):
         with pytest.raises(ConfigurationError, match="must be > 0 and < 1"):
-            TuningOptions(**words)
+            replace(OPTIONS, **words)
