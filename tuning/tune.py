@@ -96,6 +96,7 @@ def tune(
     evaluator.find_active_loops()
     proposer = optimiser(method, training, problem.stream(store.stream))
     watch.compiled(build_seconds() - built)
+    begun = _begin(store, evaluator, trials)
     prepared = clock.now()
     progress, interrupted, certification = SearchStatus(), False, None
     until, budget = None, SelectionBudget()
@@ -108,11 +109,11 @@ def tune(
     reserve = round(CERTIFICATE_SHARE * rollouts) if rollouts and problem.ensemble else 0
     watch.phase(SEARCHING)
     try:
-        _begin(store, evaluator, trials)
-        budget_of_search = SearchBudget(trials, until, rollouts and rollouts - reserve)
+        more = trials if trials is None or store.continued else trials - begun
+        budget_of_search = SearchBudget(more, until, rollouts and rollouts - reserve)
         search(method, proposer, store, evaluator, budget_of_search, watch, progress)
     except KeyboardInterrupt:
-        if not keep or not store.count():
+        if not keep:
             raise
         interrupted = True
     searched, tried = clock.now(), evaluator.rollouts
@@ -135,16 +136,20 @@ def tune(
     return TuningResult(training, method, tuple(store.finished()), verdict, progress, cost, interrupted, seconds)
 
 
-def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> None:
-    """Finish the first trials, the paper's gains and the start, whatever the time: a study is never empty."""
-    candidates = first_candidates(evaluator.problem)[:trials]
-    if candidates and not store.count():
+def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int:
+    """Finish the first trials, the paper's gains and the start, whatever the time: a study is never empty.
+
+    Returns:
+        Their number; 0 if the study has trials.
+    """
+    candidates = [] if store.count() else first_candidates(evaluator.problem)[:trials]
+    if candidates:
         store.add(evaluator.evaluate(candidates))
+    return len(candidates)
 
 
 def _seconds_after_search(evaluator: Evaluator) -> tuple[float, float]:
     """Estimated times in s of the certificate and of the test set."""
     problem, meter = evaluator.problem, evaluator.meter
     draws = Certificate(problem.options.violation, problem.options.confidence).draws_of_stage(0)
-    pace = evaluator.training.pace
-    return seconds_after_search(problem.options, draws if problem.ensemble else 0, pace, meter.margin_pace)
+    return seconds_after_search(problem.options, draws if problem.ensemble else 0, meter.pace, meter.margin_pace)

@@ -93,7 +93,7 @@ def seconds_of_search(seconds: float, left: float, after: float) -> float:
 
 
 def seconds_after_search(options: TuningOptions, draws: int, pace: float, margin_pace: float) -> tuple[float, float]:
-    """Estimated times in s of the certificate and of the test set.
+    """Estimated times in s of the certificate, with the search's last generation, and of the test set.
 
     Args:
         options: have the sizes.
@@ -101,6 +101,7 @@ def seconds_after_search(options: TuningOptions, draws: int, pace: float, margin
         pace: time in s of a rollout.
         margin_pace: time in s of a controller's margins on a machine; 0: none is bounded.
     """
-    certificate = pace * draws + margin_pace * options.machines
+    last = options.generation * (options.draws + options.cuts) if draws else 0
+    certificate = pace * (draws + last) + margin_pace * options.machines
     test = 3 * (pace * options.test + margin_pace * (1 + options.machines_checked))
     return certificate, test

@@ -208,7 +208,7 @@ class Certification:
         }
         return {label: violation for label, violation in violations.items() if violation > 0}
 
-    def best(self, budget: SelectionBudget, watch: TuningProgress = NO_PROGRESS) -> Examination:
+    def best(self, watch: TuningProgress = NO_PROGRESS) -> Examination:
         """The certified candidate; else of those that beat the start the one with the least supported probability.
 
         For that comparison, the start is examined as well if it has not been, in a few draws and on a few machines.
@@ -262,7 +262,7 @@ def select(
     else:
         certification = certification or Certification(evaluator, trials)
         certification.run(budget, watch)
-        examination = certification.best(budget, watch)
+        examination = certification.best(watch)
         chosen = start if examination.entry is certification.start else examination.entry.evaluation
     watch.phase(SCORING)
     test_set = TestSet(evaluator, test or problem.options.test, problem.stream(TEST))

@@ -24,7 +24,6 @@ from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TRAINING, TuningProblem
-from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.progress import DRAWING, NO_PROGRESS, REFERENCES, TuningProgress
 from dualwinch.tuning.scoring.rollouts import over, run_pairs
 
@@ -115,7 +114,6 @@ class TrainingSet:
         start: runs of the start in `scenarios` and `hard`, one row.
         margins: survey of the machines of the training set; ``None``: no margin is bounded.
         workers: for other computations in the scenarios.
-        pace: wall time of a rollout in s, without compilation.
     """
 
     problem: TuningProblem
@@ -126,7 +124,6 @@ class TrainingSet:
     start: BatchResult
     margins: MarginSurvey | None = None
     workers: Workers = None
-    pace: float = 0.0
 
 
 def prepare(
@@ -152,9 +149,6 @@ def prepare(
         threads, amplitudes = threads_of(workers), problem.margin_amplitudes
         compiling.append(MarginSurvey([problem.experiment], threads=threads, amplitudes=amplitudes).compile)
     *_, start, paper = map_all(lambda call: call(), [*compiling, run_start, run_paper], threads_of(workers))
-    began = clock.without_compiling()
-    run_start()  # timed; the first call also loads libraries
-    pace = (clock.without_compiling() - began) / len(runs)
     return TrainingSet(
         problem=problem,
         scenarios=tuple(scenarios),
@@ -164,7 +158,6 @@ def prepare(
         start=start,
         margins=survey(problem, scenarios[:TRAINING_MACHINES], workers),
         workers=workers,
-        pace=pace,
     )
 
 
