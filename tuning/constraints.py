@@ -22,8 +22,8 @@ from dualwinch.simulation.metrics.metric import Metric
 
 def measured(statistic: Statistic, values: NDArray[np.float64]) -> float:
     """A statistic over a metric of completed scenarios (n,); NaN if none is finite."""
-    found = float(statistic.over(values))
-    return found if math.isfinite(found) else math.nan
+    value = float(statistic.over(values))
+    return value if math.isfinite(value) else math.nan
 
 
 MARGINS = {
@@ -127,8 +127,8 @@ def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> fl
 
 
 def _refused(unit: str, allowed: list[str]) -> float:
-    known = f"must be one of {', '.join(allowed)}" if allowed else "must be a plain number"
-    raise ConfigurationError(f'unit "{unit}": {known}')
+    rule = f"must be one of {', '.join(allowed)}" if allowed else "must be a plain number"
+    raise ConfigurationError(f'unit "{unit}": {rule}')
 
 
 NONE = "none"

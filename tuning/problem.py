@@ -126,14 +126,14 @@ class TuningProblem:
     @property
     def beginnings(self) -> tuple["TuningProblem", ...]:
         """The problem with each of its starts, the experiment's own first; gains are moved into the space."""
-        others = []
+        problems = []
         for controller in self.starts:
             experiment = replace(self.experiment, controller=controller)
             point = self.space.nearest(self.space.start(leaves(experiment)))
             experiment = with_leaves(experiment, self.space.settings(point))
             ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
-            others.append(replace(self, experiment=experiment, ensemble=ensemble, starts=()))
-        return replace(self, starts=()), *others
+            problems.append(replace(self, experiment=experiment, ensemble=ensemble, starts=()))
+        return replace(self, starts=()), *problems
 
     @property
     def start(self) -> Point:

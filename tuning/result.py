@@ -113,14 +113,14 @@ class TuningResult:
 
         The advice to bound a margin is left out where drums swing: there, it is bounded for small speed errors only.
         """
-        found = [
+        remarks = [
             f"{words}; it ends in {self.cycle.words}" if words.startswith(UNSTABLE) and self.cycle else words
             for words in loop_remarks(self.best)
         ]
         if amplitudes := self._amplitudes:
             advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
-            found += amplitude_remarks(self.best, amplitudes, advice)
-        return tuple(found)
+            remarks += amplitude_remarks(self.best, amplitudes, advice)
+        return tuple(remarks)
 
     @cached_property
     def cycle(self) -> LimitCycle | None:

@@ -250,12 +250,12 @@ class Evaluator(Scorer):
         scenarios, row = [draws.scenarios[index] for index in indices], runs.take(indices, axis=1)
         worst = worst_of(row, evaluated)[0]
         violating = np.flatnonzero(worst > 0).tolist()
-        fresh, known = dict[str, float](), dict[str, float]()
+        fresh, training = dict[str, float](), dict[str, float]()
         for (_, trained), constraint in zip(self._pairs, constraints, strict=True):
             if constraint in evaluated and constraint is not None and isinstance(constraint.statistic, Statistic):
                 fresh[trained.label] = constraint.violation(over(constraint.statistic, row, 0, scenarios))
-                known[trained.label] = trained.violation(entry.evaluation.statistics[trained.statistic.name])
-        self.cutting.learn_back_off(fresh, known, lower=lower)
+                training[trained.label] = trained.violation(entry.evaluation.statistics[trained.statistic.name])
+        self.cutting.learn_back_off(fresh, training, lower=lower)
         cuts = [replace(scenarios[index], hard=True) for index in violating]
         numbers = self.cutting.add_draws(cuts, worst[violating])
         entry.runs |= {number: row.take([violating[index]], axis=1) for number, index in numbers.items()}
@@ -289,10 +289,10 @@ class Evaluator(Scorer):
         violations = np.array(
             [[bound.violation(bound.statistic.of(of)) for bound in bounds] for of in margins]  # type: ignore[union-attr]
         )
-        worst = violations.max(axis=1)
+        worst, statistics = violations.max(axis=1), entry.evaluation.statistics
         fresh = {bound.label: float(violation) for bound, violation in zip(bounds, violations.max(axis=0), strict=True)}
-        known = {bound.label: bound.violation(entry.evaluation.statistics[bound.statistic.name]) for bound in bounds}
-        self.cutting.learn_back_off(fresh, known, lower=lower)
+        training = {bound.label: bound.violation(statistics.get(bound.statistic.name, math.nan)) for bound in bounds}
+        self.cutting.learn_back_off(fresh, training, lower=lower)
         if (worst > 0).any():
             self.cutting.add_machine(draws[int(worst.argmax())])
         self._keep_off()

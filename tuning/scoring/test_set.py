@@ -143,8 +143,8 @@ class SelectionResult:
         values = result.metrics[metric][0, result.outcomes[0] == "completed"]
         if len(values) < 2:
             return None
-        found = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
-        low, high = found.confidence_interval
+        interval = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
+        low, high = interval.confidence_interval
         return float(values.mean()), float(low), float(high)
 
 
