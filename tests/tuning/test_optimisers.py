@@ -1,5 +1,7 @@
 """Every optimiser: within the space, reproducible, better than where it started, and led by constraints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,29 @@ def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> Non
         optimiser("cmaes", prepared, 0)
     with pytest.raises(Exception, match=r"--method simplex: .*; must be one of cmaes, tpe"):
         optimiser("simplex", prepared, 0)
+
+
+def test_a_first_generation_without_feasible_candidates_is_drawn_again_nearer_to_the_start(
+    make_problem: MakeProblem,
+) -> None:
+    prepared = prepare(make_problem())
+    space, start = prepared.problem.space, prepared.problem.space.encoded(prepared.problem.start)
+
+    def spreads(nearest: float) -> list[float]:
+        """Median distances from the start of four generations, feasible up to a distance."""
+        proposer, distances = CmaSearch(prepared, 0), []
+        for _ in range(4):
+            generation = [bowl(prepared, point) for point in proposer.ask(16)]
+            away = [float(np.abs(space.encoded(each.point) - start).max()) for each in generation]
+            (label,) = (constraint.label for constraint in prepared.constraints)
+            proposer.tell(
+                [replace(each, violations={label: far - nearest}) for each, far in zip(generation, away, strict=True)]
+            )
+            distances.append(float(np.median(away)))
+        return distances
+
+    narrow, wide = spreads(0.0), spreads(1.0)
+    assert narrow[1] < 0.6 * narrow[0]
+    assert narrow[2] < 0.6 * narrow[1]
+    assert wide[0] == narrow[0]
+    assert wide[1] > 0.6 * wide[0]

@@ -11,6 +11,9 @@ from dualwinch.tuning.space import Point
 SIGMA = 0.2
 """Initial standard deviation, in shares of each range; half of it at a restart."""
 
+NARROWING = 0.25
+"""Factor on the standard deviation where it is too wide at first."""
+
 EDGE = 0.02
 """Least distance of the initial mean from a bound, in shares of the range."""
 
@@ -21,7 +24,9 @@ class CmaSearch:
     1. Draw a generation from a normal distribution, at first around the start.
     2. Learn mean, step size and covariance from the order of its candidates by the exact penalty function
        (`tuning.scoring.ranking.penalised_first`), those first that were run in all scenarios.
-    3. If the strategy stops, as its distribution no longer changes or has become too narrow, begin again at the leader.
+    3. If no candidate of the first generation is feasible, begin again with a quarter of the standard deviation: around
+       gains made for a machine, most of a wide distribution is unstable.
+    4. If the strategy stops, as its distribution no longer changes or has become too narrow, begin again at the leader.
 
     Args:
         prepared: the problem with its training scenarios.
@@ -58,7 +63,16 @@ class CmaSearch:
         self._waiting += evaluations
         while len(self._waiting) >= self._size:
             generation, self._waiting = self._waiting[: self._size], self._waiting[self._size :]
-            self._learn(generation)
+            if self._leader is None and self._is_too_wide(generation):
+                self._sigma *= NARROWING
+                self._begin(self._start)
+            else:
+                self._learn(generation)
+
+    def _is_too_wide(self, generation: Sequence[Evaluation]) -> bool:
+        """Whether no candidate of the first generation but the start is feasible, and the step is not yet small."""
+        others = [each for each in generation if each.candidate.origin not in {"paper", "start"}]
+        return self._sigma > EDGE and not any(each.feasible for each in others)
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = penalised_first(generation, self._penalty)

@@ -14,10 +14,10 @@
    violates a bound join the training set, and the bound keeps the leader's slack in training plus its excess.
 4. **Certificate** (`tuning.scoring.certificate`): leaders in order; each first on fresh machines, for its margins,
    then in fresh draws until they support ε or make it unlikely (sequential probabilistic validation; Alamo, Tempo,
-   Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds in the first of them, too. A rejection makes cuts and back-off
-   as in step 3, which reorders the other candidates; the start is one of them. If rollouts are left after a rejection
-   of all leaders, the search goes on. If no candidate passes, the one with the least supported probability of a
-   violation among those that beat the start, by the exact penalty on their shares of violations, is selected.
+   Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds in the first of them, too. A rejection makes
+   cuts and back-off as in step 3, which reorders the other candidates; the start is one of them. If no candidate
+   passes, the one with the least supported probability of a violation among those that beat the start, by the exact
+   penalty on their shares of violations, is selected.
 5. **Test set** (`tuning.scoring.test_set`): evaluated once, for the selected candidate, the start and the baseline
    controller; reported with intervals, never fed back.
 
