@@ -24,8 +24,8 @@ class CmaSearch:
     1. Draw a generation from a normal distribution, at first around the start.
     2. Learn mean, step size and covariance from the order of its candidates by the exact penalty function
        (`tuning.scoring.ranking.penalised_first`), those first that were run in all scenarios.
-    3. If no candidate of the first generation is feasible, begin again with a quarter of the standard deviation: around
-       gains made for a machine, most of a wide distribution is unstable.
+    3. If the start ranks before the whole first generation, begin again with a quarter of the standard deviation:
+       around gains made for a machine, most of a wide distribution is worse.
     4. If the strategy stops, as its distribution no longer changes or has become too narrow, begin again at the leader.
 
     Args:
@@ -40,6 +40,7 @@ class CmaSearch:
         self._random = np.random.default_rng(seed)
         self._waiting: list[Evaluation] = []
         self._leader: Evaluation | None = None
+        self._reference: Evaluation | None = None
         self._sigma = SIGMA
         self._begin(self._start)
 
@@ -63,16 +64,20 @@ class CmaSearch:
         self._waiting += evaluations
         while len(self._waiting) >= self._size:
             generation, self._waiting = self._waiting[: self._size], self._waiting[self._size :]
-            if self._leader is None and self._is_too_wide(generation):
+            if self._start_leads(generation) and self._sigma > EDGE:
                 self._sigma *= NARROWING
                 self._begin(self._start)
             else:
                 self._learn(generation)
 
-    def _is_too_wide(self, generation: Sequence[Evaluation]) -> bool:
-        """Whether no candidate of the first generation but the start is feasible, and the step is not yet small."""
-        others = [each for each in generation if each.candidate.origin not in {"paper", "start"}]
-        return self._sigma > EDGE and not any(each.feasible for each in others)
+    def _start_leads(self, generation: Sequence[Evaluation]) -> bool:
+        """Whether the start ranks before all of a first generation."""
+        starts = [each for each in generation if each.point == self._start]
+        self._reference = starts[0] if starts else self._reference
+        if self._leader or self._reference is None:
+            return False
+        candidates = [self._reference, *(each for each in generation if each.point != self._start)]
+        return penalised_first(candidates, self._penalty)[0] == 0
 
     def _learn(self, generation: Sequence[Evaluation]) -> None:
         order = penalised_first(generation, self._penalty)

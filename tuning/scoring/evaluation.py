@@ -290,7 +290,9 @@ class Evaluator(Scorer):
             [[bound.violation(bound.statistic.of(of)) for bound in bounds] for of in margins]  # type: ignore[union-attr]
         )
         worst, statistics = violations.max(axis=1), entry.evaluation.statistics
-        fresh = {bound.label: float(violation) for bound, violation in zip(bounds, violations.max(axis=0), strict=True)}
+        largest = dict(zip((bound.label for bound in bounds), violations.max(axis=0).tolist(), strict=True))
+        # an unstable loop has a violation of 1, which says nothing of how far it is from a stable one
+        fresh = {label: violation for label, violation in largest.items() if violation < 1}
         training = {bound.label: bound.violation(statistics.get(bound.statistic.name, math.nan)) for bound in bounds}
         self.cutting.learn_back_off(fresh, training, lower=lower)
         if (worst > 0).any():
