@@ -17,7 +17,7 @@ from dualwinch.tuning.scoring.budget import (
     seconds_after_search,
     seconds_of_search,
 )
-from dualwinch.tuning.scoring.certificate import Certificate
+from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
 from dualwinch.tuning.scoring.selection import Certification, select
@@ -151,5 +151,5 @@ def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int
 def _seconds_after_search(evaluator: Evaluator) -> tuple[float, float]:
     """Estimated times in s of the certificate and of the test set."""
     problem, meter = evaluator.problem, evaluator.meter
-    draws = Certificate(problem.options.violation, problem.options.confidence).draws_of_stage(0)
+    draws = SampleCertificate(problem.options.violation, problem.options.confidence).draws_of_stage(0)
     return seconds_after_search(problem.options, draws if problem.ensemble else 0, meter.pace, meter.margin_pace)

@@ -53,7 +53,7 @@ def is_unlikely(violations: int, draws: int, violation: float, error: float) -> 
 
 
 @dataclass(frozen=True)
-class Certificate:
+class SampleCertificate:
     """What fresh draws and machines support of a candidate.
 
     Attributes:

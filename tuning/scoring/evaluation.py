@@ -291,10 +291,12 @@ class Evaluator(Scorer):
         )
         worst, statistics = violations.max(axis=1), entry.evaluation.statistics
         largest = dict(zip((bound.label for bound in bounds), violations.max(axis=0).tolist(), strict=True))
-        # an unstable loop has a violation of 1, which says nothing of how far it is from a stable one
+        # an unstable loop has a violation of 1, which says nothing of how far it is from a stable one; in a check, the
+        # machine as a cut is enough
         fresh = {label: violation for label, violation in largest.items() if violation < 1}
         training = {bound.label: bound.violation(statistics.get(bound.statistic.name, math.nan)) for bound in bounds}
-        self.cutting.learn_back_off(fresh, training, lower=lower)
+        if not lower:
+            self.cutting.learn_back_off(fresh, training, lower=False)
         if (worst > 0).any():
             self.cutting.add_machine(draws[int(worst.argmax())])
         self._keep_off()

@@ -32,7 +32,7 @@ from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import CERTIFICATE, TEST
 from dualwinch.tuning.scoring.budget import SelectionBudget
-from dualwinch.tuning.scoring.certificate import Certificate, clopper_pearson
+from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
 from dualwinch.tuning.scoring.evaluation import ArchiveEntry, Evaluator, FreshDraws, PointKey, point_key
 from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, TuningProgress
 from dualwinch.tuning.scoring.ranking import (
@@ -63,7 +63,7 @@ class Examination:
     """
 
     entry: ArchiveEntry
-    certificate: Certificate
+    certificate: SampleCertificate
     penalty: float
 
     @property
@@ -135,7 +135,7 @@ class Certification:
     def _examine(self, entry: ArchiveEntry, budget: SelectionBudget, watch: TuningProgress) -> Examination:
         """Examine a candidate on fresh machines, then in fresh draws; what it violates becomes cuts and back-off."""
         evaluator, options = self._evaluator, self._evaluator.problem.options
-        certificate = Certificate(options.violation, options.confidence, len(self.examined) + 1)
+        certificate = SampleCertificate(options.violation, options.confidence, len(self.examined) + 1)
         which = "the start" if entry is self.start else f"candidate {certificate.candidate}"
         bounded = any(constraint.kind == "margin" for constraint in evaluator.training.constraints)
         batches = [options.machines_checked, options.machines - options.machines_checked] if bounded else []
@@ -158,7 +158,7 @@ class Certification:
     def _examine_draws(
         self,
         entry: ArchiveEntry,
-        certificate: Certificate,
+        certificate: SampleCertificate,
         which: str,
         budget: SelectionBudget,
         watch: TuningProgress,
@@ -313,7 +313,7 @@ def _obstacle(certification: Certification | None) -> str:
 
 
 def _contradiction(
-    scores: Mapping[str, ControllerScore], certificate: Certificate | None, constraints: Sequence[Constraint]
+    scores: Mapping[str, ControllerScore], certificate: SampleCertificate | None, constraints: Sequence[Constraint]
 ) -> str:
     """Contradiction of the test set to the selection or to its probability, in words; empty if there is none.
 

@@ -14,7 +14,7 @@ from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.scoring.certificate import Certificate, clopper_pearson
+from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.scorer import Scorer
 from dualwinch.tuning.scoring.training_set import beyond_authority_as_hard, bounds_in, controlled_as, with_authority
@@ -87,7 +87,7 @@ class SelectionResult:
     best: Evaluation
     obstacle: str
     contradiction: str
-    certificate: Certificate | None
+    certificate: SampleCertificate | None
     examined: int
     unexamined: int
     test_violations: int

@@ -10,7 +10,7 @@ from scipy.stats import binom, binomtest
 
 from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.scoring.certificate import (
-    Certificate,
+    SampleCertificate,
     clopper_pearson,
     draws_needed,
     is_unlikely,
@@ -18,7 +18,7 @@ from dualwinch.tuning.scoring.certificate import (
     upper_limit,
 )
 
-DEFAULT = Certificate(TuningOptions.violation, TuningOptions.confidence)
+DEFAULT = SampleCertificate(TuningOptions.violation, TuningOptions.confidence)
 
 
 @given(st.floats(1e-3, 0.3), st.floats(1e-4, 0.4), st.integers(0, 9))
@@ -59,7 +59,7 @@ def test_stages_allow_more_violations_in_more_draws() -> None:
 
 def test_a_candidate_that_violates_bounds_more_often_than_asked_is_rarely_certified() -> None:
     """The error of all stages together is at most β, by simulation."""
-    certificate, random = Certificate(0.05, 0.9), np.random.default_rng(0)
+    certificate, random = SampleCertificate(0.05, 0.9), np.random.default_rng(0)
     sizes = [certificate.draws_of_stage(violations) for violations in range(12)]
     draws = random.random((2000, sizes[-1])) < 0.05
     counts = draws.cumsum(axis=1)

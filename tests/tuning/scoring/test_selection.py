@@ -11,7 +11,7 @@ from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.optimisers import optimiser
 from dualwinch.tuning.scoring import selection, test_set
 from dualwinch.tuning.scoring.budget import SelectionBudget
-from dualwinch.tuning.scoring.certificate import Certificate
+from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.selection import CONTRADICTED, NOT_CHOSEN, Certification, select
@@ -21,7 +21,7 @@ from dualwinch.tuning.study import SearchBudget, search
 from tests.studies import FEW, MakeProblem
 
 BETA = "controller.nftsm.beta"
-STAGE = Certificate(FEW.violation, FEW.confidence).draws_of_stage(0)
+STAGE = SampleCertificate(FEW.violation, FEW.confidence).draws_of_stage(0)
 
 
 def studied(evaluator: Evaluator, trials: int = 32) -> list[Evaluation]:
@@ -149,7 +149,7 @@ def test_leaders_are_examined_in_order_until_one_is_certified(
     merits = [each.entry.evaluation.costs[0] for each in certification.examined]
     assert merits == sorted(merits), "none of their bounds is violated in training"
     assert certified.certificate.candidate == 3
-    assert certified.certificate.error < Certificate(FEW.violation, FEW.confidence).error
+    assert certified.certificate.error < SampleCertificate(FEW.violation, FEW.confidence).error
 
 
 def test_a_candidate_with_rare_violations_is_certified_in_more_draws(
@@ -217,7 +217,7 @@ def test_a_violation_that_is_as_rare_as_fresh_draws_support_is_no_contradiction(
     (label,) = (constraint.label for constraint in constraints)
     best = scores["best"].feasible
     rare = scores | {"best": replace(scores["best"], feasible=replace(best, violations={label: 0.1}, violated=1))}
-    certificate = Certificate(0.005, 0.95, 1, 797, 0)
+    certificate = SampleCertificate(0.005, 0.95, 1, 797, 0)
     assert selection._contradiction(rare, None, constraints) == CONTRADICTED
     assert selection._contradiction(rare, certificate, constraints) == ""
     often = replace(rare["best"].feasible, violated=best.scenarios // 2)
