@@ -4,7 +4,7 @@
 prints a table; ``--write FILE`` puts it between the file's two marks. Each search runs once as compiled for this
 processor and once as compiled for one that has AVX2 and no more (``haswell``), in a process of its own. Times are those
 of the processor, so that they hardly depend on what else the machine does. The kernel's rate is that of the search's
-own rollouts. Gradients are counted as what they cost: as the rollouts that take as long.
+own rollouts.
 """
 
 import argparse
@@ -22,13 +22,13 @@ import numpy as np
 
 from benchmarks.document import markdown, put
 from dualwinch.analysis.margin_survey import MarginSurvey
-from dualwinch.tuning.optimisers import compile_ahead, linearise, optimiser
-from dualwinch.tuning.scoring import evaluation
+from dualwinch.tuning.optimisers import optimiser
+from dualwinch.tuning.options import default_method
+from dualwinch.tuning.scoring import scorer
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import default_method
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget
-from dualwinch.tuning.study import search
+from dualwinch.tuning.storage.store import MemoryStorage
+from dualwinch.tuning.study import SearchBudget, search
 from dualwinch.tuning.tuning_problem import tuning_problem
 
 CANDIDATES, SEED = 8, 1
@@ -59,20 +59,16 @@ def row(name: str, rollouts: int) -> list[str]:
     """An ensemble: its rates, and what margins take of the search and of a candidate."""
     problem = tuning_problem(ensemble=name, seed=SEED)
     training, method = prepare(problem), default_method(1)
-    compile_ahead(method, problem, training.scenarios[0])
-    evaluator, proposer, store = Evaluator(training), optimiser(method, training, SEED), MemoryStorage()
-    store.set_budget(SearchBudget(None, None, rollouts))
+    evaluator, proposer = Evaluator(training), optimiser(method, training, SEED)
     with (
-        timed(evaluation, "run_pairs") as of_rollouts,
-        timed(linearise, "sensitivities") as of_gradients,
-        timed(linearise, "run_pairs") as of_deciding,
+        timed(scorer, "run_pairs") as of_rollouts,
         timed(MarginSurvey, "_least") as of_margins,
     ):
         began = time.process_time()
-        search(method, proposer, store, evaluator)
+        search(method, proposer, MemoryStorage(), evaluator, SearchBudget(rollouts=rollouts))
         whole = time.process_time() - began
         kernel = evaluator.rollouts / of_rollouts()
-        share = (of_rollouts() + of_gradients() + of_deciding()) / whole
+        share = of_rollouts() / whole
         margins = of_margins() / whole
     words = [f"{kernel:.0f}", f"{kernel * share:.0f}", f"{100 * share:.0f} %", f"{100 * margins:.0f} %"]
     return [
@@ -84,14 +80,14 @@ def row(name: str, rollouts: int) -> list[str]:
 
 def of_a_candidate(evaluator: Evaluator) -> tuple[float, float]:
     """Processor time in s that the margins of a candidate take: in the active loops, and in all."""
-    problem, surveyed, pool = evaluator.training.problem, evaluator.training.margins, evaluator.active_loops
-    if surveyed is None or pool is None:
+    problem, surveyed = evaluator.problem, evaluator.cutting.survey
+    if surveyed is None:
         return 0.0, 0.0
     start, random = problem.space.encoded(problem.start), np.random.default_rng(SEED)
     shares = np.clip(start + SPREAD * random.normal(size=(CANDIDATES, len(start))), 0, 1)
     values = [problem.space.parameters(problem.space.decoded(each)) for each in shares]
     spent = []
-    for loops in (pool.indices, None):
+    for loops in (evaluator.cutting.active, None):
         began = time.process_time()
         surveyed.worst(values, [statistic.margin for statistic in problem.margins], loops)
         spent.append((time.process_time() - began) / CANDIDATES)

@@ -126,7 +126,7 @@ from .toolboxes.identification.options import EstimationOptions as EstimationOpt
 from .toolboxes.identification.result import IdentificationResult as IdentificationResult
 from .toolboxes.plc.export import export_st as export_st
 from .toolboxes.race.race import race as race
-from .toolboxes.race.result import BenchmarkResult as BenchmarkResult
+from .toolboxes.race.result import RaceResult as RaceResult
 from .toolboxes.server.plant import ServedPlant as ServedPlant
 from .toolboxes.server.plant import ServerSettings as ServerSettings
 from .toolboxes.stepper.environments.environment import Environment as Environment
@@ -134,7 +134,7 @@ from .toolboxes.stepper.environments.environment import VectorEnvironment as Vec
 from .toolboxes.stepper.environments.task import Reward as Reward
 from .toolboxes.stepper.stepper import Observation as Observation
 from .toolboxes.stepper.stepper import Stepper as Stepper
-from .toolboxes.stress.result import RobustnessResult as RobustnessResult
+from .toolboxes.stress.result import StressResult as StressResult
 from .toolboxes.stress.stress import stress as stress
 from .tuning.result import TuningResult as TuningResult
 from .tuning.tune import tune as tune

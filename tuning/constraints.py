@@ -22,8 +22,8 @@ from dualwinch.simulation.metrics.metric import Metric
 
 def measured(statistic: Statistic, values: NDArray[np.float64]) -> float:
     """A statistic over a metric of completed scenarios (n,); NaN if none is finite."""
-    found = float(statistic.over(values))
-    return found if math.isfinite(found) else math.nan
+    value = float(statistic.over(values))
+    return value if math.isfinite(value) else math.nan
 
 
 MARGINS = {
@@ -127,8 +127,8 @@ def in_si(text: str, statistic: Statistic | MarginStatistic | None = None) -> fl
 
 
 def _refused(unit: str, allowed: list[str]) -> float:
-    known = f"must be one of {', '.join(allowed)}" if allowed else "must be a plain number"
-    raise ConfigurationError(f'unit "{unit}": {known}')
+    rule = f"must be one of {', '.join(allowed)}" if allowed else "must be a plain number"
+    raise ConfigurationError(f'unit "{unit}": {rule}')
 
 
 NONE = "none"
@@ -142,6 +142,8 @@ NO_MORE_SATURATED = "mean.saturated_share<=1*paper"
 NO_HEAVIER = "mean.continuous_load<=1.05*paper"
 STIFFER = "mean.continuous_load<=1.2*paper"
 """Where drums swing: a sagging rope's stiffness grows with the cube of its tension (Ernst), so preload pays."""
+NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START = "mean.chatter<=2*start", "mean.continuous_load<=1.2*start"
+"""Bounds for a machine of one's own: chatter and load of the paper's gains say nothing about other ropes and motors."""
 LATE = 5e-3
 """Least delay margin in s: the default bound where margins are bounded; elsewhere a remark reports smaller ones."""
 LATE_AT_REST = 1e-3
@@ -150,6 +152,10 @@ ROBUST, ROBUST_AT_REST = (
     ("worst.disk_margin>=0.4", f"worst.delay_margin>={1e3 * delay:g}ms") for delay in (LATE, LATE_AT_REST)
 )
 DAMPED = "worst.resonance_margin>=1"
+
+
+REFERENCES = ("paper", "start")
+"""Names in a bound for a statistic's value with the paper's controller, and with the start of the search."""
 
 
 @dataclass(frozen=True)
@@ -161,24 +167,31 @@ class Constraint:
         statistic: that is bounded.
         at_least: whether the bound is a lower one.
         bound: in the statistic's unit, or a factor.
-        of_paper: whether the bound is a factor on the statistic's value with the paper's controller.
+        reference: of `REFERENCES`, if the bound is a factor on the statistic's value with it; else empty.
     """
 
     text: str
     statistic: Statistic | MarginStatistic
     at_least: bool
     bound: float
-    of_paper: bool = False
+    reference: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What it bounds: every run (``run``), a stability margin (``margin``) or a statistic of runs (``mean``)."""
+        if isinstance(self.statistic, MarginStatistic):
+            return "margin"
+        return "run" if self.statistic.kind == "worst" else "mean"
 
     def given(self, reached: float) -> "Constraint":
-        """The constraint with its bound as a number, given the statistic's value with the paper's controller.
+        """The constraint with its bound as a number, given the statistic's value with the reference.
 
         If that completes no run (NaN), the bound is infinite.
         """
-        if not self.of_paper:
+        if not self.reference:
             return self
         nothing = -math.inf if self.at_least else math.inf
-        return replace(self, bound=nothing if math.isnan(reached) else self.bound * reached, of_paper=False)
+        return replace(self, bound=nothing if math.isnan(reached) else self.bound * reached, reference="")
 
     @property
     def unbounded(self) -> bool:
@@ -203,16 +216,16 @@ class Constraint:
     def label(self) -> str:
         """The constraint with its bound as a number with its unit, or as a factor."""
         if self.unbounded:
-            return f"{self.statistic.name}: no bound, as the paper's gains complete no run"
+            return f"{self.statistic.name}: no bound, as the gains that it refers to complete no run"
         sign = ">=" if self.at_least else "<="
         bound = f"{self.bound:.6g}{behind_number(self.statistic.unit)}"
-        if self.of_paper:
-            bound = "the paper's" if self.bound == 1 else f"{self.bound:.6g} times the paper's"
+        if self.reference:
+            bound = f"the {self.reference}'s" if self.bound == 1 else f"{self.bound:.6g} times the {self.reference}'s"
         return f"{self.statistic.name} {sign} {bound}"
 
 
 def default_constraints(
-    ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False
+    ensemble: bool, *, lag: bool = False, swinging: bool = False, resonance: bool = False, own: bool = False
 ) -> tuple[str, ...]:
     """No slack rope, no peak beyond the limit, less chatter than the paper's, stability margins, a damped resonance.
 
@@ -225,10 +238,13 @@ def default_constraints(
     more load is allowed, for a preload that stiffens the ropes. Margins are bounded in an ensemble only: in a run
     without noise they would be those of infinitely small motions. Where drums swing, they are computed at rest only,
     the delay margin has a smaller bound, and the margin of the drums' resonance is bounded, too, if its rule applies to
-    the law (`resonance`).
+    the law (`resonance`). In an ensemble of one's own (`own`), chatter and load are bounded by multiples of those of
+    the gains that the search starts from.
     """
     robust = ROBUST_AT_REST if swinging else ROBUST
     damped = (*(robust if ensemble else ()), *((DAMPED,) if resonance else ()))
+    if ensemble and own:
+        return NO_SLACK, NO_PEAK, NO_LOUDER_THAN_START, NO_HEAVIER_THAN_START, *damped
     if ensemble and lag:
         return NO_SLACK, NO_PEAK, NO_LOUDER, STIFFER if swinging else NO_HEAVIER, *damped
     if ensemble:
@@ -281,13 +297,13 @@ def _constraint(text: str, experiment: Experiment) -> Constraint:
     if isinstance(statistic, MarginStatistic) and statistic.margin == RESONANCE:
         sliding_mode(experiment, f"--constraint {text}: must be")
     scale = 1.0 if factor is None else _number(factor, text)
-    if term == "paper":
-        return _checked(Constraint(text, statistic, sign == ">=", scale, of_paper=True))
+    if term in REFERENCES:
+        return _checked(Constraint(text, statistic, sign == ">=", scale, term))
     if re.match(r"[A-Za-z]", term) and term not in {"inf", "nan"}:
         values = leaves(experiment)
         value = values.get(term)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            known = ["paper", *(key for key, known in values.items() if isinstance(known, float))]
+            known = [*REFERENCES, *(key for key, known in values.items() if isinstance(known, float))]
             raise ConfigurationError(f"--constraint {text}: '{term}' names no number; {suggestion(term, known)}")
         return _checked(Constraint(text, statistic, sign == ">=", scale * float(value)))
     return _checked(Constraint(text, statistic, sign == ">=", scale * _number(term, text, statistic)))
@@ -314,7 +330,7 @@ def _checked(constraint: Constraint) -> Constraint:
     least, most = statistic.quantity.least, statistic.quantity.most
     if not constraint.at_least and bound < least:
         raise ConfigurationError(f"--constraint {text}: nothing satisfies it, no run has less than {least:g}{unit}")
-    if not constraint.at_least and not constraint.of_paper and bound > most:
+    if not constraint.at_least and not constraint.reference and bound > most:
         raise ConfigurationError(f"--constraint {text}: all runs satisfy it, none has more than {most:g}{unit}")
     return constraint
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.tree import leaves, rules, with_leaves
@@ -19,14 +20,17 @@ from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.baseline import swings
 from dualwinch.tuning.constraints import Constraint, MarginStatistic
-from dualwinch.tuning.selection_config import SelectionConfig
+from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.space import ContinuousDimension, Point, Space
 
-TRAINING, VALIDATION, CHANCE, TEST, SEARCH = "training", "validation", "chance constraint", "test", "search"
+TRAINING, CHECKS, CERTIFICATE, TEST, SEARCH = "training", "checks", "certificate", "test", "search"
 """Names of a study's random streams; no two share a draw, for any seed (`TuningProblem.stream`)."""
 
 STEADY_PREFIX = "steady_"
 """Prefix of the names of steady-state metrics."""
+
+AMPLITUDES = (0.01, 0.1)
+"""Amplitudes of the speed error in m/s of margins, besides the sensor's noise; the first alone where drums swing."""
 
 REPORTED = (
     "mean.mse",
@@ -52,8 +56,10 @@ class TuningProblem:
         constraints: on candidates; a bound may be a factor on the value with the paper's controller.
         scenarios: number of training scenarios in which every candidate is run.
         seed: of all random streams (`stream`).
-        selection: hyper-parameters of training set, ranking and selection.
+        options: parameters of the method.
         choices: the defaults chosen for this problem, each with its reason, in words.
+        starts: controllers of the same parts, from whose gains the search may begin as well; the better begins
+            (`tuning.scoring.starts`).
     """
 
     experiment: Experiment
@@ -63,8 +69,9 @@ class TuningProblem:
     constraints: tuple[Constraint, ...]
     scenarios: int
     seed: int
-    selection: SelectionConfig = field(default_factory=SelectionConfig)
+    options: TuningOptions = field(default_factory=TuningOptions)
     choices: tuple[str, ...] = field(default=(), compare=False)
+    starts: tuple[Controller, ...] = ()
 
     def stream(self, name: str) -> int:
         """The seed of a named random stream: `TRAINING` to `SEARCH`, possibly with a number."""
@@ -117,6 +124,18 @@ class TuningProblem:
             yield self.start | {dimension.name: end for dimension, end in zip(dimensions, ends, strict=True)}
 
     @property
+    def beginnings(self) -> tuple["TuningProblem", ...]:
+        """The problem with each of its starts, the experiment's own first; gains are moved into the space."""
+        problems = []
+        for controller in self.starts:
+            experiment = replace(self.experiment, controller=controller)
+            point = self.space.nearest(self.space.start(leaves(experiment)))
+            experiment = with_leaves(experiment, self.space.settings(point))
+            ensemble = self.ensemble and replace(self.ensemble, experiment=experiment)
+            problems.append(replace(self, experiment=experiment, ensemble=ensemble, starts=()))
+        return replace(self, starts=()), *problems
+
+    @property
     def start(self) -> Point:
         """The experiment's own gains."""
         return self.space.start(leaves(self.experiment))
@@ -159,15 +178,8 @@ class TuningProblem:
     @property
     def margin_amplitudes(self) -> tuple[float, ...]:
         """Amplitudes of the speed error in m/s at which margins are computed; 0: infinitely small."""
-        config = self.selection
-        usual = config.margin_amplitudes_swinging if swings(self.experiment.plant) else config.margin_amplitudes
-        return tuple(sorted({self.experiment.sensors.speed_noise, *usual}))
-
-    @property
-    def margin_machines(self) -> int:
-        """Number of drawn machines on which margins are computed in training."""
-        config = self.selection
-        return config.margin_machines_swinging if swings(self.experiment.plant) else config.margin_machines
+        amplitudes = AMPLITUDES[:1] if swings(self.experiment.plant) else AMPLITUDES
+        return tuple(sorted({self.experiment.sensors.speed_noise, *amplitudes}))
 
     @property
     def bounds_loop_margins(self) -> bool:
@@ -183,9 +195,16 @@ class TuningProblem:
         listed = " and ".join(filter(None, (", ".join(sizes[:-1]), sizes[-1])))
         return f"margins are those at rest and at the reference's largest speed, for speed errors of {listed} cm/s"
 
-    def margin(self, constraint: Constraint) -> float:
-        """Back-off of a constraint in training, as a share of its bound."""
-        return self.selection.back_off if self.ensemble and constraint.statistic.kind == "worst" else 0.0
+    @property
+    def drawn_ensemble(self) -> Ensemble:
+        """The ensemble with the experiment's gains.
+
+        Raises:
+            ConfigurationError: the problem has no ensemble.
+        """
+        if self.ensemble is None:
+            raise ConfigurationError("ensemble: this problem has none; only an ensemble has draws")
+        return replace(self.ensemble, experiment=self.experiment)
 
     def drawn(self, count: int, seed: int, experiment: Experiment | None = None) -> tuple[Experiment | Scenario, ...]:
         """Scenarios drawn from the ensemble, or the experiment alone.

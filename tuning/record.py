@@ -15,7 +15,7 @@ from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.results.file_formats import plain
-from dualwinch.tuning.problem import CHANCE, TEST, TRAINING, VALIDATION
+from dualwinch.tuning.problem import CERTIFICATE, CHECKS, TEST, TRAINING
 from dualwinch.tuning.result import (
     TuningResult,
     contenders,
@@ -88,17 +88,16 @@ def write_study(
 
     `configuration` is the TOML of ensemble or experiment; `facts` and `typed` are as in `write_best`.
     """
-    problem, verdict, sizes = tuned.problem, tuned.verdict, tuned.verdict.sizes
+    problem, verdict = tuned.problem, tuned.verdict
     content = {
         **facts,
-        "seeds": {name: problem.stream(name) for name in (TRAINING, VALIDATION, CHANCE, TEST)},
+        "seeds": {name: problem.stream(name) for name in (TRAINING, CHECKS, CERTIFICATE, TEST)},
         "scenarios": {
             TRAINING: len(tuned.training.scenarios),
-            VALIDATION: sizes.draws + sizes.vertices if verdict.has_test_set else 0,
-            CHANCE: verdict.chance.draws if verdict.chance else 0,
+            CERTIFICATE: verdict.certificate.draws if verdict.certificate else 0,
             TEST: verdict.scored.scenarios if verdict.has_test_set else 0,
         },
-        "selection": problem.selection.to_record(),
+        "options": problem.options.to_record(),
         "objectives": [{"name": objective.name, "unit": objective.unit} for objective in problem.objectives],
         "constraints": [
             {
@@ -117,14 +116,15 @@ def write_study(
         "pareto_front": [tuned.trials[index].number for index in pareto_front(tuned.trials)],
         "best": {
             "trial": verdict.best.number if verdict.improved else None,
-            "repaired": tuned.repaired,
             "start_kept": verdict.obstacle or None,
-            "chance_constraint": verdict.chance.to_dict() if verdict.chance else None,
+            "certificate": verdict.certificate.to_dict() if verdict.certificate else None,
+            "examined": verdict.examined,
+            "unexamined": verdict.unexamined,
             "test_violations": verdict.test_violations if verdict.has_test_set else None,
-            "test_violation_interval": list(verdict.violation_interval(problem.selection.confidence))
+            "test_violation_interval": list(verdict.violation_interval(problem.options.confidence))
             if verdict.has_test_set
             else None,
-            "test_mean_interval": verdict.mean_interval(problem.objectives[0].metric, problem.selection.confidence)
+            "test_mean_interval": verdict.mean_interval(problem.objectives[0].metric, problem.options.confidence)
             if verdict.has_test_set and problem.objectives[0].kind == "mean"
             else None,
             "contradiction": verdict.contradiction or None,
@@ -133,7 +133,6 @@ def write_study(
             "settings": tuned.gains,
             "at_bounds": dict(gains_at_bounds(tuned)),
             "training": _scores(verdict.best),
-            "validation": _scores(verdict.validation),
             "test": _scores(verdict.scored if verdict.has_test_set else None),
         },
         "margins": {name: _attained(score) for name, score in verdict.scores.items()},

@@ -1,6 +1,7 @@
 """The result of a tuning study, as data and as the sentences that terminal and report share."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,20 +15,20 @@ from dualwinch.controllers.paper_controller import adapted
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import behind_number
 from dualwinch.model.quantities.tables import page, readable_unit, section, table
-from dualwinch.simulation.batch.authority import infeasible_words
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
 from dualwinch.tuning.constraints import LATE
+from dualwinch.tuning.limit_cycle import LimitCycle, limit_cycle
+from dualwinch.tuning.options import TuningOptions, default_method
 from dualwinch.tuning.plots import history, short
-from dualwinch.tuning.problem import TuningProblem
+from dualwinch.tuning.problem import AMPLITUDES, TuningProblem
 from dualwinch.tuning.scoring.evaluation import EXEMPT
 from dualwinch.tuning.scoring.progress import SearchStatus
 from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 from dualwinch.tuning.scoring.rollouts import run_pairs
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet
-from dualwinch.tuning.selection_config import SelectionConfig, default_method
 from dualwinch.tuning.space import ContinuousDimension, Point
 
 
@@ -97,13 +98,6 @@ class TuningResult:
         return self.training.problem
 
     @property
-    def repaired(self) -> dict[str, tuple[float, float]]:
-        """Name of a gain that was repaired in validation → its value in the search, and in the best."""
-        best = self.verdict.best
-        was = next((trial.point for trial in self.trials if trial.number == best.number), best.point)
-        return {name: (float(was[name]), float(now)) for name, now in best.point.items() if now != was[name]}
-
-    @property
     def best(self) -> Experiment:
         """The experiment with the best gains."""
         return self.problem.tuned(self.verdict.best.point)
@@ -119,11 +113,19 @@ class TuningResult:
 
         The advice to bound a margin is left out where drums swing: there, it is bounded for small speed errors only.
         """
-        found = list(loop_remarks(self.best))
+        remarks = [
+            f"{words}; it ends in {self.cycle.words}" if words.startswith(UNSTABLE) and self.cycle else words
+            for words in loop_remarks(self.best)
+        ]
         if amplitudes := self._amplitudes:
             advice = "" if swings(self.best.plant) else "--constraint 'worst.disk_margin>=0.4' keeps such gains out"
-            found += amplitude_remarks(self.best, amplitudes, advice)
-        return tuple(found)
+            remarks += amplitude_remarks(self.best, amplitudes, advice)
+        return tuple(remarks)
+
+    @cached_property
+    def cycle(self) -> LimitCycle | None:
+        """The limit cycle of the best's loop on the nominal machine; ``None``: none was found."""
+        return limit_cycle(self.best)
 
     @cached_property
     def _late(self) -> tuple[str, ...]:
@@ -132,14 +134,14 @@ class TuningResult:
     @property
     def _unbounded(self) -> tuple[str, ...]:
         pairs = zip(self.problem.constraints, self.training.constraints, strict=True)
-        texts = [asked.text for asked, given in pairs if asked.of_paper and given.unbounded]
-        return (f"no run with the paper's gains completes; without effect: {', '.join(texts)}",) if texts else ()
+        texts = [asked.text for asked, given in pairs if asked.reference and given.unbounded]
+        return (f"no reference run completes; without effect: {', '.join(texts)}",) if texts else ()
 
     @property
     def _amplitudes(self) -> tuple[float, ...]:
         """Amplitudes in m/s at which no margin is bounded, and the loop is checked."""
         bounded = self.problem.margin_amplitudes if self.problem.bounds_loop_margins else ()
-        return tuple(sorted({*self.problem.selection.margin_amplitudes} - {*bounded}))
+        return tuple(sorted({*AMPLITUDES} - {*bounded}))
 
     @cached_property
     def idle(self) -> frozenset[str]:
@@ -204,6 +206,9 @@ class TuningResult:
         )
 
 
+UNSTABLE = "unstable at small amplitudes"
+"""Beginning of the remark of `loop_remarks` on a loop that is unstable."""
+
 EDGE = 0.02
 """A gain lies at a bound within this share of its range."""
 
@@ -247,9 +252,7 @@ def where(tuned: TuningResult) -> str:
     """Where the best was scored: the number of test scenarios, or the tuned experiment."""
     if not tuned.verdict.has_test_set:
         return "in the tuned experiment"
-    all_sizes, sizes = tuned.problem.selection.sizes, tuned.verdict.sizes
-    fewer = f" ({all_sizes.test} with more time)" if sizes.test < all_sizes.test else ""
-    return f"in {tuned.verdict.scored.scenarios} test scenarios{fewer}"
+    return f"in {tuned.verdict.scored.scenarios} test scenarios"
 
 
 def headline(tuned: TuningResult) -> str:
@@ -257,37 +260,51 @@ def headline(tuned: TuningResult) -> str:
     best, trials = tuned.verdict.best, len(tuned.trials)
     count = f"{trials} trial{'s' * (trials != 1)}"
     if tuned.verdict.improved:
-        changed = [f"{name} changed from {was:.4g} to {now:.4g}" for name, (was, now) in tuned.repaired.items()]
-        having = f", with {' and '.join(changed)}," if changed else ""
-        words = f"trial {best.number} of {trials}{having} is the best; scored {where(tuned)}"
-        return f"{words}; {tuned.verdict.contradiction}" if tuned.verdict.contradiction else words
+        return f"trial {best.number} of {trials} is the best; scored {where(tuned)}"
     return f"the start is kept: {tuned.verdict.obstacle} ({count}); scored {where(tuned)}"
 
 
 def instability(tuned: TuningResult) -> str:
     """The best's first instability on the nominal machine, in a few words; empty if it is stable."""
     words = next(iter(tuned.instabilities), "").partition(":")[0]
-    return f"the loop with these gains is {words}" if words.startswith("unstable") else words
+    cycle = f", in {tuned.cycle.words}" if words.startswith(UNSTABLE) and tuned.cycle else ""
+    return f"the loop with these gains is {words}{cycle}" if words.startswith("unstable") else words
 
 
 def worth(tuned: TuningResult) -> str:
-    """The gain over the paper and the start, instability, violated bounds, their probability, and the assumptions."""
+    """In short sentences: the gain over the paper and the start, what is certified, and what was not examined."""
+    return " ".join(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in _worth(tuned) if sentence)
+
+
+def _worth(tuned: TuningResult) -> Iterator[str]:
     verdict = tuned.verdict
     gained = comparison(tuned)
     if not verdict.improved:
         gained = f"no improvement: the start is kept{'' if verdict.start_is_papers else f', {gained}'}"
-    if verdict.contradiction:
-        gained = f"{verdict.contradiction}: {gained}"
+    yield f"{verdict.contradiction}: {gained}" if verdict.contradiction else gained
     scored = verdict.scored
-    violated_bounds = [
+    violated = [
         f"{constraint.label} ({number(scored.statistics[constraint.statistic.name], 3)})"
         for constraint in verdict.constraints
         if scored.violations[constraint.label] > 0
     ]
-    violated = [f"violates {', '.join(violated_bounds)}"] if violated_bounds else []
-    chance = [verdict.chance.words] if verdict.chance else []
-    words = [gained, instability(tuned), *violated, *chance, assumptions(tuned.problem.ensemble)]
-    return "; ".join(filter(None, words))
+    yield f"It violates {', '.join(violated)}" if violated else ""
+    yield verdict.certificate.words if verdict.certificate else ""
+    yield unexamined(tuned)
+    yield instability(tuned)
+    yield assumptions(tuned.problem.ensemble)
+
+
+def unexamined(tuned: TuningResult) -> str:
+    """How many candidates that rank before the start were not examined, if the best is not certified; else empty."""
+    verdict = tuned.verdict
+    if not verdict.certificate or verdict.certificate.satisfied or not verdict.unexamined:
+        return ""
+    budget = "--time" if tuned.seconds else "--rollouts"
+    return (
+        f"{verdict.examined} candidate{'s' * (verdict.examined != 1)} examined; {verdict.unexamined} more rank before "
+        f"the start in training and were not, for lack of rollouts or time ({budget})"
+    )
 
 
 def tested(tuned: TuningResult) -> str:
@@ -295,7 +312,7 @@ def tested(tuned: TuningResult) -> str:
     verdict, objective = tuned.verdict, tuned.problem.objectives[0]
     if not verdict.has_test_set:
         return ""
-    level, words = tuned.problem.selection.confidence, list[str]()
+    level, words = tuned.problem.options.confidence, list[str]()
     if objective.kind == "mean" and (mean := verdict.mean_interval(objective.metric, level)):
         words.append(
             f"{objective.name} = {mean[0]:.4g} ({mean[1]:.4g} to {mean[2]:.4g}){behind_number(objective.unit)}"
@@ -366,7 +383,8 @@ def comparison(tuned: TuningResult) -> str:
     )
     if within in (0, every) or objective.kind == "worst":
         return words
-    return f"{words} in the {within} feasible test scenarios ({compared(feasible=False)} in all {every})"
+    scored = f"in the {within} test scenarios within the motors' authority"
+    return f"{words} {scored} ({compared(feasible=False)} in all {every})"
 
 
 def times(ratio: float, whose: str) -> str:
@@ -385,9 +403,13 @@ def _digits(ratio: float) -> str:
 
 
 def authority(tuned: TuningResult) -> str:
-    """Number of infeasible test scenarios, in words; empty for none."""
-    beyond = tuned.verdict.scored.scenarios - tuned.verdict.feasible_scenarios
-    return infeasible_words(beyond) if beyond and tuned.verdict.has_test_set else ""
+    """Number of test scenarios beyond the motors' authority, in words; empty for none."""
+    verdict, share = tuned.verdict, tuned.problem.options.authority
+    beyond = verdict.scored.scenarios - verdict.feasible_scenarios
+    if not beyond or not verdict.has_test_set:
+        return ""
+    verb = "demands" if beyond == 1 else "demand"
+    return f"{beyond} of the scenarios {verb} more than {100 * share:g} % of the motors' force: no gains keep up there"
 
 
 def advice(tuned: TuningResult) -> list[str]:
@@ -398,7 +420,7 @@ def advice(tuned: TuningResult) -> list[str]:
     found: list[str] = []
     if undamping := undamped(problem.experiment):
         found.append(f"damping of the drums (--set): {' and '.join(undamping)} = 0, though {SWINGING}")
-    wanted = problem.selection.trials_needed(len(problem.space.dimensions))
+    wanted = problem.options.trials_needed(len(problem.space.dimensions))
     if len(tuned.trials) < wanted:
         found.append(f"more trials (--time, --trials, --resume): {wanted} or more for this many gains")
     if hardest := _hardest(tuned):
@@ -412,14 +434,12 @@ def advice(tuned: TuningResult) -> list[str]:
 
 def too_short(tuned: TuningResult) -> str:
     """Remark on a search with fewer trials than its gains need, with the budget it needs; else empty."""
-    config, gains = tuned.problem.selection, len(tuned.problem.space.dimensions)
+    config, gains = tuned.problem.options, len(tuned.problem.space.dimensions)
     rollouts = tuned.progress.spent if tuned.progress.share else None
     return short_of(len(tuned.trials), gains, config, tuned.cost.searching if tuned.seconds else None, rollouts)
 
 
-def short_of(
-    trials: int, gains: int, config: SelectionConfig, seconds: float | None, rollouts: int | None = None
-) -> str:
+def short_of(trials: int, gains: int, config: TuningOptions, seconds: float | None, rollouts: int | None = None) -> str:
     """Remark on a search with fewer trials than its gains need, with the budget it needs; else empty.
 
     `seconds`, in s, or `rollouts` are what the search took, if they were its budget.

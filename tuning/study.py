@@ -1,8 +1,7 @@
 """A study: propose batches of candidates, evaluate them in parallel and store them, until the budget is spent."""
 
 import math
-import time
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
 
@@ -12,15 +11,47 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring import clock
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SearchStatus, TuningProgress
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.storage.record import first_candidates
-from dualwinch.tuning.storage.store import SearchBudget, StudyStorage, TrialClaim
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.storage.store import StudyStorage
 
 BATCH = 16
 """Candidates in a batch: one per vector lane."""
 
-PAUSE = 0.3
-"""Polling period in s while other workers finish their trials."""
+
+@dataclass(frozen=True)
+class SearchBudget:
+    """Limits of a search by one process; it ends at the first.
+
+    Attributes:
+        trials: number of its trials; ``None``: no limit.
+        until: time in s since the epoch; ``None``: no limit.
+        rollouts: number of rollouts of its trials; pruned ones count those they ran; ``None``: no limit.
+    """
+
+    trials: int | None = None
+    until: float | None = None
+    rollouts: int | None = None
+
+    def batch(self, trials: int, rollouts: int, scenarios: int) -> int:
+        """Number of candidates in the next batch, after so many trials and rollouts; 0: the budget is spent."""
+        if self.until is not None and clock.now() >= self.until:
+            return 0
+        limits = [BATCH]
+        if self.trials is not None:
+            limits.append(self.trials - trials)
+        if self.rollouts is not None:
+            limits.append(math.ceil((self.rollouts - rollouts) / scenarios))
+        return max(0, min(limits))
+
+
+NO_LIMIT = SearchBudget()
+
+
+def first_candidates(problem: TuningProblem) -> list[Candidate]:
+    """First candidates of a study: the paper's gains, if its law is tuned, and the start."""
+    paper, start = problem.paper_point, problem.start
+    papers = [] if paper is None else [Candidate(paper, "paper")]
+    return papers + ([Candidate(start, "start")] if start != paper else [])
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # threads slow down algebra with matrices this small
@@ -29,67 +60,48 @@ def search(
     optimiser: Optimiser,
     store: StudyStorage,
     evaluator: Evaluator,
+    budget: SearchBudget = NO_LIMIT,
     watch: TuningProgress = NO_PROGRESS,
     progress: SearchStatus | None = None,
 ) -> SearchStatus:
     """Search until the budget is spent; return the status at the end.
 
-    The first trials are the paper's gains, if its law is tuned, and the experiment's own if they differ. The optimiser
-    is first told the trials in the storage; candidates have `method` as their origin. The progress is updated in place,
-    so that its counts survive an interrupt, and shown after each batch.
+    The first trials of a study are the paper's gains, if its law is tuned, and the experiment's own if they differ. The
+    optimiser is first told the trials in the storage, and after each batch those that other processes have finished;
+    candidates have `method` as their origin. The budget is this process's own: trials of others do not count, those in
+    the storage at the beginning only where the study is continued (`StudyStorage.continued`). The progress is updated
+    in place, so that its counts survive an interrupt, and shown after each batch.
 
     Raises:
-        KeyboardInterrupt: interrupted; every finished batch is kept, and the claims of the unfinished one are released.
+        KeyboardInterrupt: interrupted; every finished batch is stored.
     """
     progress = SearchStatus() if progress is None else progress
-    began, ran, built = clock.now(), evaluator.seconds, build_seconds()
-    known = store.finished()
-    progress.add(known)
-    optimiser.tell(known)
-    counted = optimiser.rollouts
-
-    def propose(count: int, first: bool) -> list[Candidate]:
-        given = first_candidates(evaluator.training.problem)[:count] if first else []
-        asked = optimiser.ask(count - len(given)) if count > len(given) else []
-        return given + [Candidate(point, method) for point in asked]
-
-    while True:
-        budget = store.budget()
-        count = _batch(budget, progress.spent, evaluator.training.problem)
-        if not count or (budget.until is not None and clock.now() >= budget.until):
-            break
-        claims = store.claim(count, budget, propose)
-        if claims:
-            done = _evaluated(claims, store, evaluator)
-            optimiser.tell(done)
-            progress.add(done)
-        elif store.complete(budget):
-            break
-        else:
-            time.sleep(PAUSE)
+    began, before, built = clock.now(), evaluator.seconds, build_seconds()
+    stored, problem = store.finished(), evaluator.training.problem
+    progress.add(stored)
+    optimiser.tell(stored)
+    trials = len(stored) if store.continued else 0
+    rollouts = sum(trial.scenarios for trial in stored) if store.continued else 0
+    further = evaluator.further_rollouts
+    origins = {trial.candidate.origin for trial in stored}
+    waiting = [candidate for candidate in first_candidates(problem) if candidate.origin not in origins]
+    while size := budget.batch(trials, rollouts, problem.scenarios):
+        candidates, waiting = waiting[:size], waiting[size:]
+        if size > len(candidates):
+            candidates += [Candidate(point, method) for point in optimiser.ask(size - len(candidates))]
+        evaluations = evaluator.evaluate(candidates)
+        store.add(evaluations)
         news = store.news()
-        optimiser.tell(news)
-        progress.add(news)
-        progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - ran
+        for finished in (evaluations, news):
+            optimiser.tell(finished)
+            progress.add(finished)
+        trials += len(evaluations)
+        rollouts += sum(evaluation.scenarios for evaluation in evaluations) + evaluator.further_rollouts - further
+        further = evaluator.further_rollouts
+        progress.rollouts, progress.rollout_seconds = evaluator.rollouts, evaluator.seconds - before
         progress.seconds, progress.compiling = clock.now() - began, build_seconds() - built
-        progress.spent, counted = progress.spent + optimiser.rollouts - counted, optimiser.rollouts
-        progress.share = 0.0 if budget.rollouts is None else min(1.0, progress.spent / budget.rollouts)
-        watch.progress(progress, budget.until, budget.trials)
+        progress.spent = rollouts
+        progress.share = 0.0 if budget.rollouts is None else min(1.0, rollouts / budget.rollouts)
+        total = None if budget.trials is None else budget.trials + progress.trials - trials
+        watch.progress(progress, budget.until, total)
     return progress
-
-
-def _batch(budget: SearchBudget, spent: int, problem: TuningProblem) -> int:
-    """Number of candidates in the next batch: `BATCH`, or as many as the remaining rollouts allow."""
-    if budget.rollouts is None:
-        return BATCH
-    return min(BATCH, max(0, math.ceil((budget.rollouts - spent) / problem.scenarios)))
-
-
-def _evaluated(claims: Sequence[TrialClaim], store: StudyStorage, evaluator: Evaluator) -> list[Evaluation]:
-    try:
-        done = evaluator.evaluate([claim.candidate for claim in claims])
-        store.finish(claims, done)
-    except BaseException:
-        store.release(claims)
-        raise
-    return done

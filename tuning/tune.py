@@ -1,37 +1,40 @@
 """Tune in one call: prepare, search, select and score."""
 
-from dataclasses import replace
-from functools import partial
-
 from dualwinch.codegen.cache import build_seconds
 from dualwinch.model.arguments import instance, whole_number
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.workers import Workers
-from dualwinch.tuning.optimisers import check_method, compile_ahead, optimiser
-from dualwinch.tuning.problem import SEARCH, TuningProblem
+from dualwinch.tuning.optimisers import check_method, optimiser
+from dualwinch.tuning.options import TRIALS, default_method
+from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningCost, TuningResult
 from dualwinch.tuning.scoring import clock
+from dualwinch.tuning.scoring.budget import (
+    CERTIFICATE_SHARE,
+    TIME_MORE,
+    TIME_SHARE,
+    SelectionBudget,
+    seconds_after_search,
+    seconds_of_search,
+)
+from dualwinch.tuning.scoring.certificate import SampleCertificate
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.progress import NO_PROGRESS, SEARCHING, SearchStatus, TuningProgress
-from dualwinch.tuning.scoring.selection import select
-from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import TRIALS, default_method
+from dualwinch.tuning.scoring.selection import Certification, select
+from dualwinch.tuning.scoring.starts import prepare_best_start
 from dualwinch.tuning.storage.connection import quiet
-from dualwinch.tuning.storage.store import MemoryStorage, SearchBudget, StudyStorage
-from dualwinch.tuning.study import search
-
-WORTH_COMPILING = 20.0
-"""Time budget in s from which everything a search may call is compiled beforehand, outside the budget."""
+from dualwinch.tuning.storage.store import MemoryStorage, StudyStorage
+from dualwinch.tuning.study import SearchBudget, first_candidates, search
 
 
 def trials_of(problem: TuningProblem, trials: int | None, seconds: float | None, rollouts: int | None) -> int | None:
     """Largest number of trials of a search; ``None``: limited by another budget only.
 
-    Without any budget: `TRIALS`, or the number that the gains need (`SelectionConfig.trials_needed`) if that is larger.
+    Without any budget: `TRIALS`, or the number that the gains need (`TuningOptions.trials_needed`) if that is larger.
     """
     if not trials is seconds is rollouts is None:
         return trials
-    return max(TRIALS, problem.selection.trials_needed(len(problem.space.dimensions)))
+    return max(TRIALS, problem.options.trials_needed(len(problem.space.dimensions)))
 
 
 def tune(
@@ -48,23 +51,24 @@ def tune(
     keep: bool = True,
     watch: TuningProgress = NO_PROGRESS,
 ) -> TuningResult:
-    """Search for gains, select the best candidate by validation, and score it on a test set.
+    """Search for gains, certify the best candidate in fresh draws, and score it on a test set.
 
-    An interrupt (Ctrl-C) ends the search; the best candidate so far is selected and scored, unless `keep` is false.
+    The method has its steps and sources in `tuning.scoring.selection`. An interrupt (Ctrl-C) ends the search; the best
+    candidate so far is selected and scored, unless `keep` is false.
 
     Args:
         problem: from `dualwinch.tuning_problem`.
         method: name of the optimiser (`tuning.optimisers.METHODS`); default: by the number of objectives.
         trials: number of trials; default: from `trials_of` without `seconds` and `rollouts`, else no limit.
-        seconds: wall time of the search in s. With preparation, selection and scoring, the study takes at most 1.3
-            times that plus 10 s (`SelectionConfig.time_of_all`); where time is short, selection and scoring use fewer
-            scenarios and the search is shorter. Compilation comes on top.
-        rollouts: number of rollouts of the search. A pruned trial counts the rollouts it ran, a gradient as many as
-            finite differences would take; the last batch may exceed the number by a few.
-        test_scenarios: largest number of test scenarios; default: from the problem's `SelectionConfig`.
+        seconds: wall time of the search in s. Preparation and compilation come before; certificate and scores take up
+            to 0.3 times that plus 10 s more, and where that is too little, the search is shorter. The first trials, the
+            paper's gains and the start, are always finished.
+        rollouts: number of rollouts of search, checks and certificate, for which an eighth is reserved; where the first
+            candidates are rejected, an eighth more. A first candidate is always examined whole.
+        test_scenarios: number of test scenarios; default: from the problem's `TuningOptions`.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         store: open storage of the trials; a study in it is continued. Default: in memory.
-        reserved_seconds: part of the study's time, in s, that is left for the caller's work after the call.
+        reserved_seconds: part of the time after the search, in s, that is left for the caller's work after the call.
         keep: whether an interrupt keeps the best candidate so far; else it is raised.
         watch: shows every phase (`tuning.scoring.progress.PHASES`) and each batch of the search.
 
@@ -84,46 +88,68 @@ def tune(
     method = method or default_method(len(problem.objectives))
     check_method(method, len(problem.objectives))
     quiet()
-    began, allowed, built = clock.now(), clock.without_compiling(), build_seconds()
-    worth = seconds is not None and seconds >= WORTH_COMPILING
-    training = prepare(problem, workers, watch, partial(compile_ahead, method, problem) if worth else None)
+    began, built = clock.now(), build_seconds()
+    training = prepare_best_start(problem, workers, watch)
+    problem = training.problem
     store = store or MemoryStorage()
     evaluator = Evaluator(training, workers=workers)
-    proposer = optimiser(method, training, problem.stream(f"{SEARCH} after {store.count()} trials"))
+    evaluator.find_active_loops()
+    proposer = optimiser(method, training, problem.stream(store.stream))
     watch.compiled(build_seconds() - built)
-    watch.phase(SEARCHING)
-    searched, config = clock.now(), problem.selection
-    until = None
+    begun = _begin(store, evaluator, trials)
+    prepared = clock.now()
+    progress, interrupted, certification = SearchStatus(), False, None
+    until, budget = None, SelectionBudget()
     if seconds is not None:
-        evaluator.until = allowed + config.time_of_all(seconds) - reserved_seconds
-        until = searched + evaluator.time_of_search(seconds)
-    store.set_budget(SearchBudget(trials, until, rollouts))
-    progress, interrupted = SearchStatus(), False
+        left = (1 + TIME_SHARE) * seconds + TIME_MORE - reserved_seconds
+        certificate, test = _seconds_after_search(evaluator)
+        until = prepared + seconds_of_search(seconds, left, certificate + test)
+        budget = SelectionBudget(until=clock.without_compiling() + left - test)
+        watch.forecast(prepared - began, until - prepared, left)
+    reserve = round(CERTIFICATE_SHARE * rollouts) if rollouts and problem.ensemble else 0
+    watch.phase(SEARCHING)
     try:
-        search(method, proposer, store, evaluator, watch, progress)
+        more = trials if trials is None or store.continued else trials - begun
+        budget_of_search = SearchBudget(more, until, rollouts and rollouts - reserve)
+        search(method, proposer, store, evaluator, budget_of_search, watch, progress)
     except KeyboardInterrupt:
         if not keep:
             raise
         interrupted = True
-    judged = clock.now()
-    store.set_budget(SearchBudget(store.count(), judged))  # ends the other workers' searches too
-    finished = store.finished()
-    if not finished and interrupted:
-        raise KeyboardInterrupt
-    if not finished:
-        raise ConfigurationError(f"seconds = {seconds:g}: too short, the first trials were not finished in time")
-    tried = evaluator.rollouts
-    sizes = config.sizes if test_scenarios is None else replace(config.sizes, test=test_scenarios)
-    verdict = select(evaluator, finished, sizes, watch)
+    searched, tried = clock.now(), evaluator.rollouts
+    if problem.ensemble is not None:
+        if until is None:
+            budget = SelectionBudget(rollouts=round((1 + CERTIFICATE_SHARE) * (rollouts or evaluator.rollouts)))
+        certification = Certification(evaluator, store.finished())
+    verdict = select(evaluator, store.finished(), certification, budget, test_scenarios, watch)
     cost = TuningCost(
         rollouts=evaluator.rollouts,
         rollout_seconds=evaluator.seconds,
-        preparing=searched - began,
-        searching=judged - searched,
-        judging=clock.now() - judged,
+        preparing=prepared - began,
+        searching=searched - prepared,
+        judging=clock.now() - searched,
         overhead=progress.overhead,
-        margin_seconds=evaluator.margin_seconds,
+        margin_seconds=evaluator.meter.margin_seconds,
         compiling=build_seconds() - built,
         judging_rollouts=evaluator.rollouts - tried,
     )
-    return TuningResult(training, method, tuple(finished), verdict, progress, cost, interrupted, seconds)
+    return TuningResult(training, method, tuple(store.finished()), verdict, progress, cost, interrupted, seconds)
+
+
+def _begin(store: StudyStorage, evaluator: Evaluator, trials: int | None) -> int:
+    """Finish the first trials, the paper's gains and the start, whatever the time: a study is never empty.
+
+    Returns:
+        Their number; 0 if the study has trials.
+    """
+    candidates = [] if store.count() else first_candidates(evaluator.problem)[:trials]
+    if candidates:
+        store.add(evaluator.evaluate(candidates))
+    return len(candidates)
+
+
+def _seconds_after_search(evaluator: Evaluator) -> tuple[float, float]:
+    """Estimated times in s of the certificate and of the test set."""
+    problem, meter = evaluator.problem, evaluator.meter
+    draws = SampleCertificate(problem.options.violation, problem.options.confidence).draws_of_stage(0)
+    return seconds_after_search(problem.options, draws if problem.ensemble else 0, meter.pace, meter.margin_pace)

@@ -7,9 +7,17 @@ from typing import Any
 
 from dualwinch.analysis.stability import SLIDING_MODE
 from dualwinch.config.distribution_entries import check_range
-from dualwinch.config.ensemble_file import ensemble_to_toml, find_ensemble, load_ensemble, loads_ensemble, reset
+from dualwinch.config.ensemble_file import (
+    built_in_ensembles,
+    ensemble_to_toml,
+    find_ensemble,
+    load_ensemble,
+    loads_ensemble,
+    reset,
+)
 from dualwinch.config.experiment_file import assigned, experiment_from, loads, own_keys, to_toml
 from dualwinch.config.toml_text import flattened, read_source
+from dualwinch.controllers.controller import Controller
 from dualwinch.model.actuators import is_ideal
 from dualwinch.model.arguments import instance, texts, whole_number
 from dualwinch.model.errors import ConfigurationError
@@ -38,9 +46,8 @@ from dualwinch.tuning.constraints import (
     default_constraints,
     objectives_from,
 )
+from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.problem import TuningProblem
-from dualwinch.tuning.scoring.chance import draws_needed
-from dualwinch.tuning.selection_config import SCENARIOS, SelectionConfig
 from dualwinch.tuning.space import entry_from, space_from, space_of, space_to_record
 from dualwinch.tuning.storage.parts import part_records
 
@@ -63,7 +70,8 @@ def tuning_problem(
     excluded: Collection[str] = (),
     violation: float | None = None,
     confidence: float | None = None,
-    selection: SelectionConfig | None = None,
+    options: TuningOptions | None = None,
+    starts: Sequence[Controller] = (),
 ) -> TuningProblem:
     """Make a tuning problem for `dualwinch.tune` from the arguments of the command ``dualwinch tune``.
 
@@ -90,9 +98,10 @@ def tuning_problem(
         seed: of scenarios and search.
         excluded: keys excluded from the space; they keep the values of `settings`.
         violation: largest probability that a draw of the ensemble violates a bound on the worst case; default: from
-            `selection`.
-        confidence: of the statement that candidates stay below `violation`; default: from `selection`.
-        selection: hyper-parameters of training set, ranking and selection.
+            `options`.
+        confidence: of the statement that the best stays below `violation`; default: from `options`.
+        options: parameters of the method.
+        starts: controllers of the same parts, from whose gains the search may begin as well; the better begins.
 
     Raises:
         ConfigurationError: an invalid key, value, space, objective or constraint.
@@ -121,7 +130,8 @@ def tuning_problem(
             check_range(key, distribution, machines.experiment)
         base = machines.experiment
         drawn = None if drawn is None else machines
-    count = SCENARIOS if scenarios is None else scenarios
+    options = _certified(options or TuningOptions(), violation, confidence)
+    count = options.draws if scenarios is None else scenarios
     whole_number("scenarios", count, 1)
     whole_number("seed", seed)
     swinging = swings(base.plant)
@@ -130,6 +140,7 @@ def tuning_problem(
         lag=not is_ideal(base.actuator),
         swinging=swinging,
         resonance=swinging and isinstance(base.controller.law, SLIDING_MODE),
+        own=drawn is not None and drawn.name not in built_in_ensembles(),
     )
     minimised = objectives_from(objectives or DEFAULT_OBJECTIVES, base.metrics)
     bounded = constraints_with(constraints, defaults, base)
@@ -141,21 +152,18 @@ def tuning_problem(
         constraints=bounded,
         scenarios=count if drawn else 1,
         seed=seed,
-        selection=_chance_constrained(selection or SelectionConfig(), violation, confidence),
+        options=options,
         choices=tuple(chosen),
+        starts=tuple(starts),
     )
     problem.check()
     return problem
 
 
-def _chance_constrained(config: SelectionConfig, violation: float | None, confidence: float | None) -> SelectionConfig:
-    """A configuration with other probabilities, and with the number of fresh draws that they require."""
-    if violation is None and confidence is None:
-        return config
+def _certified(options: TuningOptions, violation: float | None, confidence: float | None) -> TuningOptions:
+    """Options with other probabilities."""
     asked = {"violation": violation, "confidence": confidence}
-    config = replace(config, **{name: value for name, value in asked.items() if value is not None})
-    draws = draws_needed(config.violation, config.confidence, config.chance_candidates)
-    return replace(config, sizes=replace(config.sizes, chance=draws))
+    return replace(options, **{name: value for name, value in asked.items() if value is not None})
 
 
 def _named(file: str | Path | Ensemble | None) -> Collection[str]:
@@ -206,7 +214,7 @@ def definition_of(problem: TuningProblem, method: str) -> dict[str, Any]:
         "constraints": [constraint.text for constraint in problem.constraints],
         "scenarios": problem.scenarios,
         "seed": problem.seed,
-        "selection": problem.selection.to_record(),
+        "options": problem.options.to_record(),
         "method": method,
     }
 
@@ -227,7 +235,7 @@ def problem_from(definition: Mapping[str, Any]) -> TuningProblem:
         constraints=constraints_from(definition["constraints"], base),
         scenarios=definition["scenarios"],
         seed=definition["seed"],
-        selection=SelectionConfig.from_record(definition["selection"]),
+        options=TuningOptions.from_record(definition["options"]),
     )
 
 

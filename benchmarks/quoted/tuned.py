@@ -73,7 +73,7 @@ def on_the_rig() -> dict[str, Comparison]:
     return {words: compared(best("rig"), "rig", settings) for words, settings in conditions.items()}
 
 
-def _row(found: dw.RobustnessResult, label: str) -> ImperfectionResult:
+def _row(found: dw.StressResult, label: str) -> ImperfectionResult:
     """What a stress test says of one imperfection."""
     return next(row for row in found.ranking if row.imperfection.label == label)
 

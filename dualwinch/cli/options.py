@@ -6,8 +6,10 @@ import re
 import shlex
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -449,6 +451,27 @@ def share_from(text: str | None, option: str, usual: float, *, zero: bool = Fals
     return share
 
 
+EXECUTORS = "dualwinch.executors"
+"""Group of entry points: functions of the address of workers and of a printer of lines, which yield an executor."""
+
+
+def connected(cluster: str, say: Callable[[str], object]) -> AbstractContextManager[Executor]:
+    """The executor of a cluster, by the toolbox that offers it.
+
+    Raises:
+        ConfigurationError: no toolbox offers one.
+    """
+    from dualwinch.model.errors import ConfigurationError
+
+    for entry in entry_points(group=EXECUTORS, name="cluster"):
+        try:
+            return entry.load()(cluster, say)
+        except ModuleNotFoundError as error:
+            if not error.name or error.name not in entry.module:
+                raise
+    raise ConfigurationError("--cluster: needs the toolbox `cluster`, which is not installed")
+
+
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
@@ -478,19 +501,8 @@ class WorkerOptions:
             if self.cluster is None:
                 yield None
                 return
-            from dualwinch.simulation.batch.workers import cluster_client
-
-            with cluster_client(self.cluster) as client:
-                info = client.scheduler_info(n_workers=-1)
-                workers_present = info["workers"]
-                threads = sum(worker["nthreads"] for worker in workers_present.values())
-                summary = (
-                    f"{len(workers_present)} workers with {threads} threads" if workers_present else "no worker yet"
-                )
-                line.say(f"cluster {info['address']}: {summary}; dashboard {client.dashboard_link}")
-                if not workers_present:
-                    line.say(f"waiting for workers; to start one: dask worker {info['address']}")
-                yield client.get_executor(pure=False)
+            with connected(self.cluster, line.say) as executor:
+                yield executor
         finally:
             EXACT.reset(before)
 
@@ -501,8 +513,8 @@ class CheckpointingWorkerOptions(WorkerOptions):
     """Options for batches of runs: cluster, reproducibility, and a folder for finished portions.
 
     Attributes:
-        checkpoint: Folder for portions that the cluster's workers have finished; if the scheduler or this process ends
-            early, the same call continues with the rest.
+        checkpoint: Folder for finished portions of the work; if this process or the cluster ends early, the same call
+            continues with the rest.
     """
 
     checkpoint: Path | None = None
@@ -515,25 +527,24 @@ class CheckpointingWorkerOptions(WorkerOptions):
 
     @contextmanager
     def workers(self, line: ProgressLine) -> Iterator[Workers]:
-        """As in `WorkerOptions`, with finished portions stored.
+        """As in `WorkerOptions`, with finished portions stored; without a cluster, those of this machine's threads.
 
         Raises:
-            ConfigurationError: as there, or `checkpoint` without a cluster, or a folder that cannot be written to.
+            ConfigurationError: as there, or a folder that cannot be written to.
         """
-        from concurrent.futures import Executor
-
         from dualwinch.config.folders import made_folder
-        from dualwinch.model.errors import ConfigurationError
-        from dualwinch.simulation.batch.workers import CheckpointingExecutor
+        from dualwinch.simulation.batch.workers import CheckpointingExecutor, cores
 
-        if self.checkpoint and self.cluster is None:
-            raise ConfigurationError("--checkpoint: needs --cluster")
-        with made_folder(self.checkpoint) if self.checkpoint else nullcontext(), super().workers(line) as workers:
-            yield (
-                CheckpointingExecutor(workers, self.checkpoint)
-                if self.checkpoint and isinstance(workers, Executor)
-                else workers
-            )
+        if self.checkpoint is None:
+            with super().workers(line) as workers:
+                yield workers
+            return
+        with made_folder(self.checkpoint), ExitStack() as stack:
+            workers = stack.enter_context(super().workers(line))
+            if not isinstance(workers, Executor):
+                workers = ThreadPoolExecutor(cores())
+                stack.callback(workers.shutdown, cancel_futures=True)
+            yield CheckpointingExecutor(workers, self.checkpoint)
 
 
 def use_parts(plugins: list[str] | None) -> None:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 import os
 import shlex
-import subprocess
-import sys
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,38 +43,31 @@ from dualwinch.cli.progress import ProgressLine
 from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
 
 if TYPE_CHECKING:
+    from dualwinch.tuning.options import TuningOptions
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
-    from dualwinch.tuning.selection_config import SelectionConfig
 
-METHODS = "cmaes, gradient, hybrid, tpe, gp, nsga2, nsga3, qmc, random"
+METHODS = "cmaes, tpe, gp, nsga2, nsga3, qmc, random"
 """Names of `tuning.optimisers.METHODS`, repeated so that help does not import them."""
 
 
 def default_trials() -> int:
     """The default number of trials, imported for the help alone."""
-    from dualwinch.tuning.selection_config import TRIALS
+    from dualwinch.tuning.options import TRIALS
 
     return TRIALS
 
 
-def default_scenarios() -> int:
-    """The default number of scenarios."""
-    from dualwinch.tuning.selection_config import SCENARIOS
+def tuning_options() -> type[TuningOptions]:
+    """The class with the defaults of the method's parameters."""
+    from dualwinch.tuning.options import TuningOptions
 
-    return SCENARIOS
-
-
-def chance_constraint() -> type[SelectionConfig]:
-    """The class with the defaults of the chance constraint."""
-    from dualwinch.tuning.selection_config import SelectionConfig
-
-    return SelectionConfig
+    return TuningOptions
 
 
 def usual_methods(_: object) -> str:
     """The default methods for one and for several objectives, for help."""
-    from dualwinch.tuning.selection_config import default_method
+    from dualwinch.tuning.options import default_method
 
     return f"{default_method(1)}; of several objectives {default_method(2)}"
 
@@ -91,12 +81,10 @@ class StudyOptions:
         trials: Trials of the search.
         time: Time of the search, e.g. 60s, 5min; the command ends within 1.3 times that + 10 s.
         rollouts: Rollouts of the search: the same budget for slow laws and fast ones.
-        storage: Journal file, or postgresql+psycopg://USER@HOST/DATABASE.
+        storage: Journal file; or URL of a database, such as postgresql+psycopg://USER@HOST/DATABASE, in which the same
+            call joins the study from any number of processes and machines, each with its own budget.
         study: Name of the study.
-        workers: Processes on this machine; more than one needs --shared or a database.
-        shared: Let processes on other machines join a study whose journal file is in a shared folder
-            (`dualwinch worker`).
-        resume: Continue a study that has trials.
+        resume: Continue a study: the trials that it has count in the budget.
         out: Folder for best.toml and study.json.
         stress: Afterwards find which imperfection breaks the best gains first (`dualwinch stress`).
     """
@@ -110,8 +98,6 @@ class StudyOptions:
     rollouts: Whole = None
     storage: Annotated[str | None, Parameter(env_var="DUALWINCH_STORAGE")] = None
     study: str = "tuning"
-    workers: Annotated[int, WHOLE] = 1
-    shared: bool = False
     resume: bool = False
     out: Path = Path("tuning-results")
     where: WorkerOptions = WorkerOptions()
@@ -132,12 +118,12 @@ def tune(
     *,
     given: ExperimentOptions = ExperimentOptions(),
     ensemble: str | None = None,
-    scenarios: Annotated[Whole, default_of(default_scenarios)] = None,
+    scenarios: Annotated[Whole, default_of(tuning_options, "draws")] = None,
     space: list[str] | None = None,
     objective: list[str] | None = None,
     constraint: list[str] | None = None,
-    violation: Annotated[str | None, default_of(chance_constraint, "violation", "{:.1%}")] = None,
-    confidence: Annotated[str | None, default_of(chance_constraint, "confidence", "{:.0%}")] = None,
+    violation: Annotated[str | None, default_of(tuning_options, "violation", "{:.1%}")] = None,
+    confidence: Annotated[str | None, default_of(tuning_options, "confidence", "{:.0%}")] = None,
     seed: Annotated[int, WHOLE] = 0,
     options: StudyOptions = StudyOptions(),
 ) -> None:
@@ -170,7 +156,6 @@ def tune(
         dualwinch tune --ensemble sea --time 60s --stress --out tuned
         dualwinch tune --ensemble sea --constraint "worst.delay_margin>=5ms" --constraint "worst.gain_margin>=6dB"
         dualwinch tune --ensemble sea --time 10min --storage postgresql+psycopg://me@host/studies --study sea
-        dualwinch tune --ensemble sea --time 10min --storage /home/me/sea.journal --shared --study sea
         dualwinch tune --ensemble rig --trials 5000 --cluster tcp://scheduler:8786
     """
     with ProgressLine("reading the problem", command="tune") as line:
@@ -191,8 +176,8 @@ def tune(
             constraints=constraint,
             scenarios=scenarios,
             seed=seed,
-            violation=share_from(violation, "--violation", own_default(chance_constraint, "violation")),
-            confidence=share_from(confidence, "--confidence", own_default(chance_constraint, "confidence")),
+            violation=share_from(violation, "--violation", own_default(tuning_options, "violation")),
+            confidence=share_from(confidence, "--confidence", own_default(tuning_options, "confidence")),
         )
         if problem.ensemble and ensemble:
             note_other_machine(given.config, ensemble, problem.ensemble)
@@ -226,12 +211,6 @@ REPORT_SECONDS = 5.0
 LEAST_SECONDS = 0.05
 """Shorter times in s are not printed among the cost of a study."""
 
-PREPARING_SECONDS = 600.0
-"""Time in s after which workers give up a study whose first process has not begun to search."""
-
-STORAGE_VARIABLE = "DUALWINCH_STORAGE"
-"""Environment variable with the URL of a storage, which keeps a password off the command line."""
-
 
 def recall_parts(options: StudyOptions) -> list[str]:
     """With ``--resume``, register the parts that the study was begun with; return the files and modules imported.
@@ -242,12 +221,12 @@ def recall_parts(options: StudyOptions) -> list[str]:
     """
     from dualwinch.model.errors import ConfigurationError
     from dualwinch.tuning.storage.connection import is_database, shown
-    from dualwinch.tuning.storage.opening import kept_definition
+    from dualwinch.tuning.storage.opening import stored_definition
     from dualwinch.tuning.storage.parts import StudyName, recall
 
     if not options.resume:
         return []
-    definition = kept_definition(options.kept_in, options.study)
+    definition = stored_definition(options.kept_in, options.study)
     in_database = is_database(options.kept_in)
     if definition is None:
         kept = shown(options.kept_in) if in_database else options.kept_in
@@ -271,13 +250,11 @@ def run_study(
         KeyboardInterrupt: interrupted; the best so far is written.
     """
     from dualwinch.config.folders import made_folder
-    from dualwinch.model.errors import ConfigurationError
-    from dualwinch.simulation.batch.workers import cores
     from dualwinch.tuning.optimisers import check_method
+    from dualwinch.tuning.options import default_method
+    from dualwinch.tuning.scoring.budget import TIME_MORE, TIME_SHARE
     from dualwinch.tuning.scoring.progress import TuningProgress
-    from dualwinch.tuning.selection_config import default_method
     from dualwinch.tuning.storage.opening import open_store
-    from dualwinch.tuning.storage.store import SearchBudget
     from dualwinch.tuning.tune import trials_of
     from dualwinch.tuning.tune import tune as run
     from dualwinch.tuning.tuning_problem import definition_of
@@ -288,24 +265,15 @@ def run_study(
         extension(FUNCTIONS, "check_stress", "--stress")(problem)
     check_method(method, len(problem.objectives))
     definition, out = definition_of(problem, method), options.out
-    for part in definition["parts"]:
-        if options.workers > 1 and part["script"]:
-            raise ConfigurationError(
-                f"--workers: other processes cannot import the {part['what']} '{part['kind']}' of {part['source']}, "
-                "a script; define it in a file of its own"
-            )
-    until = None if seconds is None else time.time() + seconds + PREPARING_SECONDS
-    budget = SearchBudget(trials, until, options.rollouts)
     with made_folder(out):
-        ways = {"resume": options.resume, "shared": options.shared}
-        store = open_store(options.kept_in, options.study, problem, definition, budget, **ways)
+        store = open_store(options.kept_in, options.study, problem, definition, resume=options.resume)
         with if_interrupted("the study is kept; the same call with --resume goes on"):
-            with closing(store), options.where.workers(line) as workers, _workers(options):
+            with closing(store), options.where.workers(line) as workers:
                 _announce(line, problem, method, options.kept_in, store.count())
                 if seconds is not None:
                     line.say(
-                        f"ends within {problem.selection.time_of_all(seconds):.0f} s: up to {seconds:g} s of search, "
-                        "the rest for preparing, choosing, scoring and the report; compiling adds to that"
+                        f"up to {seconds:g} s of search, after preparing and compiling; then certificate and scores: "
+                        f"at most {(1 + TIME_SHARE) * seconds + TIME_MORE:.0f} s in all from the search's beginning"
                     )
                 tuned = run(
                     problem,
@@ -313,7 +281,7 @@ def run_study(
                     trials=trials,
                     seconds=seconds,
                     rollouts=options.rollouts,
-                    workers=workers or max(1, cores() // options.workers),
+                    workers=workers,
                     store=store,
                     reserved_seconds=REPORT_SECONDS,
                     watch=TuningProgress(line, problem.objectives),
@@ -400,18 +368,12 @@ def compared(tuned: TuningResult) -> dict[str, Any]:
 def check_options(options: StudyOptions) -> None:
     """Raise `ConfigurationError` for options that are wrong whatever the problem, before anything is read."""
     from dualwinch.model.errors import ConfigurationError
-    from dualwinch.tuning.storage.connection import check_storage, is_database
+    from dualwinch.tuning.storage.connection import check_storage
 
     for name, count in (("trials", options.trials), ("rollouts", options.rollouts)):
         if count is not None and count < 1:
             raise ConfigurationError(f"--{name} {count}: must be a whole number >= 1")
     seconds_from(options.time)
-    if options.workers < 1:
-        raise ConfigurationError(f"--workers {options.workers}: must be a whole number >= 1")
-    if options.workers > 1 and not (options.shared or is_database(options.kept_in)):
-        raise ConfigurationError(
-            "--workers: needs --shared, or a database, --storage postgresql+psycopg://USER@HOST/DATABASE"
-        )
     check_storage(options.kept_in)
 
 
@@ -430,25 +392,6 @@ def _announce(line: ProgressLine, problem: TuningProblem, method: str, storage: 
         line.say(words)
     kept = shown(storage) if is_database(storage) else storage
     line.say(f"kept in {kept}" + (f", which has {known} trials" if known else ""))
-
-
-@contextmanager
-def _workers(options: StudyOptions) -> Iterator[None]:
-    """Start further processes on this machine that work on the study, and end them afterwards."""
-    words = [sys.executable, "-m", "dualwinch", "worker", "--study", options.study]
-    environment = os.environ | {STORAGE_VARIABLE: options.kept_in}
-    started = [
-        subprocess.Popen(words, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-        for _ in range(options.workers - 1)
-    ]
-    try:
-        yield
-    finally:
-        for process in started:
-            try:
-                process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                process.terminate()
 
 
 def print_study(tuned: TuningResult, typed: str) -> None:

@@ -12,7 +12,7 @@ import pickle
 import socket
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib.abc import InspectLoader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -45,7 +45,7 @@ class WorkerCompileError(WorkerError):
     """A worker cannot compile.
 
     Attributes:
-        worker: its address, if it is a Dask worker.
+        worker: its address, where the executor knows it.
     """
 
     worker = ""
@@ -93,8 +93,7 @@ class WorkerTask:
             raise WorkerError(
                 f"workers: {one_line(error)}; a part of your own that other processes use must be defined in a file"
             ) from error
-        registered = {part for registry in registries() for part in registry.values() if not built_in(part)}
-        from_files = {part for part in registered | pickler.parts if part.__module__.startswith(PLUGIN)}
+        from_files = {part for part in _registered() | pickler.parts if part.__module__.startswith(PLUGIN)}
         modules = {module.__name__: module for part in from_files for module in modules_of(part)}
         imported = sorted(pickler.parts - from_files, key=lambda part: (part.__module__, part.__qualname__))
         return cls(
@@ -108,21 +107,25 @@ class WorkerTask:
         )
 
     def key(self, work: Callable[..., Any], *arguments: Any) -> str:
-        """A digest of the call and of the versions and parts that compute it, the same in every process."""
+        """A digest of the call and of the versions and parts that compute it, the same in every process.
+
+        The parts are those in the arguments, and those whose kind is written in them.
+        """
         stream = io.BytesIO()
-        pickler = _CanonicalPickler(stream, protocol=pickle.HIGHEST_PROTOCOL)
+        pickler = _CanonicalPickler(stream)
         pickler.fast = True
-        sources = [(source.name, source.text) for source in self.sources]
-        pickler.dump((self.versions, sources, self.digests, self.exact, work, arguments))
-        return hashlib.sha256(stream.getvalue()).hexdigest()
+        pickler.dump((work, arguments))
+        call = stream.getvalue()
+        parts = pickler.parts | {part for part in _registered() if part.kind.encode() in call}
+        modules = {module.__name__ for part in parts for module in modules_of(part)}
+        sources = [(source.name, source.text) for source in self.sources if source.name in modules]
+        surroundings = pickle.dumps((self.versions, sources, self.digests, self.exact))
+        return hashlib.sha256(surroundings + call).hexdigest()
 
 
-class _CanonicalPickler(pickle.Pickler):
-    """Pickles sets in sorted order and, with `fast`, without references to earlier objects."""
-
-    def persistent_id(self, thing: Any) -> Any:
-        """The sorted elements of a set, in its place."""
-        return sorted(thing, key=repr) if isinstance(thing, set | frozenset) else None
+def _registered() -> set[type[Part]]:
+    """Parts in registries that do not belong to the product."""
+    return {part for registry in registries() for part in registry.values() if not built_in(part)}
 
 
 class _Pickler(pickle.Pickler):
@@ -139,6 +142,22 @@ class _Pickler(pickle.Pickler):
         return NotImplemented
 
 
+class _CanonicalPickler(_Pickler):
+    """Pickles equal objects alike, and with `fast` without references to earlier objects.
+
+    A set is its elements in sorted order. A dataclass is the fields that are compared: what else it holds may depend on
+    how it was used.
+    """
+
+    def persistent_id(self, thing: Any) -> Any:
+        """What is pickled in the place of a set or of a dataclass; ``None``: the object itself."""
+        if isinstance(thing, set | frozenset):
+            return sorted(thing, key=repr)
+        if is_dataclass(thing) and not isinstance(thing, type):
+            return type(thing), [getattr(thing, field.name) for field in fields(thing) if field.compare]
+        return None
+
+
 @cache
 def versions() -> dict[str, str]:
     """Versions that determine the bits of a result, dualwinch's own with a digest of its sources."""
@@ -152,8 +171,8 @@ def versions() -> dict[str, str]:
     sources = hashlib.sha256()
     for name in sorted(files):
         sources.update(name.encode() + files[name].read_bytes())
-    found = {name: version(name) for name in (PACKAGE, "casadi", "numpy", "scipy")}
-    return {PACKAGE: f"{found.pop(PACKAGE)} (sources {sources.hexdigest()[:12]})", **found}
+    libraries = {name: version(name) for name in ("casadi", "numpy", "scipy")}
+    return {PACKAGE: f"{version(PACKAGE)} (sources {sources.hexdigest()[:12]})", **libraries}
 
 
 def run_task(task: WorkerTask) -> Any:
@@ -165,9 +184,9 @@ def run_task(task: WorkerTask) -> Any:
         DualwinchError: as raised by the function.
     """
     where = f"worker on {socket.gethostname()}"
-    for name, wanted in task.versions.items():
-        if (here := versions().get(name)) != wanted:
-            raise WorkerError(f"{where}: has {name} {here}, must be {wanted}; install the same on all machines")
+    for name, required in task.versions.items():
+        if (here := versions().get(name)) != required:
+            raise WorkerError(f"{where}: has {name} {here}, must be {required}; install the same on all machines")
     _import_missing(where, task.sources)
     _compare(where, task.digests)
     try:
@@ -180,21 +199,11 @@ def run_task(task: WorkerTask) -> Any:
     try:
         return work(*arguments)
     except (CompilerNotFoundError, CompileError, CacheError) as error:
-        unable = WorkerCompileError(f"{where}: {error}")
-        unable.worker = _address()
-        raise unable from error
+        raise WorkerCompileError(f"{where}: {error}") from error
     except MemoryError as error:
         raise WorkerError(f"{where}: out of memory") from error
     finally:
         EXACT.reset(before)
-
-
-def _address() -> str:
-    """The address of this process as a Dask worker; empty if it is none."""
-    try:
-        return str(sys.modules["distributed"].get_worker().address)
-    except (KeyError, ValueError):
-        return ""
 
 
 def _import_missing(where: str, sources: Sequence[ModuleSource]) -> None:
@@ -227,14 +236,14 @@ def _register(part: type[Part]) -> None:
 
 
 def _compare(where: str, digests: Sequence[tuple[str, str, str]]) -> None:
-    for name, qualified, wanted in digests:
+    for name, qualified, required in digests:
         try:
             part: Any = importlib.import_module(name)
             for attribute in qualified.split("."):
                 part = getattr(part, attribute)
         except (ImportError, AttributeError) as error:
             raise WorkerError(f"{where}: has no {name}.{qualified}: {one_line(error)}; install it there") from error
-        if digest(part) != wanted:
+        if digest(part) != required:
             raise WorkerError(f"{where}: has another version of {named(part)}; install the same on all machines")
 
 

@@ -6,39 +6,29 @@ split into portions that do not depend on the number of workers, and results are
 they are the same bits for any number of workers and any order. A `CheckpointingExecutor` stores finished portions, so
 that interrupted work can be resumed by calling it again.
 
-`cluster_client` connects to a Dask cluster, by the address of its scheduler or by a function of your own. Scheduling,
-retries and data transport are Dask's (https://distributed.dask.org), with its defaults unless its configuration files
-or ``DASK_`` environment variables change them.
+An executor may have a method ``exclude(error)``: it is told of a `WorkerCompileError`, and the task is submitted again.
+It raises the error if no worker is left (`toolboxes.cluster`).
 """
 
-import logging
 import os
 import pickle
-import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
 from contextvars import copy_context
 from functools import partial
-from importlib.util import module_from_spec, spec_from_file_location
 from itertools import islice
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Any, TypeAlias, TypeVar
 
 from dualwinch.codegen.errors import DualwinchError
 from dualwinch.codegen.files import atomic
 from dualwinch.codegen.text import one_line
 from dualwinch.model.arguments import whole_number
-from dualwinch.model.errors import ConfigurationError, MissingExtraError
+from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
 from dualwinch.simulation.progress import Progress, no_progress
-
-if TYPE_CHECKING:
-    from distributed import Client
-
 
 Item = TypeVar("Item")
 
@@ -80,14 +70,14 @@ def map_all(work: Callable[[Item], Returned], items: Sequence[Item], threads: in
     Raises:
         KeyboardInterrupt: interrupted, after running calls have finished.
     """
-    found: dict[int, Returned] = {}
+    results: dict[int, Returned] = {}
 
-    def one(index: int) -> None:
-        found[index] = work(items[index])
+    def compute(index: int) -> None:
+        results[index] = work(items[index])
 
-    if not run_all([partial(one, index) for index in range(len(items))], threads):
+    if not run_all([partial(compute, index) for index in range(len(items))], threads):
         raise KeyboardInterrupt
-    return [found[index] for index in range(len(items))]
+    return [results[index] for index in range(len(items))]
 
 
 def cores() -> int:
@@ -138,14 +128,14 @@ class CheckpointingExecutor(Executor):
         """Whether the result of a task is stored."""
         return self._file(key).is_file()
 
-    def find(self, key: str) -> tuple[Any] | None:
-        """The stored result of a task; None if there is none or it cannot be read."""
+    def load(self, key: str) -> tuple[Any, ...]:
+        """The stored result of a task, alone in a tuple; empty if there is none or it cannot be read."""
         try:
             return (pickle.loads(self._file(key).read_bytes()),)  # noqa: S301  the user's own folder
         except Exception:  # noqa: BLE001  damaged in any way: computed anew
-            return None
+            return ()
 
-    def keep(self, key: str, result: object) -> None:
+    def store(self, key: str, result: object) -> None:
         """Store the result of a task; its file appears whole or not at all.
 
         Raises:
@@ -158,8 +148,14 @@ class CheckpointingExecutor(Executor):
         return self.folder / f"{key}.result"
 
 
-UNABLE: WeakKeyDictionary[Executor, dict[str, WorkerCompileError]] = WeakKeyDictionary()
-"""Executor → address of each worker that cannot compile → its error."""
+class SerialExecutor(Executor):
+    """Computes each task in the calling thread as it is submitted; what the task raises is raised there, too."""
+
+    def submit(self, fn: Callable[..., Returned], /, *args: Any, **kwargs: Any) -> Future[Returned]:
+        """Compute a call."""
+        future = Future[Returned]()
+        future.set_result(fn(*args, **kwargs))
+        return future
 
 
 def spread(
@@ -171,8 +167,9 @@ def spread(
 ) -> Generator[tuple[int, Returned], None, None]:
     """Compute tasks on an executor's workers; yield task numbers and results in the order in which they finish.
 
-    The executor schedules, transfers data, and repeats the tasks of lost workers. Tasks that a Dask worker cannot
-    compile go to others. If the iteration ends early, by an error or an interrupt, unfinished tasks are cancelled.
+    The executor schedules, transfers data, and repeats the tasks of lost workers. Tasks that a worker cannot
+    compile go to others, if the executor can exclude it. If the iteration ends early, by an error or an interrupt,
+    unfinished tasks are cancelled.
 
     Args:
         executor: executor of the workers; it is not shut down.
@@ -187,10 +184,9 @@ def spread(
     spreading = _Spreading(executor, work, tasks)
     try:
         spreading.submit(at_once)
-        while spreading.kept or spreading.waiting:
-            found = spreading.next()
-            if found is not None:
-                yield found
+        while spreading.stored or spreading.submitted:
+            if finished := spreading.next():
+                yield finished
                 spreading.submit(1)
     except (CancelledError, BrokenExecutor, MemoryError) as error:
         raise WorkerError(f"workers: {_reason(error)}") from error
@@ -199,90 +195,65 @@ def spread(
             raise
         raise WorkerError(f"workers: {_reason(error)}") from error
     finally:
-        for future in spreading.waiting:
+        for future in spreading.submitted:
             future.cancel()
+
+
+Task: TypeAlias = tuple[int, tuple[Any, ...], str]
+"""Number, arguments and key of a task; the key is empty without checkpoints."""
 
 
 class _Spreading:
     """The tasks of a `spread`: those submitted to the executor, and those with stored results."""
 
     def __init__(self, executor: Executor, work: Callable[..., Any], tasks: Iterable[tuple[Any, ...]]) -> None:
-        self.waiting = dict[Future[Any], tuple[int, tuple[Any, ...], str]]()
-        self.kept = deque[tuple[int, tuple[Any, ...], str]]()
-        self._keeping = executor if isinstance(executor, CheckpointingExecutor) else None
-        self._executor = self._keeping.executor if self._keeping else executor
-        self._work, self._numbered = work, enumerate(tasks)
+        self.submitted = dict[Future[Any], Task]()
+        self.stored = deque[Task]()
+        self._checkpoints = executor if isinstance(executor, CheckpointingExecutor) else None
+        self._executor = self._checkpoints.executor if self._checkpoints else executor
+        self._work, self._tasks = work, enumerate(tasks)
         self._done = SimpleQueue[Future[Any]]()
 
     def submit(self, count: int) -> None:
         """Submit `count` further tasks to the executor, except those with stored results."""
-        for number, arguments in islice(self._numbered, count):
+        for number, arguments in islice(self._tasks, 1 if isinstance(self._executor, SerialExecutor) else count):
             key = ""
-            if self._keeping:
+            if self._checkpoints:
                 key = WorkerTask.of(self._work, *arguments).key(self._work, *arguments)
-                if self._keeping.has(key):
-                    self.kept.append((number, arguments, key))
-                    continue
-            self._send(number, arguments, key)
+            if self._checkpoints and self._checkpoints.has(key):
+                self.stored.append((number, arguments, key))
+            else:
+                self._send((number, arguments, key))
 
-    def _send(self, number: int, arguments: tuple[Any, ...], key: str) -> None:
-        if isinstance(self._executor, ThreadPoolExecutor):
-            future = self._executor.submit(self._work, *arguments)
+    def _send(self, task: Task) -> None:
+        if isinstance(self._executor, ThreadPoolExecutor | SerialExecutor):
+            future = self._executor.submit(self._work, *task[1])
         else:
-            task = WorkerTask.of(self._work, *arguments)
-            future = self._executor.submit(run_task, task, **_allowed_workers(self._executor))
-        self.waiting[future] = number, arguments, key
+            future = self._executor.submit(run_task, WorkerTask.of(self._work, *task[1]))
+        self.submitted[future] = task
         future.add_done_callback(self._done.put)
 
     def next(self) -> tuple[int, Any] | None:
         """The next stored or computed result; None if its file is damaged or a worker cannot compile: sent again."""
-        if self.kept:
-            number, arguments, key = self.kept.popleft()
-            found = self._keeping.find(key) if self._keeping else None
-            if found:
-                return number, found[0]
+        if self.stored and self._checkpoints:
+            task = self.stored.popleft()
+            for result in self._checkpoints.load(task[2]):
+                return task[0], result
         else:
             future = self._done.get()
-            number, arguments, key = self.waiting.pop(future)
+            task = self.submitted.pop(future)
             try:
                 result = future.result()
             except WorkerCompileError as error:
-                _exclude(self._executor, error)
+                if not hasattr(self._executor, "exclude"):
+                    raise
+                self._executor.exclude(error)  # pyright: ignore[reportAttributeAccessIssue]
             else:
-                if self._keeping:
-                    self._keeping.keep(key, result)
-                return number, result
-        self._send(number, arguments, key)
+                if self._checkpoints:
+                    self._checkpoints.store(task[2], result)
+                return task[0], result
+        self._send(task)
         return None
-
-
-def _exclude(executor: Executor, error: WorkerCompileError) -> None:
-    """Exclude a worker that cannot compile, with one warning.
-
-    Raises:
-        WorkerCompileError: no worker can compile, or it is not a Dask worker and so cannot be excluded.
-    """
-    if not error.worker:
-        raise error
-    unable = UNABLE.setdefault(executor, {})
-    known, unable[error.worker] = error.worker in unable, error
-    if _allowed_workers(executor) and not known:
-        warnings.warn(f"{error}; its tasks go to other workers", WorkerWarning, stacklevel=3)
-
-
-def _allowed_workers(executor: Executor) -> dict[str, Any]:
-    """Arguments with which Dask sends a task to workers that can compile, or to any worker once these have gone.
-
-    Raises:
-        WorkerCompileError: no worker can compile.
-    """
-    unable = UNABLE.get(executor)
-    if not unable:
-        return {}
-    able = sorted(vars(executor)["_client"].scheduler_info(n_workers=-1)["workers"].keys() - unable.keys())
-    if not able:
-        raise next(reversed(unable.values()))
-    return {"workers": able, "allow_other_workers": True}
 
 
 def _reason(error: BaseException) -> str:
@@ -301,101 +272,9 @@ def _reason(error: BaseException) -> str:
 
 def in_order(numbered: Iterator[tuple[int, Returned]]) -> Iterator[Returned]:
     """Results of numbered tasks in the order of their numbers, each as soon as all before it are available."""
-    early, following = dict[int, Returned](), 0
+    results, count = dict[int, Returned](), 0
     for number, result in numbered:
-        early[number] = result
-        while following in early:
-            yield early.pop(following)
-            following += 1
-
-
-QUIET = (
-    *(f"distributed.{name}" for name in ("client", "core", "batched", "utils", "comm")),
-    "tornado.application",  # a future whose scheduler goes away while its result is passed on
-)
-"""Loggers of Dask that would write tracebacks of errors reported here in one line."""
-
-WANTED = "must be the address of a Dask scheduler, tcp://HOST:8786, or FILE.py:FUNCTION that returns a Dask client"
-
-
-@contextmanager
-def cluster_client(where: str) -> Iterator["Client"]:
-    """Connect to a cluster; at the end, close the connection, and the cluster if the function has started it.
-
-    Args:
-        where: address of a scheduler, such as ``tcp://host:8786``; or ``FILE.py:FUNCTION``, a function without
-            arguments that returns a `distributed.Client`.
-
-    Raises:
-        ConfigurationError: `where` is neither.
-        MissingExtraError: Dask is not installed.
-        WorkerError: the scheduler cannot be reached, or the function fails.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingExtraError("Dask's distributed", "cluster") from None
-    for name in QUIET:
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    file, _, function = where.rpartition(":")
-    client: Any
-    if "://" in where:
-        _check_address(where)
-        try:
-            client = Client(where, set_as_default=False)
-        except (OSError, ValueError) as error:
-            why = one_line(error)
-            raise WorkerError(f"{where}: no Dask scheduler answers ({why}); start `dask scheduler` there") from None
-    elif file.endswith(".py") and function.isidentifier():
-        client = _returned_by(Path(file), function, where)
-        if not isinstance(client, Client):
-            raise ConfigurationError(f"{where}: returned {type(client).__name__}; must return a distributed.Client")
-        if client.status != "running":
-            raise WorkerError(f"{where}: returned a client that is {client.status}; must be one that is connected")
-    else:
-        raise ConfigurationError(f"{where}: {WANTED}")
-    try:
-        yield client
-    finally:
-        own = client.cluster
-        client.close()
-        if own is not None:
-            own.close()
-
-
-def _check_address(where: str) -> None:
-    """Raise `ConfigurationError` for an invalid scheduler address, with which a client would wait for a minute."""
-    from distributed.comm.addressing import parse_address, parse_host_port
-    from distributed.comm.registry import get_backend
-    from distributed.security import Security
-
-    try:
-        scheme, place = parse_address(where)
-        get_backend(scheme)
-        parse_host_port(place)
-    except ValueError as error:
-        raise ConfigurationError(f"{where}: {one_line(error)}; {WANTED}") from None
-    if scheme in {"tls", "wss"} and not Security().get_connection_args("client").get("ssl_context"):
-        raise ConfigurationError(
-            f"{where}: needs certificates, from Dask's configuration (distributed.comm.tls), or from a client with "
-            "Security that FILE.py:FUNCTION returns"
-        )
-
-
-def _returned_by(file: Path, function: str, where: str) -> Any:
-    """Call a function of a file."""
-    if not file.is_file():
-        raise ConfigurationError(f"{where}: there is no file {file}; {WANTED}")
-    spec = spec_from_file_location(f"_cluster_of_{file.stem}", file)
-    if spec is None or spec.loader is None:
-        raise ConfigurationError(f"{where}: {WANTED}")
-    module = module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-        make = getattr(module, function, None)
-        found = make() if make else None
-    except (Exception, SystemExit) as error:
-        raise WorkerError(f"{where}: {type(error).__name__}: {one_line(error)}") from error
-    if make is None:
-        raise ConfigurationError(f"{where}: {file.name} has no function {function}")
-    return found
+        results[number] = result
+        while count in results:
+            yield results.pop(count)
+            count += 1

@@ -13,18 +13,12 @@ from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.evaluation import Evaluator
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.storage import connection
 from dualwinch.tuning.storage.connection import quiet
-from dualwinch.tuning.storage.database import DatabaseStudy
 from dualwinch.tuning.storage.opening import open_store
-from dualwinch.tuning.storage.store import SearchBudget, StudyStorage
-from dualwinch.tuning.study import search
-from dualwinch.tuning.tuning_problem import definition_of, problem_from, tuning_problem
+from dualwinch.tuning.study import SearchBudget, search
+from dualwinch.tuning.tuning_problem import definition_of, tuning_problem
 
 STUDY, TRIALS, METHOD = "attacked", 48, "random"
-
-BEAT, GRACE = 1, 2
-"""Time in s between two beats, and the silence after which a worker counts as dead: as short as can be."""
 
 
 def problem() -> TuningProblem:
@@ -45,37 +39,27 @@ class Slow(Evaluator):
 
 def work_in_file(storage: str, ready: Any) -> None:
     """What ``dualwinch tune --storage FILE --resume`` does until its search ends."""
-    _silent()
-    asked = problem()
-    ready.release()
-    definition, budget = definition_of(asked, METHOD), SearchBudget(TRIALS)
-    _search(open_store(storage, STUDY, asked, definition, budget, resume=True), asked)
+    _search(storage, ready, resume=True)
 
 
 def work_in_database(url: str, ready: Any) -> None:
-    """What ``dualwinch worker`` does."""
+    """What ``dualwinch tune --storage URL`` does until its search ends."""
+    _search(url, ready, resume=False)
+
+
+def _search(storage: str, ready: Any, *, resume: bool) -> None:
     _silent()
+    task = problem()
     ready.release()
-    store = DatabaseStudy.join(url, STUDY)
-    _search(store, problem_from(store.definition))
-
-
-def begin(url: str, study: str = STUDY) -> DatabaseStudy:
-    """A study in a database, as ``dualwinch tune`` begins it."""
-    connection.HEARTBEAT, connection.GRACE = BEAT, GRACE
-    asked = problem()
-    return DatabaseStudy.begin(url, study, asked, definition_of(asked, METHOD), SearchBudget(TRIALS), resume=True)
-
-
-def _search(store: StudyStorage, asked: TuningProblem) -> None:
-    prepared = prepare(asked, workers=1)
-    search(METHOD, optimiser(METHOD, prepared, os.getpid()), store, Slow(prepared, workers=1))
+    store = open_store(storage, STUDY, task, definition_of(task, METHOD), resume=resume)
+    training = prepare(task, workers=1)
+    evaluator = Slow(training, workers=1)
+    search(METHOD, optimiser(METHOD, training, os.getpid()), store, evaluator, SearchBudget(TRIALS))
     store.close()
 
 
 def _silent() -> None:
     """Say nothing of what a signal ends."""
-    connection.HEARTBEAT, connection.GRACE = BEAT, GRACE
     random.seed(os.getpid())
     quiet()
     null = Path(os.devnull).open("w")  # noqa: SIM115  # until the process ends

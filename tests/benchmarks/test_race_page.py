@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.race_page import claims_table, estimators_table, facts, least, main, race_table
-from dualwinch.toolboxes.race.entries import BenchmarkEntry
+from dualwinch.toolboxes.race.entries import RaceEntry
 from tests.toolboxes.race.made_up import made_up, scored
 
 RACE = made_up().to_dict()
@@ -39,7 +39,7 @@ def test_a_ratio_is_over_the_papers_law_whoever_is_ahead() -> None:
 
 def test_parts_that_most_have_are_the_usual_ones() -> None:
     found = made_up()
-    other = replace(scored("fando-nftsm", 0.9), entry=BenchmarkEntry("fando-nftsm", "kalman", "master-slave"))
+    other = replace(scored("fando-nftsm", 0.9), entry=RaceEntry("fando-nftsm", "kalman", "master-slave"))
     race = replace(found, entries=(other, *found.entries)).to_dict()
     rows = {row[1]: row[2:] for row in cells(claims_table(race))}
     assert rows["`master-slave`"][1] == "worse without"
@@ -72,7 +72,7 @@ def test_the_least_error_is_told_without_and_with_foresight() -> None:
 
 def test_every_law_with_every_estimator_has_a_cell() -> None:
     found = made_up()
-    other = replace(scored("adrc", 0.25), entry=BenchmarkEntry("adrc", "lowpass", "differential-tension"))
+    other = replace(scored("adrc", 0.25), entry=RaceEntry("adrc", "lowpass", "differential-tension"))
     table = estimators_table(replace(found, entries=(other, *found.entries)).to_dict())
     usual = found.entries[0].entry.estimator
     assert table.splitlines()[0].split("|")[2:4] == [f" `{usual}` ", " `lowpass` "]

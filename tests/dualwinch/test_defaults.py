@@ -20,7 +20,7 @@ from dualwinch.toolboxes.identification.options import DEFAULTS
 from dualwinch.toolboxes.plc.export import export_st
 from dualwinch.toolboxes.server.plant import PORT, ServedPlant, ServerSettings
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.selection_config import SCENARIOS, TRIALS, SelectionConfig
+from dualwinch.tuning.options import TRIALS, TuningOptions
 
 CALLED: dict[str, tuple[Callable[..., Any], ...]] = {
     "compare": (dw.compare,),
@@ -41,7 +41,7 @@ CALLED: dict[str, tuple[Callable[..., Any], ...]] = {
 }
 """Command → what it calls, whose arguments bear the names of the options."""
 
-OTHER = {"preload error", "race out", "tune workers"}
+OTHER = {"preload error", "race out"}
 """Options that are something else than the argument of that name."""
 
 
@@ -68,7 +68,7 @@ def options(holder: Any) -> Iterator[tuple[str, Any]]:
 
 def test_the_commands_are_all_looked_at() -> None:
     """Those that are not have no option with a default that a function has, too."""
-    own = {"certify", "config", "doctor", "export casadi", "export mex", "lab", "reproduce", "show", "worker"}
+    own = {"certify", "config", "doctor", "export casadi", "export mex", "lab", "reproduce", "show"}
     assert set(commands()) == {*CALLED, *own}
 
 
@@ -85,9 +85,9 @@ def test_an_option_has_the_default_of_its_function(command: str) -> None:
 def test_the_defaults_that_are_shown_stand_where_they_are_said_to() -> None:
     assert own_default("race", "rollouts") == 30_000
     assert own_default(lambda: TRIALS) == TRIALS
-    shown = default_of(lambda: SelectionConfig, "violation", "{:.1%}").show_default
+    shown = default_of(lambda: TuningOptions, "violation", "{:.1%}").show_default
     assert callable(shown)
-    assert shown(None) == f"{SelectionConfig().violation:.1%}"
+    assert shown(None) == f"{TuningOptions().violation:.1%}"
     assert stated(a=None, b=0, c=False) == {"b": 0, "c": False}
 
 
@@ -105,7 +105,7 @@ def test_the_help_of_every_command_finds_them(command: str, capsys: pytest.Captu
 def test_help_shows_the_defaults_of_functions(capsys: pytest.CaptureFixture[str]) -> None:
     tune = helped("tune", capsys)
     assert f"[default: {TRIALS}, or as many as the gains need, without --time and --rollouts]" in tune
-    assert f"[default: {SCENARIOS}]" in tune
+    assert f"[default: {TuningOptions.draws}]" in tune
     assert f"Optimiser: {', '.join(METHODS)}." in tune
     assert f"[default: {PORT}]" in helped("serve", capsys)
     assert f"[default: {DEFAULTS.excitation.max_trials} without --time]" in helped("excite", capsys)

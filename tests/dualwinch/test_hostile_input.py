@@ -143,9 +143,7 @@ def test_options_out_of_this_world(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    "words", [("--trials", "0"), ("--time", "0s"), ("--space", "controller.nftsm.beta=1"), ("--workers", "0")]
-)
+@pytest.mark.parametrize("words", [("--trials", "0"), ("--time", "0s"), ("--space", "controller.nftsm.beta=1")])
 def test_wrong_options_of_tune_are_found_before_anything_is_read(
     words: tuple[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

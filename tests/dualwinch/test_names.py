@@ -29,7 +29,7 @@ WRONG = {
     "name to sweep": (["linearise", "--sweep", "pre=1:2:1"], "preload"),
     "parameter to fit": (["identify", "log.csv", "--fit", "plant.vehicle.mas"], "plant.vehicle.mass"),
     "reading": (["identify", "log.csv", "--fit", "plant.vehicle.mass", "--column", "tau1=left"], "tau_1"),
-    "study in a shared file": (["worker", "--storage", "studies.journal", "--study", "see"], "sea"),
+    "study": (["tune", "--resume", "--storage", "studies.journal", "--study", "see"], "sea"),
     "platform": (["export", "fmu", "--platforms", "linux46", "--out", "a.fmu"], "linux64"),
 }
 

@@ -13,7 +13,6 @@ from dualwinch.cli import main
 from dualwinch.cli.app import COMMANDS
 from dualwinch.toolboxes.stress import cli as stress_command
 from dualwinch.toolboxes.stress import stress as stress_module
-from tests.studies import FEWEST, choosing_by
 
 FACTORS = (1.0, 1e3, 1e6, 1e-3, 100.0)
 """From the SI unit of a file to what is printed: m to mm, m² to mm², J to kJ, shares to %."""
@@ -141,8 +140,8 @@ AS_JSON = [
     ["doctor"],
 ]
 
-WITHOUT = {"lab", "show", "worker", "config", "export"}
-"""Commands that print no figures: they write pages, code and configurations, and a worker's are those of its study."""
+WITHOUT = {"lab", "show", "config", "export"}
+"""Commands that print no figures: they write pages, code and configurations."""
 
 ELSEWHERE = {"serve"}
 """Commands that need a client, or another process, for this: tests/dualwinch/commands has it."""
@@ -161,13 +160,6 @@ def without_bulk(table: dict[str, Any]) -> dict[str, Any]:
 def named(words: list[str]) -> str:
     """What a case is called."""
     return " ".join(words[:4])
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short_choices() -> Iterator[None]:
-    """Few scenarios to choose gains in."""
-    with choosing_by(FEWEST):
-        yield
 
 
 @pytest.fixture(autouse=True)

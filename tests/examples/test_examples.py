@@ -17,9 +17,6 @@ from dualwinch.simulation.blocks import block
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
-from tests.studies import fewest_scenarios  # noqa: F401 # a fixture
-
-pytestmark = pytest.mark.usefixtures("fewest_scenarios")
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.stem != "lqr_torques")

@@ -1,3 +1,3 @@
-from tests.studies import few_scenarios, fewest_scenarios, make_problem
+from tests.studies import make_problem
 
-__all__ = ["few_scenarios", "fewest_scenarios", "make_problem"]
+__all__ = ["make_problem"]

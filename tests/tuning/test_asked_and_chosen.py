@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from dualwinch.cli import main
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.tuning.tuning_problem import tuning_problem
 
@@ -47,12 +46,3 @@ def test_misspelt_names_are_refused_before_the_space_is_looked_at(
     monkeypatch.setattr("dualwinch.tuning.tuning_problem.space_of", lambda *_: pytest.fail("the loop is built"))
     with pytest.raises(ConfigurationError, match=message):
         tuning_problem(case=4, **SHORT, **words)
-
-
-def test_wrong_workers_are_refused_before_anything_is_read(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("dualwinch.tuning.tuning_problem.tuning_problem", lambda **_: pytest.fail("it is read"))
-    with pytest.raises(SystemExit):
-        main(["tune", "--case", "4", "--workers", "0"])
-    assert "--workers 0: must be a whole number >= 1" in capsys.readouterr().err

@@ -50,7 +50,7 @@ def test_what_the_papers_gains_do_not_reach_bounds_nothing() -> None:
         constraint = constraints_from([text], case(4))[0].given(np.nan)
         assert constraint.violation(1e9) == constraint.violation(0.0) == -1
         assert constraint.violation(np.nan) == 1
-        assert constraint.label.endswith(": no bound, as the paper's gains complete no run")
+        assert constraint.label.endswith(": no bound, as the gains that it refers to complete no run")
 
 
 def test_shares_are_given_in_per_cent() -> None:
@@ -80,7 +80,7 @@ def test_bounds(text: str, limit: float, at_least: bool) -> None:
 
 def test_a_bound_of_the_papers_is_a_factor_until_it_is_given() -> None:
     factor = constraints_from(["mean.chatter<=0.25*paper"], case(4))[0]
-    assert (factor.of_paper, factor.bound) == (True, 0.25)
+    assert (factor.reference, factor.bound) == ("paper", 0.25)
     assert factor.label == "mean.chatter <= 0.25 times the paper's"
     assert factor.given(8.0).label == "mean.chatter <= 2 N"
     assert constraints_from(["mean.chatter<=paper"], case(4))[0].label == "mean.chatter <= the paper's"

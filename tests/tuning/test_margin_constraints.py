@@ -1,6 +1,5 @@
 """Stability margins as constraints: their words, what candidates are measured by, and studies that keep them."""
 
-import itertools
 import json
 import math
 from dataclasses import replace
@@ -17,17 +16,13 @@ from dualwinch.analysis.margins import margins
 from dualwinch.cli.tune import StudyOptions, write
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.scenario import Scenario
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.constraints import Constraint, constraints_from, objectives_from
-from dualwinch.tuning.optimisers.linearise import active_scenarios, linearise, margin_slopes
 from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.result import TuningResult, margin_places
 from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Candidate, penalised_first
-from dualwinch.tuning.scoring.training_set import ActiveLoops, prepare, survey
-from dualwinch.tuning.selection_config import SelectionConfig
-from dualwinch.tuning.space import ContinuousDimension
+from dualwinch.tuning.scoring.ranking import Candidate
+from dualwinch.tuning.scoring.training_set import TRAINING_MACHINES, prepare, survey
 from dualwinch.tuning.tune import tune
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.simulation.inserted import run
@@ -161,78 +156,68 @@ def bounded(make_problem: MakeProblem) -> TuningProblem:
     return make_problem(constraints=["none", "worst.delay_margin>=5ms", DISK], space=[BETA, KP])
 
 
-def test_candidates_have_the_margins_of_the_nominal_machine_and_of_the_hardest(bounded: TuningProblem) -> None:
+def test_candidates_have_the_margins_of_the_nominal_machine_and_of_drawn_ones(bounded: TuningProblem) -> None:
     prepared = prepare(bounded)
     assert prepared.margins is not None
     nominal, *machines = prepared.margins.machines
     assert nominal == bounded.experiment
-    assert len(machines) == bounded.margin_machines
+    assert machines == list(prepared.scenarios[:TRAINING_MACHINES])
     (start,) = Evaluator(prepared).evaluate([Candidate(bounded.start, "start")])
-    every = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
-    amplitudes = bounded.margin_amplitudes
-    least = MarginSurvey([bounded.experiment, *every], amplitudes=amplitudes).worst([[]], ["delay", "disk"])[0]
+    least = MarginSurvey([nominal, *machines], amplitudes=bounded.margin_amplitudes).worst([[]], ["delay", "disk"])[0]
     assert start.statistics["worst.delay_margin"] == pytest.approx(least["delay"].value, rel=1e-9)
-    # the machines are those of the least margins at the largest amplitude; this disk is least at another one
-    assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-2)
-    label = "worst.delay_margin >= 0.005 s"
-    assert start.violations[label] == pytest.approx(
-        1 - least["delay"].value / 5e-3 + SelectionConfig.back_off, rel=1e-6
-    )
+    assert start.statistics["worst.disk_margin"] == pytest.approx(least["disk"].value, rel=1e-9)
+    violation = start.violations["worst.delay_margin >= 0.005 s"]
+    assert violation == pytest.approx(1 - least["delay"].value / 5e-3, rel=1e-6)
 
 
-def test_who_is_given_up_or_fails_is_not_looked_at(bounded: TuningProblem) -> None:
-    prepared = prepare(bounded)
-    candidates = [Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)]
-    found = Evaluator(prepared).evaluate(candidates)
+def test_the_better_half_has_margins_in_the_active_loops_and_the_leader_in_all(bounded: TuningProblem) -> None:
+    evaluator = Evaluator(prepare(bounded))
+    found = evaluator.evaluate([Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)])
     assert {trial.pruned for trial in found} == {False, True}
     for trial in found:
         assert ("worst.delay_margin" in trial.statistics) != trial.pruned
         assert set(trial.violations) == set(found[0].violations)
-
-
-def test_active_loops_are_the_points_of_least_margin_of_each_machine_and_amplitude() -> None:
-    survey = MarginSurvey([case(4), override(case(4), {"plant.vehicle.mass": 1500.0})], amplitudes=[0.01, 0.1])
-    pool = ActiveLoops(survey, ["delay", "disk"], SelectionConfig())
-    assert len(pool.indices) == len(survey.loops)
-    margins = survey.of_loops([[]], ["delay", "disk"])[0]
-    pool.learn(margins)
-    for machine, amplitude, kind in itertools.product(range(2), range(2), ("delay", "disk")):
-        mine = [index for index, (at, _, size) in enumerate(survey.loops) if (at, size) == (machine, amplitude)]
-        least, known = (
-            min(margins[index][kind].value for index in chosen) for chosen in (mine, {*mine} & {*pool.indices})
-        )
-        assert known == pytest.approx(least, rel=1e-9)
-    assert len(pool.indices) <= 8
-    (whole,), (active,) = (survey.worst([[]], ["delay", "disk"], loops) for loops in (None, pool.indices))
-    for kind, worst in whole.items():
-        assert active[kind].value == pytest.approx(worst.value, rel=1e-9)
-        assert worst.value == pytest.approx(min(of[kind].value for of in margins), rel=1e-9)
-
-
-def test_active_machines_are_those_of_least_margin() -> None:
-    masses = [4000.0, 12000.0, 1500.0, 8000.0]
-    machines = [override(case(4), {"plant.vehicle.mass": mass}) for mass in masses]
-    survey = MarginSurvey(machines, amplitudes=[0.01, 0.1])
-    pool = ActiveLoops(survey, ["disk"], replace(SelectionConfig(), margin_machines_active=0))
-    margins = survey.of_loops([[]], ["disk"])[0]
-    pool.learn(margins)
-    values = np.array([of_loop["disk"].value for of_loop in margins])
-    assert len(pool.indices) == 2, "as many as amplitudes"
-    assert values.argmin() in pool.indices
-    least = sorted(values[(survey.loops[:, [0, 2]] == group).all(axis=1)].min() for group in np.ndindex(4, 2))
-    assert sorted(values[pool.indices]) == pytest.approx(least[:2])
-
-
-def test_of_a_leader_margins_are_known_in_all_loops(bounded: TuningProblem) -> None:
-    prepared = prepare(bounded)
-    surveyed = prepared.margins
+    active, surveyed = evaluator.cutting.active, evaluator.cutting.survey
+    assert active is not None
     assert surveyed is not None
-    evaluator = Evaluator(prepared)
-    found = evaluator.evaluate([Candidate(bounded.start | {BETA: 0.01 * number}, "method") for number in range(1, 13)])
-    leader = found[penalised_first(found)[0]]
-    (worst,) = surveyed.worst([bounded.space.parameters(leader.point)], ["delay", "disk"])
-    assert leader.statistics["worst.delay_margin"] == pytest.approx(worst["delay"].value, rel=1e-9)
-    assert leader.statistics["worst.disk_margin"] == pytest.approx(worst["disk"].value, rel=1e-9)
+    assert len(active) < len(surveyed.loops)
+    leader = evaluator.leader()
+    assert leader is not None
+    (worst,) = surveyed.worst([bounded.space.parameters(leader.candidate.point)], ["delay", "disk"])
+    assert leader.evaluation.statistics["worst.delay_margin"] == pytest.approx(worst["delay"].value, rel=1e-9)
+    assert leader.evaluation.statistics["worst.disk_margin"] == pytest.approx(worst["disk"].value, rel=1e-9)
+
+
+def test_the_worst_fresh_machine_below_a_margin_becomes_a_cut_with_its_loops(make_problem: MakeProblem) -> None:
+    bounded = make_problem(constraints=["none", "worst.delay_margin>=400ms"], space=[BETA])
+    evaluator = Evaluator(prepare(bounded))
+    evaluator.evaluate([Candidate(bounded.start, "start")])
+    leader = evaluator.leader()
+    assert leader is not None
+    draws = evaluator.fresh("checks", 0, 4).scenarios
+    surveys = [MarginSurvey([draw], amplitudes=bounded.margin_amplitudes) for draw in draws]
+    violations = [1 - survey.worst([[]], ["delay"])[0]["delay"].value / 0.4 for survey in surveys]
+    below = evaluator.machines_below(leader, draws, lower=True)
+    assert below == sum(violation > 0 for violation in violations)
+    assert below > 0, "the start has too small a delay margin"
+    surveyed = evaluator.cutting.survey
+    assert surveyed is not None
+    assert surveyed.machines[-1] is draws[int(np.argmax(violations))]
+    again = evaluator.leader()
+    assert again is leader
+    active, last = evaluator.cutting.active, len(surveyed.machines) - 1
+    assert active is not None
+    assert last in surveyed.loops[active, 0]
+
+
+def test_the_number_of_machines_is_bounded(bounded: TuningProblem) -> None:
+    evaluator = Evaluator(prepare(bounded))
+    evaluator.find_active_loops()
+    for draw in evaluator.fresh("checks", 0, 6).scenarios:
+        evaluator.cutting.add_machine(draw)
+    surveyed = evaluator.cutting.survey
+    assert surveyed is not None
+    assert len(surveyed.machines) == 1 + TRAINING_MACHINES + bounded.options.machines_checked
 
 
 @pytest.mark.slow
@@ -241,27 +226,6 @@ def test_a_factor_on_the_papers_margin_is_one_on_what_its_controller_has(make_pr
     survey = MarginSurvey([problem.paper_experiment], amplitudes=problem.margin_amplitudes)
     paper = survey.worst([[]])[0]["disk"].value
     assert prepare(problem).constraints[0].bound == pytest.approx(paper / 2, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_slopes_are_those_of_the_margins_of_machines_near_the_worst(bounded: TuningProblem) -> None:
-    prepared = prepare(bounded)
-    assert prepared.margins is not None
-    dimensions = [dimension for dimension in bounded.space.dimensions if isinstance(dimension, ContinuousDimension)]
-    statistic = bounded.margins[0]
-    found = margin_slopes(prepared, bounded.start, dimensions)[statistic]
-    value, slopes = min(found, key=lambda pair: pair[0])
-    for index, dimension in enumerate(dimensions):
-        share = dimension.encoded(bounded.start[dimension.name])
-        apart = [bounded.start | {dimension.name: dimension.decoded(share + step)} for step in (1e-4, -1e-4)]
-        rows = [bounded.space.parameters(point) for point in apart]
-        above, below = (worst["delay"].value for worst in prepared.margins.worst(rows, ["delay"]))
-        assert slopes[index] == pytest.approx((above - below) / 2e-4, rel=2e-2)
-    model = linearise(prepared, active_scenarios(prepared, bounded.start), bounded.start)
-    assert model.violations.max() == pytest.approx(
-        max(prepared.constraints[0].violation(value, SelectionConfig.back_off), model.violations.max())
-    )
-    assert set(model.belongs.tolist()) == {0, 1}
 
 
 def study(*constraints: str) -> TuningResult:

@@ -7,7 +7,7 @@ import pytest
 
 from dualwinch.tuning.optimisers import METHODS, optimiser
 from dualwinch.tuning.optimisers.cma import CmaSearch
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first
+from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, feasibility_first, merit
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
 from tests.studies import MakeProblem
@@ -42,8 +42,7 @@ def test_candidates_are_within_the_space_and_reproducible(method: str, make_prob
         dimension.holds(point[dimension.name]) for point in found for dimension in prepared.problem.space.dimensions
     )
     assert [trial.point for trial in run(prepared, method, 3)] == found
-    descends = method == "gradient"  # from the start; what follows is drawn
-    assert ([trial.point for trial in run(prepared, method, 3, seed=1)] == found) == descends
+    assert [trial.point for trial in run(prepared, method, 3, seed=1)] != found
 
 
 @pytest.mark.parametrize(("method", "batches", "reached"), [("cmaes", 40, 0.0102), ("tpe", 20, 0.02)])
@@ -57,40 +56,17 @@ def test_the_bottom_is_found_where_the_constraint_allows(
     assert 0.01 <= best.objectives[0] < reached
 
 
-def test_a_strategy_that_stands_still_starts_elsewhere(make_problem: MakeProblem) -> None:
+def test_a_strategy_that_stops_begins_again_at_its_best(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem())
-    shares = np.array([prepared.problem.space.encoded(trial.point) for trial in run(prepared, "cmaes", 200)])
-    spreads = np.array([batch.std(axis=0).mean() for batch in np.split(shares, 200)])
-    calm = np.flatnonzero(spreads < 0.02)
-    assert len(calm)
-    assert spreads[calm[0] :].max() > 0.2  # all of the space is looked at again
-
-
-def test_a_first_generation_without_feasible_candidates_is_drawn_again_nearer_to_the_start(
-    make_problem: MakeProblem,
-) -> None:
-    """At most twice, each time 0.3 times as wide; where the first is feasible, it stays as wide."""
-    prepared = prepare(make_problem())
-    space, start = prepared.problem.space, prepared.problem.space.encoded(prepared.problem.start)
-
-    def spreads(nearest: float) -> list[float]:
-        proposer, found = CmaSearch(prepared, 0), []
-        for _ in range(4):
-            fresh = [bowl(prepared, point) for point in proposer.ask(16)]
-            away = [float(np.abs(space.encoded(each.point) - start).max()) for each in fresh]
-            label = prepared.constraints[0].label
-            proposer.tell(
-                [replace(each, violations={label: far - nearest}) for each, far in zip(fresh, away, strict=True)]
-            )
-            found.append(float(np.median(away)))
-        return found
-
-    narrow, wide = spreads(0.0), spreads(1.0)
-    assert narrow[1] < 0.6 * narrow[0]
-    assert narrow[2] < 0.6 * narrow[1]
-    assert narrow[3] > 0.5 * narrow[2]
-    assert wide[0] == narrow[0]
-    assert wide[1] > 0.6 * wide[0]
+    trials = run(prepared, "cmaes", 200)
+    shares = np.array([prepared.problem.space.encoded(trial.point) for trial in trials])
+    batches = np.split(shares, 200)
+    spreads = np.array([batch.std(axis=0).mean() for batch in batches])
+    calm = int(np.flatnonzero(spreads < 1e-3)[0])
+    restart = calm + int(np.flatnonzero(spreads[calm:] > 0.05)[0])
+    leader = min(trials[: 16 * restart], key=merit)
+    centre = batches[restart].mean(axis=0)
+    assert np.abs(centre - prepared.problem.space.encoded(leader.point)).max() < 0.15
 
 
 def test_the_evolution_strategy_learns_the_same_from_a_storage(make_problem: MakeProblem) -> None:
@@ -109,5 +85,27 @@ def test_several_objectives_have_their_methods(make_problem: MakeProblem) -> Non
     assert len({trial.objectives for trial in run(prepared, "nsga2", 3)}) == 48
     with pytest.raises(Exception, match="takes a single objective; use nsga2"):
         optimiser("cmaes", prepared, 0)
-    with pytest.raises(Exception, match=r"--method simplex: .*; must be one of cmaes, gradient, hybrid"):
+    with pytest.raises(Exception, match=r"--method simplex: .*; must be one of cmaes, tpe"):
         optimiser("simplex", prepared, 0)
+
+
+def test_where_the_start_leads_the_first_generation_is_drawn_again_nearer_to_it(make_problem: MakeProblem) -> None:
+    prepared = prepare(make_problem())
+    space, problem = prepared.problem.space, prepared.problem
+
+    def distances(height: float) -> list[float]:
+        """Median distances from the start of three generations, where the start has an objective of its own."""
+        proposer, medians = CmaSearch(prepared, 0), []
+        start = replace(bowl(prepared, problem.start), objectives=(height,), violations={})
+        for generation in range(3):
+            trials = [bowl(prepared, point) for point in proposer.ask(15 if generation == 0 else 16)]
+            proposer.tell([*([start] if generation == 0 else []), *trials])
+            away = [np.abs(space.encoded(each.point) - space.encoded(problem.start)).max() for each in trials]
+            medians.append(float(np.median(away)))
+        return medians
+
+    narrow, wide = distances(1e-9), distances(1e9)
+    assert narrow[1] < 0.5 * narrow[0]
+    assert narrow[2] < 0.5 * narrow[1]
+    assert wide[0] == narrow[0]
+    assert wide[1] > 0.5 * wide[0]

@@ -15,18 +15,18 @@ from cyclopts import Parameter
 from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
-    from dualwinch.toolboxes.race.result import BenchmarkResult
+    from dualwinch.toolboxes.race.result import RaceResult
     from dualwinch.toolboxes.race.scores import EntryResult
 
 OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch tune`"
 """End of a help text."""
 
 
-def default_scenarios() -> int:
-    """The default number of scenarios of the training set, imported for the help alone."""
+def tuning_options() -> type[Any]:
+    """The class with the defaults of the method's parameters, imported for the help alone."""
     from dualwinch.toolbox import searching
 
-    return searching.SCENARIOS
+    return searching.TuningOptions
 
 
 def race(
@@ -42,7 +42,7 @@ def race(
     config: Path | None = None,
     rollouts: Annotated[options.Whole, options.default_of("race", "rollouts")] = None,
     searches: Annotated[options.Whole, options.default_of("race", "searches")] = None,
-    scenarios: Annotated[options.Whole, options.default_of(default_scenarios)] = None,
+    scenarios: Annotated[options.Whole, options.default_of(tuning_options, "draws")] = None,
     test_scenarios: Annotated[options.Whole, options.default_of("race", "test_scenarios")] = None,
     set_: options.Assignments = None,
     constraint: list[str] | None = None,
@@ -56,8 +56,8 @@ def race(
 
     All entries have the same seeds, constraints and scenarios; errors are compared scenario by scenario with those of
     the paper's gains, and a fixed rule decides which laws differ. Ctrl-C keeps finished entries: the same call
-    continues with the rest, and a call with other laws adds them. The folder receives race.json, report.html, figures,
-    and the gains of each entry as a configuration.
+    continues with the rest, and a call with other laws adds them to those of race.json. The folder receives race.json,
+    report.html, figures, and the gains of each entry as a configuration.
 
     Args:
         ensemble: Ensemble of scenarios: `rig`, `sea`, `site`, or a TOML file.
@@ -87,17 +87,17 @@ def race(
 
     options.use_parts(plugin)
     name = options.own_default("race", "ensemble") if ensemble is None else ensemble
-    drawn = ensemble_file.load_ensemble(name, experiment_file.load(config) if config else None)
-    options.note_other_machine(config, name, drawn)
-    options.note_papers_machine(options.ExperimentOptions(config=config, set_=set_), name, drawn)
+    scenes = ensemble_file.load_ensemble(name, experiment_file.load(config) if config else None)
+    options.note_other_machine(config, name, scenes)
+    options.note_papers_machine(options.ExperimentOptions(config=config, set_=set_), name, scenes)
     with (
         folders.made_folder(out),
         ProgressLine("reading the problem", command="race") as progress,
         where.workers(progress) as workers,
         output.if_interrupted(GO_ON),
     ):
-        found = race(
-            ensemble=drawn,
+        result = race(
+            ensemble=scenes,
             laws=law,
             estimators=estimator,
             coordinations=coordination,
@@ -114,10 +114,10 @@ def race(
             ),
         )
         progress(1.0, "writing the report")
-        written = write_race(out, found)
-    output.terminal(soft_wrap=True).print(repr(found), highlight=False)
+        written = write_race(out, result)
+    output.terminal(soft_wrap=True).print(repr(result), highlight=False)
     progress.say(f"wrote {', '.join(written)} in {out}")
-    if found.remaining:
+    if result.remaining:
         raise KeyboardInterrupt(GO_ON)
 
 
@@ -128,7 +128,7 @@ GAINS = "gains"
 """Folder of the configurations."""
 
 
-def write_race(out: Path, found: BenchmarkResult) -> list[str]:
+def write_race(out: Path, result: RaceResult) -> list[str]:
     """Write ``race.json``, ``race.svg``, ``fronts.svg``, ``report.html``, and the gains of each entry.
 
     Returns:
@@ -137,22 +137,21 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     from dualwinch.toolbox import drawing, folders, whole_files
     from dualwinch.toolboxes.race.report import write_race_report
 
-    whole_files.write_whole(out / "race.json", output.json_text(to_record(found)))
-    drawing.save(found.plot(), out / "race.svg")
-    drawing.save(found.plot_fronts(), out / "fronts.svg")
-    write_race_report(out / "report.html", found, output.versions())
+    whole_files.write_whole(out / "race.json", output.json_text(to_record(result)))
+    drawing.save(result.plot(), out / "race.svg")
+    drawing.save(result.plot_fronts(), out / "fronts.svg")
+    write_race_report(out / "report.html", result, output.versions())
     folders.make_folder(out / GAINS)
-    for scored in found.entries:
-        if text := configuration(found, scored):
-            whole_files.write_whole(out / GAINS / f"{scored.entry.stem}.toml", text)
+    for scored in result.entries:
+        whole_files.write_whole(out / GAINS / f"{scored.entry.stem}.toml", configuration(result, scored))
     return ["race.json", "race.svg", "fronts.svg", "report.html", f"{GAINS}/"]
 
 
-def to_record(found: BenchmarkResult) -> dict[str, Any]:
+def to_record(result: RaceResult) -> dict[str, Any]:
     """The result as plain data with units, including the quantities that are printed (RMS errors, ratios)."""
     from dualwinch.toolbox import ensemble_file, idealisations, merits
 
-    record = found.to_dict()
+    record = result.to_dict()
     for runs in (record["paper"], *record["entries"]):
         runs["rms_error"] = math.sqrt(runs["statistics"]["mean.mse"] or math.nan)
     for entry in record["entries"]:
@@ -164,21 +163,18 @@ def to_record(found: BenchmarkResult) -> dict[str, Any]:
     metrics = {name: quantity.unit for name, quantity in merits.metric_quantities().items()}
     units = {"statistics": metrics, "lower_bounds": "m^2", "over_paper": "1", "times_below": "1", "seconds": "s"}
     rms = dict.fromkeys(("rms_error", "rms_without_foresight", "rms_with_foresight"), "m")
-    left_out = idealisations.idealisations(ensemble_file.loads_ensemble(found.terms.configuration).experiment)
-    facts = {"idealisations": [asdict(one) for one in left_out], "units": units | rms}
+    simplifications = idealisations.idealisations(ensemble_file.loads_ensemble(result.terms.configuration).experiment)
+    facts = {"idealisations": [asdict(simplification) for simplification in simplifications], "units": units | rms}
     return {**record, **facts, **output.version_notes()}
 
 
-def configuration(found: BenchmarkResult, scored: EntryResult) -> str:
-    """The best gains of an entry as TOML; empty if its parts are not registered, as those of an earlier call may be."""
-    from dualwinch.toolbox import ConfigurationError, ensemble_file, experiment_file, settings, texts
+def configuration(result: RaceResult, scored: EntryResult) -> str:
+    """The best gains of an entry as TOML."""
+    from dualwinch.toolbox import ensemble_file, experiment_file, settings, texts
 
-    nominal = ensemble_file.loads_ensemble(found.terms.configuration, name="the race's ensemble").experiment
-    try:
-        best = settings.override(nominal, {**scored.entry.values, **scored.gains})
-    except ConfigurationError:
-        return ""
-    terms = found.terms
+    nominal = ensemble_file.loads_ensemble(result.terms.configuration, name="the race's ensemble").experiment
+    best = settings.override(nominal, {**scored.entry.values, **scored.gains})
+    terms = result.terms
     words = f"{scored.entry.key}: the best of {terms.rollouts} rollouts in '{terms.ensemble}', seed {terms.seed}"
-    origin = f"{ensemble_file.TUNED_IN}: {texts.one_line(terms.ensemble)}"
-    return f"# {words}, by `dualwinch race`.\n# {origin}\n\n{experiment_file.to_toml(best)}"
+    scenes = f"{ensemble_file.TUNED_IN}: {texts.one_line(terms.ensemble)}"
+    return f"# {words}, by `dualwinch race`.\n# {scenes}\n\n{experiment_file.to_toml(best)}"

@@ -100,8 +100,8 @@ def ratio_of(values: Floats, references: Floats) -> ErrorRatio:
 
 def holm(levels: Sequence[float]) -> list[float]:
     """p-values of several tests with Holm's correction, which bounds the probability of any false rejection."""
-    corrected, least = [1.0] * len(levels), 0.0
+    corrected, floor = [1.0] * len(levels), 0.0
     for rank, index in enumerate(sorted(range(len(levels)), key=lambda index: levels[index])):
-        least = max(least, min(1.0, (len(levels) - rank) * levels[index]))
-        corrected[index] = least
+        floor = max(floor, min(1.0, (len(levels) - rank) * levels[index]))
+        corrected[index] = floor
     return corrected

@@ -1,18 +1,21 @@
 """The entries of a race: a law, an estimator and a coordination, complete or with a part ablated."""
 
+import json
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import product
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 from dualwinch.toolbox import (
     ConfigurationError,
     Controller,
-    TuningProblem,
     arguments,
     exogenous_signals,
     parts,
+    quantities,
     registries,
     searching,
 )
@@ -25,7 +28,7 @@ LAW = "controller.kind"
 
 
 @dataclass(frozen=True)
-class BenchmarkEntry:
+class RaceEntry:
     """One combination of parts to tune.
 
     Attributes:
@@ -80,25 +83,23 @@ def kinds(asked: Sequence[str] | str | None, registry: parts.Registry[Any], usua
     texts = [asked] if isinstance(asked, str) else list(usual if asked is None else asked)
     if not texts:
         raise ConfigurationError(f"no kind is given; known: {', '.join(registry)}, or {ALL}")
-    found: list[str] = []
-    for text in texts:
-        found += list(registry) if text == ALL else [registry.find(text).kind]
-    return list(dict.fromkeys(found))
+    listed = [list(registry) if text == ALL else [registry.find(text).kind] for text in texts]
+    return list(dict.fromkeys(chain.from_iterable(listed)))
 
 
-def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: Iterable[str]) -> list[BenchmarkEntry]:
+def combinations(laws: Iterable[str], estimators: Iterable[str], coordinations: Iterable[str]) -> list[RaceEntry]:
     """Every law with every estimator and every coordination."""
-    return [BenchmarkEntry(*parts) for parts in product(laws, estimators, coordinations)]
+    return [RaceEntry(*parts) for parts in product(laws, estimators, coordinations)]
 
 
-def names(entries: Sequence[BenchmarkEntry]) -> dict[str, str]:
+def names(entries: Sequence[RaceEntry]) -> dict[str, str]:
     """Key of each entry → its name among them: its law, its ablation, and parts other than those of most entries.
 
     All searches of an entry have the same name.
     """
     usual = {part: _usual([getattr(entry, part) for entry in entries]) for part in ("estimator", "coordination")}
 
-    def name(entry: BenchmarkEntry) -> str:
+    def name(entry: RaceEntry) -> str:
         unusual = (getattr(entry, part) for part, kind in usual.items() if getattr(entry, part) != kind)
         return ", ".join(filter(None, (entry.law, entry.variant, *unusual)))
 
@@ -142,26 +143,26 @@ VARIANTS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 """Ablation → its settings, and the keys excluded from its search."""
 
 
-def ablations(estimator: str, coordination: str) -> list[BenchmarkEntry]:
+def ablations(estimator: str, coordination: str) -> list[RaceEntry]:
     """The complete law of the paper, and the law without each of its parts."""
-    whole = [BenchmarkEntry(PAPER_LAW, estimator, coordination), BenchmarkEntry(NO_OBSERVER, estimator, coordination)]
+    whole = [RaceEntry(PAPER_LAW, estimator, coordination), RaceEntry(NO_OBSERVER, estimator, coordination)]
     return whole + [
-        BenchmarkEntry(PAPER_LAW, estimator, coordination, variant, settings, excluded)
+        RaceEntry(PAPER_LAW, estimator, coordination, variant, settings, excluded)
         for variant, (settings, excluded) in VARIANTS.items()
     ]
 
 
-ROLLOUTS, TEST_SCENARIOS = 30_000, searching.SampleSizes().test
+ROLLOUTS, TEST_SCENARIOS = 30_000, searching.TuningOptions().test
 """Default budget of a search, and default number of test scenarios."""
 
 
 @dataclass(frozen=True)
-class BenchmarkTerms:
+class RaceTerms:
     """Terms of a race, the same for all entries.
 
     Attributes:
         ensemble: its name.
-        configuration: the ensemble with the paper's controller, as TOML.
+        configuration: the ensemble with the paper's controller, as TOML; its comments list all registered parts.
         constraints: of all searches.
         method: name of the optimiser.
         rollouts: budget of each search.
@@ -171,7 +172,7 @@ class BenchmarkTerms:
     """
 
     ensemble: str
-    configuration: str
+    configuration: str = field(compare=False)
     constraints: tuple[str, ...]
     method: str
     rollouts: int
@@ -190,9 +191,46 @@ class BenchmarkTerms:
         return exogenous_signals.named_seed(self.seed, "benchmark test")
 
 
-@dataclass(frozen=True)
-class EntryProblem:
-    """An entry with its tuning problem."""
+RACE_FILE = "race.json"
+"""File with the result of a race, in its folder."""
 
-    entry: BenchmarkEntry
-    problem: TuningProblem
+
+def earlier_entries(folder: Path, terms: RaceTerms) -> list[RaceEntry]:
+    """Entries of an earlier race on the same terms in a folder, by its `RACE_FILE`; none without that file.
+
+    Raises:
+        ConfigurationError: the file has a race on other terms, or is not a race's.
+    """
+    file = folder / RACE_FILE
+    if not file.is_file():
+        return []
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+        entries = [
+            RaceEntry(**{name: entry[name] for name in RECORDED}, search=search["search"])
+            for entry in record["entries"]
+            for search in entry["searches"]
+        ]
+        ours, theirs = (
+            {name: _content(name, each[name]) for name in asdict(terms)} for each in (asdict(terms), record)
+        )
+        differences = [name for name, value in ours.items() if value != theirs[name]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(f"{file}: is not the result of a race; remove it") from error
+    for name in differences:
+        values = "" if name == TOML else f", {record[name]} and not {getattr(terms, name)}"
+        raise ConfigurationError(
+            f"{folder}: contains a race with {quantities.another(name)}{values}; give another folder"
+        )
+    return [replace(entry, excluded=tuple(entry.excluded)) for entry in entries]
+
+
+RECORDED = ("law", "estimator", "coordination", "variant", "settings", "excluded")
+"""Names of what `RACE_FILE` has of an entry."""
+
+TOML = "configuration"
+"""Name of the term that is TOML; its comments list all registered parts, so it is compared by content."""
+
+
+def _content(name: str, value: Any) -> Any:
+    return tomllib.loads(value) if name == TOML else list(value) if isinstance(value, tuple) else value

@@ -1,18 +1,12 @@
 """The function `dualwinch.race`: tune every law with the same budget, and score all on one test set."""
 
-import fcntl
-import json
-import time
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 
@@ -32,25 +26,23 @@ from dualwinch.toolbox import (
     extensions,
     language,
     progresses,
-    quantities,
     registries,
     searching,
-    whole_files,
     with_leaves,
 )
 from dualwinch.toolboxes.race.entries import (
     LAW,
     ROLLOUTS,
     TEST_SCENARIOS,
-    BenchmarkEntry,
-    BenchmarkTerms,
-    EntryProblem,
+    RaceEntry,
+    RaceTerms,
     combinations,
+    earlier_entries,
     kinds,
     names,
 )
 from dualwinch.toolboxes.race.entries import ablations as ablated
-from dualwinch.toolboxes.race.result import BenchmarkResult
+from dualwinch.toolboxes.race.result import RaceResult
 from dualwinch.toolboxes.race.scores import (
     COSTS,
     ERROR,
@@ -61,9 +53,6 @@ from dualwinch.toolboxes.race.scores import (
     front,
     scored_runs,
 )
-
-RobustnessCheck = Callable[[Experiment, executors.Workers], tuple[dict[str, Any], ...]]
-"""Computes the least robustness margins of an experiment's gains, in ascending order, on given workers."""
 
 OPTIONS = {LAW: "--law", searching.ESTIMATOR: "--estimator", searching.COORDINATION: "--coordination"}
 """Key of a part → its option."""
@@ -94,11 +83,12 @@ def race(
     out: str | PathLike[str] | None = None,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
-) -> BenchmarkResult:
+) -> RaceResult:
     """Tune every combination of parts with the same number of rollouts, and score all on the same test set.
 
-    An interrupt (Ctrl-C) keeps finished entries, and the same call with the same folder continues with the rest. A
-    later call may add entries to a folder; the result has all entries in it.
+    With a folder, the same call after an interrupt (Ctrl-C) or a kill continues with the entries that are not finished,
+    to the same digits. The entries of an earlier race on the same terms, by the ``race.json`` that the command wrote
+    into the folder, take part, too.
 
     Args:
         ensemble: name or file of the ensemble that scenarios are drawn from, or an ensemble of your own.
@@ -115,7 +105,7 @@ def race(
         constraints: as in `dualwinch.tuning_problem`, for all.
         method: name of the optimiser; default: that of `dualwinch.tune`.
         stress: whether to compute robustness margins of each entry's best gains (see `dualwinch.stress`).
-        out: folder for finished entries; default: none.
+        out: folder of the race, in which finished entries are kept as pickles (`CHECKPOINTS`); default: none are.
         workers: number of threads of this machine, or an executor; default: one thread per core.
         progress: called repeatedly with the share of the work that is done, and the current phase.
 
@@ -148,48 +138,44 @@ def race(
         entries += ablated(*usual)
     arguments.whole_number("searches", searches, 1)
     arguments.whole_number("seed", seed)
-    entrants: dict[str, EntryProblem] = {}
-    for entry in (replace(entry, search=search) for search in range(searches) for entry in entries):
-        problem = _problem(entry, drawn, settings, constraints, scenarios, seed)
-        entrants[entry.key] = EntryProblem(entry, problem)
-    first = next(iter(entrants.values())).problem
+    searched = [replace(entry, search=search) for search in range(searches) for entry in entries]
+
+    def problem_of(entry: RaceEntry) -> TuningProblem:
+        return _problem(entry, drawn, settings, constraints, scenarios, seed)
+
+    problem = problem_of(searched[0])
     if stress:
-        extensions.extension(extensions.FUNCTIONS, "check_stress", "--stress")(first)
-    terms = BenchmarkTerms(
+        extensions.extension(extensions.FUNCTIONS, "check_stress", "--stress")(problem)
+    terms = RaceTerms(
         ensemble=drawn.name,
-        configuration=searching.configuration(replace(first, experiment=first.paper_experiment)),
-        constraints=tuple(constraint.text for constraint in first.constraints),
+        configuration=searching.configuration(replace(problem, experiment=problem.paper_experiment)),
+        constraints=tuple(constraint.text for constraint in problem.constraints),
         method=method,
         rollouts=rollouts,
-        scenarios=first.scenarios,
+        scenarios=problem.scenarios,
         test_scenarios=test_scenarios,
         seed=seed,
     )
-    return run_race(
-        list(entrants.values()),
-        terms,
-        folder=None if out is None else Path(out),
-        robustness=partial(least_robust, first) if stress else None,
-        workers=workers,
-        progress=progress,
-    )
+    folder = None if out is None else Path(out)
+    if folder:
+        searched += earlier_entries(folder, terms)
+    entrants = {entry.key: EntryTask(entry, problem_of(entry), terms) for entry in searched}
+    return run_race(list(entrants.values()), folder=folder, stress=stress, workers=workers, progress=progress)
 
 
 def _problem(
-    entry: BenchmarkEntry,
+    entry: RaceEntry,
     ensemble: Ensemble,
     settings: Sequence[str],
     constraints: Sequence[str] | None,
     scenarios: int | None,
     seed: int,
 ) -> TuningProblem:
-    others = [
-        text for text in settings if experiment_file.parse_assignment(text)[0] not in entry.values
-    ]  # the entry's own come first
+    common = [text for text in settings if experiment_file.parse_assignment(text)[0] not in entry.values]
     try:
         return searching.tuning_problem(
             ensemble=ensemble,
-            settings=[*others, *(f"{key}={value}" for key, value in entry.values.items())],
+            settings=[*common, *(f"{key}={value}" for key, value in entry.values.items())],
             constraints=constraints,
             scenarios=scenarios,
             seed=exogenous_signals.named_seed(seed, f"search {entry.search}") if entry.search else seed,
@@ -205,12 +191,12 @@ def least_robust(
     """The least robustness margins of an experiment's gains, with a problem's ensemble as the base."""
     name = "given"
     stress_tuned = extensions.extension(extensions.FUNCTIONS, "stress_tuned", "--stress")
-    found = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
-    if name not in found.names:  # lost without any imperfection, or the paper's own gains
-        return tuple({"label": "none", "size": "", "violated": limit.words} for limit in found.lost.get(name, ()))
+    margins = stress_tuned(problem, experiment, scenarios=STRESS_SCENARIOS, name=name, workers=workers)
+    if name not in margins.names:  # lost without any imperfection, or the paper's own gains
+        return tuple({"label": "none", "size": "", "violated": limit.words} for limit in margins.lost.get(name, ()))
     return tuple(
-        {"label": row.imperfection.label, "size": found.where(row, name), "violated": row.cause(name)}
-        for row in found.ranking[:SHOWN_ENTRIES]
+        {"label": row.imperfection.label, "size": margins.where(row, name), "violated": row.cause(name)}
+        for row in margins.ranking[:SHOWN_ENTRIES]
     )
 
 
@@ -226,120 +212,8 @@ def operations(experiment: Experiment) -> int:
     controller = controller_function(experiment.controller, experiment.plant)
     arguments = [ca.SX.sym(name, controller.size1_in(name)) for name in controller.name_in()[:-1]]
     results = controller.call([*arguments, ca.SX(experiment.simulation.sample_time)])
-    found = language.instructions(ca.Function("sample", arguments, results))
-    return sum(instruction.operation not in FREE for instruction in found)
-
-
-ENTRIES = "entries"
-"""Subfolder of the entries' files in the folder of the race."""
-
-TOML = "configuration"
-"""Name of the term that is TOML."""
-
-PAPER_STEM = "paper"
-"""Name of the file with the paper's gains."""
-
-
-class ResultFolder:
-    """Finished results of a race, in its folder, or in memory only without one.
-
-    Raises:
-        ConfigurationError: a file has other terms, or is not a race's.
-    """
-
-    def __init__(self, path: Path | None, terms: Mapping[str, Any]) -> None:
-        self._path = None if path is None else path / ENTRIES
-        self._terms = _plain(terms)
-        self._records: dict[str, dict[str, Any]] = {}
-        if self._path is not None and self._path.is_dir():
-            for file in sorted(self._path.glob("*.json")):
-                self._records[file.stem] = self._read(file)
-
-    @property
-    def stems(self) -> tuple[str, ...]:
-        """Names of the finished results."""
-        return tuple(self._records)
-
-    def find(self, stem: str, definition: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
-        """The finished result of a name; ``None`` if there is none.
-
-        Raises:
-            ConfigurationError: the result has another definition than the given one.
-        """
-        record = self._records.get(stem)
-        if record is None:
-            return None
-        names = _differences(_plain(definition), record["definition"]) if definition is not None else ()
-        if names:
-            others = " and ".join(map(quantities.another, names))
-            raise ConfigurationError(
-                f"{self._path}: {stem}.json was run with {others}; remove it, or give another folder"
-            )
-        return record["result"]
-
-    @contextmanager
-    def claimed(self, stem: str) -> Iterator[bool]:
-        """Claim an entry while it is computed; false if another process has claimed it.
-
-        The claim is a lock on a file, which the system releases when the process ends, even by a crash.
-        """
-        if self._path is None:
-            yield True
-            return
-        self._path.mkdir(parents=True, exist_ok=True)
-        with (self._path / f"{stem}.lock").open("ab") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                yield False
-                return
-            self.look(stem)
-            try:
-                yield True
-            finally:
-                Path(lock.name).unlink(missing_ok=True)
-
-    def look(self, stem: str) -> dict[str, Any] | None:
-        """The finished result of a name, possibly another process's; ``None`` if there is none."""
-        if self._path is not None and (file := self._path / f"{stem}.json").is_file():
-            self._records[stem] = self._read(file)
-        return self.find(stem)
-
-    def keep(self, stem: str, definition: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-        """Keep a finished result."""
-        record = _plain({"terms": self._terms, "definition": definition, "result": result})
-        self._records[stem] = record
-        if self._path is not None:
-            self._path.mkdir(parents=True, exist_ok=True)
-            with whole_files.atomic(self._path / f"{stem}.json") as unfinished:
-                unfinished.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-    def _read(self, file: Path) -> dict[str, Any]:
-        try:
-            record = json.loads(file.read_text(encoding="utf-8"))
-            terms = record["terms"], record["definition"], record["result"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ConfigurationError(f"{file}: is not a result of a race; remove it") from error
-        for name in _differences(self._terms, terms[0]):
-            shown = "" if name == TOML else f", {terms[0].get(name)} and not {self._terms[name]}"
-            raise ConfigurationError(
-                f"{file.parent.parent}: contains a race with {quantities.another(name)}{shown}; give another folder"
-            )
-        return record
-
-
-def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> list[str]:
-    """Names whose values differ; TOML is compared by content, as its comments list all registered parts."""
-    return [name for name, value in ours.items() if _content(name, value) != _content(name, theirs.get(name, ""))]
-
-
-def _content(name: str, value: Any) -> Any:
-    return tomllib.loads(value) if name == TOML else value
-
-
-def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Content as read back from JSON."""
-    return json.loads(json.dumps(content, allow_nan=False))
+    sample = ca.Function("sample", arguments, results)
+    return sum(instruction.operation not in FREE for instruction in language.instructions(sample))
 
 
 TEST_PHASE = "scoring in the test set"
@@ -349,52 +223,85 @@ LEAST_PHASE = "finding the least possible error"
 """Phases besides those of tuning."""
 
 
-def scored(
-    entry: BenchmarkEntry,
-    problem: TuningProblem,
-    terms: BenchmarkTerms,
-    robustness: RobustnessCheck | None,
-    workers: executors.Workers,
-    watch: searching.TuningProgress,
-) -> EntryResult:
-    """Tune an entry, and score its best and its fronts on the test set; an interrupt is raised, without a result."""
-    began = searching.clock.now()
-    tuned = searching.tune(
-        problem,
-        method=terms.method,
-        rollouts=terms.rollouts,
-        test_scenarios=min(terms.test_scenarios, problem.selection.sizes.test),
-        workers=workers,
-        keep=False,
-        watch=watch,
-    )
-    watch.phase(TEST_PHASE)
-    scorer = searching.Scorer(tuned.training, workers=workers)
-    test = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed)
-    best = test.score(tuned.verdict.best.candidate)
-    fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
-    candidates = [trial.candidate for found in fronts.values() for trial in found]
-    points = iter(scorer.over(candidates, test.scenarios, constraints=test.constraints))
-    rescored = {cost: tuple(_point(problem, next(points), cost) for _ in found) for cost, found in fronts.items()}
-    stress = None
-    if robustness:
-        watch.phase(STRESS_PHASE)
-        stress = robustness(tuned.best, workers)
-    return EntryResult(
-        entry=entry,
-        runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
-        gains=tuned.gains,
-        fronts=rescored,
-        search=SearchRecord(
-            trials=len(tuned.trials),
-            rollouts=tuned.progress.spent,
-            gains=len(problem.space.dimensions),
-            seconds=searching.clock.now() - began,
-            improved=tuned.verdict.improved,
-            version=version("dualwinch"),
-        ),
-        stress=stress,
-    )
+class RaceTask(Protocol):
+    """A part of a race that a worker computes by itself."""
+
+    def run(self, workers: executors.Workers, progress: searching.TuningProgress) -> Any:
+        """Compute the result, which can be pickled; an interrupt is raised, without a result."""
+        ...
+
+
+@dataclass(frozen=True)
+class BaselineTask:
+    """Score the paper's gains on the test set, and compute lower bounds on the error there.
+
+    Attributes:
+        problem: of any entry: ensemble, constraints and seed are common to all.
+        terms: of the race.
+    """
+
+    problem: TuningProblem
+    terms: RaceTerms
+
+    def run(self, workers: executors.Workers, progress: searching.TuningProgress) -> BaselineScore:
+        """Compute the score."""
+        problem, terms = self.problem, self.terms
+        scorer = searching.Scorer(searching.prepare(problem, workers, progress), workers=workers)
+        progress.phase(PAPER_PHASE)
+        paper = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed).paper
+        runs = scored_runs(paper.result, paper.evaluation.violations, operations(problem.paper_experiment))
+        progress.phase(LEAST_PHASE)
+        scenarios = problem.drawn(terms.test_scenarios, terms.test_seed, problem.paper_experiment)
+        return BaselineScore(runs, batches.least_errors([batches.experiment_of(scenario) for scenario in scenarios]))
+
+
+@dataclass(frozen=True)
+class EntryTask:
+    """Tune an entry, and score its best and its fronts on the test set.
+
+    Attributes:
+        entry: its parts.
+        problem: of tuning it.
+        terms: of the race.
+    """
+
+    entry: RaceEntry
+    problem: TuningProblem
+    terms: RaceTerms
+
+    def run(self, workers: executors.Workers, progress: searching.TuningProgress) -> EntryResult:
+        """Compute the result."""
+        problem, terms, began = self.problem, self.terms, searching.clock.now()
+        tuned = searching.tune(
+            problem,
+            method=terms.method,
+            rollouts=terms.rollouts,
+            test_scenarios=min(terms.test_scenarios, problem.options.test),
+            workers=workers,
+            keep=False,
+            watch=progress,
+        )
+        progress.phase(TEST_PHASE)
+        scorer = searching.Scorer(tuned.training, workers=workers)
+        test = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed)
+        best = test.score(tuned.verdict.best.candidate)
+        fronts = {cost: front(tuned.trials, cost) for cost in COSTS}
+        candidates = [trial.candidate for trials in fronts.values() for trial in trials]
+        points = iter(scorer.over(candidates, test.scenarios, constraints=test.constraints))
+        return EntryResult(
+            entry=self.entry,
+            runs=scored_runs(best.result, best.evaluation.violations, operations(tuned.best)),
+            gains=tuned.gains,
+            fronts={cost: tuple(_point(problem, next(points), cost) for _ in fronts[cost]) for cost in COSTS},
+            search=SearchRecord(
+                trials=len(tuned.trials),
+                rollouts=tuned.progress.spent,
+                gains=len(problem.space.dimensions),
+                seconds=searching.clock.now() - began,
+                improved=tuned.verdict.improved,
+                version=version("dualwinch"),
+            ),
+        )
 
 
 def _point(problem: TuningProblem, evaluation: searching.Evaluation, cost: str) -> FrontPoint:
@@ -402,22 +309,31 @@ def _point(problem: TuningProblem, evaluation: searching.Evaluation, cost: str) 
     return FrontPoint(means[f"mean.{cost}"], means[f"mean.{ERROR}"], feasible=evaluation.feasible, gains=gains)
 
 
-def paper(
-    problem: TuningProblem, terms: BenchmarkTerms, workers: executors.Workers, watch: searching.TuningProgress
-) -> BaselineScore:
-    """Score the paper's gains on the test set, and compute lower bounds on the error there.
+@dataclass(frozen=True)
+class StressTask:
+    """Compute the least robustness margins of an entry's best gains (`least_robust`).
 
-    The problem is that of any entry: ensemble, constraints and seed are common to all.
+    Attributes:
+        entry: its parts.
+        problem: common to all entries, with the base of the imperfections.
+        experiment: with the gains.
     """
-    scorer = searching.Scorer(searching.prepare(problem, workers, watch), workers=workers)
-    watch.phase(PAPER_PHASE)
-    test = searching.TestSet(scorer, terms.test_scenarios, terms.test_seed)
-    found = test.paper
-    runs = scored_runs(found.result, found.evaluation.violations, operations(problem.paper_experiment))
-    watch.phase(LEAST_PHASE)
-    with_paper = problem.drawn(terms.test_scenarios, terms.test_seed, problem.paper_experiment)
-    experiments = [batches.experiment_of(scenario) for scenario in with_paper]
-    return BaselineScore(runs, batches.least_errors(experiments))
+
+    entry: RaceEntry
+    problem: TuningProblem
+    experiment: Experiment
+
+    def run(self, workers: executors.Workers, progress: searching.TuningProgress) -> tuple[dict[str, Any], ...]:
+        """Compute the margins, in ascending order."""
+        progress.phase(STRESS_PHASE)
+        return least_robust(self.problem, self.experiment, workers)
+
+
+def compute(
+    task: RaceTask, workers: executors.Workers = 1, progress: searching.TuningProgress = searching.NO_PROGRESS
+) -> Any:
+    """Compute a task of a race; on a worker with one thread, and without progress."""
+    return task.run(workers, progress)
 
 
 BEGINS = {
@@ -426,7 +342,7 @@ BEGINS = {
     PAPER_PHASE: 0.1,
     LEAST_PHASE: 0.1,
     searching.SEARCHING: 0.12,
-    searching.CHOOSING: 0.82,
+    searching.CERTIFYING: 0.82,
     searching.SCORING: 0.9,
     TEST_PHASE: 0.93,
     STRESS_PHASE: 0.95,
@@ -435,12 +351,18 @@ BEGINS = {
 
 
 class EntryProgress(searching.TuningProgress):
-    """Progress of one entry, reported as the share done of the entries to run, with the current phase."""
+    """Progress of one entry, reported as the share done of all entries, with the current phase.
 
-    def __init__(self, name: str, number: int, of: int, progress: progresses.PhaseProgress) -> None:
-        """Watch entry `number`, from 0, of `of` entries to run."""
+    Args:
+        name: of the entry in messages.
+        number: of the entry, from 0.
+        count: of the entries.
+        progress: to which it is reported.
+    """
+
+    def __init__(self, name: str, number: int, count: int, progress: progresses.PhaseProgress) -> None:
         super().__init__(self._in_phase)
-        self._name, self._number, self._of, self._of_race = name, number, of, progress
+        self._name, self._number, self._count, self._race = name, number, count, progress
         self._words, self._share = "", 0.0
 
     def phase(self, words: str) -> None:
@@ -451,7 +373,7 @@ class EntryProgress(searching.TuningProgress):
     def progress(self, progress: searching.SearchStatus, until: float | None, trials: int | None) -> None:  # noqa: ARG002
         """Report the share of the search that is done."""
         self._share = BEGINS[searching.SEARCHING] + progress.share * (
-            BEGINS[searching.CHOOSING] - BEGINS[searching.SEARCHING]
+            BEGINS[searching.CERTIFYING] - BEGINS[searching.SEARCHING]
         )
         self._report(self._words)
 
@@ -460,146 +382,86 @@ class EntryProgress(searching.TuningProgress):
         self._report(phase or self._words, status)
 
     def _report(self, words: str, status: str = "") -> None:
-        number = f"{self._number + 1} of {self._of}, " if self._of > 1 else ""
+        number = f"{self._number + 1} of {self._count}, " if self._count > 1 else ""
         begin = f"{number}{self._name}: "
-        self._of_race((self._number + self._share) / self._of, f"{begin}{words}", status and f"{begin}{status}")
+        self._race((self._number + self._share) / self._count, f"{begin}{words}", status and f"{begin}{status}")
+
+
+class LocalRace(executors.SerialExecutor):
+    """Computes the tasks of a race one after the other, each on all threads of this machine.
+
+    Args:
+        entries: of the race.
+        threads: their number; ``None``: one per core.
+        progress: told the phases of each task.
+    """
+
+    def __init__(self, entries: Sequence[RaceEntry], threads: int | None, progress: progresses.PhaseProgress) -> None:
+        self._threads, self._progress = threads, progress
+        self._names = names(entries)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Compute a task."""
+        return super().submit(fn, *args, self._threads, self._watch(*args), **kwargs)
+
+    def _watch(self, task: RaceTask) -> searching.TuningProgress:
+        if not isinstance(task, EntryTask | StressTask):
+            return EntryProgress("paper", 0, 1, self._without_share)
+        key = task.entry.key
+        return EntryProgress(self._names[key], list(self._names).index(key), len(self._names), self._progress)
+
+    def _without_share(self, fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG002
+        self._progress(0.0, phase, status)
+
+
+CHECKPOINTS = "checkpoints"
+"""Subfolder with the results of finished tasks, as pickles, in the folder of a race."""
 
 
 def run_race(
-    entrants: Sequence[EntryProblem],
-    terms: BenchmarkTerms,
+    entrants: Sequence[EntryTask],
     *,
     folder: Path | None = None,
-    robustness: RobustnessCheck | None = None,
+    stress: bool = False,
     workers: executors.Workers = None,
     progress: progresses.PhaseProgress = progresses.no_progress,
-) -> BenchmarkResult:
-    """Tune and score every entry that is not in the folder yet; compute robustness margins if requested.
+) -> RaceResult:
+    """Tune and score entries on the same terms, and the paper's gains; compute robustness margins if requested.
 
-    The result includes the entries of earlier calls on the same terms. An interrupt (Ctrl-C) keeps finished entries,
-    and the same call continues with the rest. Further arguments and errors are as in `race`.
+    An interrupt (Ctrl-C) keeps finished entries. Further arguments and errors are as in `race`.
     """
-    kept = ResultFolder(folder, asdict(terms))
-    called = names([each.entry for each in entrants])
-    jobs = [RaceJob(PAPER_STEM, entrants[0].problem, terms)]
-    jobs += [RaceJob(called[each.entry.key], each.problem, terms, each.entry, robustness) for each in entrants]
-    for job in jobs:
-        kept.find(job.stem, job.definition)
+    problem, terms = entrants[0].problem, entrants[0].terms
+    local = LocalRace([task.entry for task in entrants], executors.threads_of(workers), progress)
+    executor = workers if isinstance(workers, Executor) else local
+    if folder and not isinstance(executor, executors.CheckpointingExecutor):
+        executor = executors.CheckpointingExecutor(executor, folder / CHECKPOINTS)
+    report = progress if isinstance(workers, Executor) else progresses.no_progress
+    paper = list[BaselineScore]()
+    results = dict[str, EntryResult]()
     try:
-        _run_jobs(jobs, kept, workers, progress)
-    except KeyboardInterrupt:
-        if not set(kept.stems) - {PAPER_STEM}:
-            raise
-    records = {stem: kept.find(stem) for stem in kept.stems}
-    remaining = sum(job.lacks(records.get(job.stem)) for job in jobs)
-    return BenchmarkResult(
-        terms=terms,
-        paper=BaselineScore.from_record(records.pop(PAPER_STEM) or {}),
-        entries=tuple(EntryResult.from_record(record) for record in records.values() if record),
-        remaining=remaining,
-    )
-
-
-@dataclass(frozen=True)
-class RaceJob:
-    """A job of a race: score the paper's gains, or tune and score an entry.
-
-    Attributes:
-        name: in messages.
-        problem: of the entry; of any entry for the paper's gains.
-        terms: of the race.
-        entry: to tune; ``None``: the paper's gains.
-        robustness: computes the robustness margins of the best gains; ``None``: none are computed.
-    """
-
-    name: str
-    problem: TuningProblem
-    terms: BenchmarkTerms
-    entry: BenchmarkEntry | None = None
-    robustness: RobustnessCheck | None = None
-
-    @property
-    def stem(self) -> str:
-        """Name of the result's file."""
-        return self.entry.stem if self.entry else PAPER_STEM
-
-    @property
-    def definition(self) -> Mapping[str, Any]:
-        """Definition that the result must have."""
-        return searching.definition_of(self.problem, self.terms.method) if self.entry else {}
-
-    def lacks(self, record: Mapping[str, Any] | None) -> bool:
-        """Whether a record lacks something to compute."""
-        return record is None or (self.robustness is not None and record["stress"] is None)
-
-    def watch(self, number: int, count: int, progress: progresses.PhaseProgress) -> searching.TuningProgress:
-        """Progress of this entry among the entries to run."""
-        if self.entry is None:
-
-            def phase_alone(fraction: float, phase: str = "", status: str = "") -> None:  # noqa: ARG001
-                progress(0.0, phase, status)
-
-            return EntryProgress(self.name, 0, 1, phase_alone)
-        return EntryProgress(self.name, number, count, progress)
-
-    def run(
-        self,
-        record: Mapping[str, Any] | None,
-        workers: executors.Workers = 1,
-        watch: searching.TuningProgress = searching.NO_PROGRESS,
-    ) -> dict[str, Any]:
-        """Compute the result, for JSON; `record` is its finished part."""
-        if self.entry is None:
-            return paper(self.problem, self.terms, workers, watch).to_record()
-        if record and self.robustness:
-            watch.phase(STRESS_PHASE)
-            gains = with_leaves(self.problem.experiment, record["gains"])
-            return {**record, "stress": list(self.robustness(gains, workers))}
-        return scored(self.entry, self.problem, self.terms, self.robustness, workers, watch).to_record()
-
-
-PAUSE = 1.0
-"""Polling period in s for results of other processes."""
-
-
-def _run_jobs(
-    jobs: Sequence[RaceJob], kept: ResultFolder, workers: executors.Workers, progress: progresses.PhaseProgress
-) -> None:
-    """Run the jobs whose results a folder lacks: one after the other here, or in parallel on an executor's workers.
-
-    Jobs claimed by another process are left to it, and run here if it ends without a result.
-    """
-    waiting = [job for job in jobs if job.lacks(kept.find(job.stem))]
-    count = sum(job.entry is not None for job in waiting)
-    while waiting:
-        with ExitStack() as claims:
-            ours = list[RaceJob]()
-            for job in waiting:
-                if claims.enter_context(kept.claimed(job.stem)) and job.lacks(kept.find(job.stem)):
-                    ours.append(job)
-                    if not isinstance(workers, Executor):
-                        break
-            finished = count - sum(job.entry is not None for job in waiting)
-            if not ours:
-                progress(0.0, f"another process has claimed the remaining {len(waiting)} searches and scores")
-            if isinstance(workers, Executor):
-                _spread_jobs(ours, kept, workers, progress)
+        for task, result in _computed([BaselineTask(problem, terms), *entrants], executor, report):
+            if isinstance(task, EntryTask):
+                results[task.entry.key] = result
             else:
-                for job in ours:
-                    watch = job.watch(finished, count, progress)
-                    kept.keep(job.stem, job.definition, job.run(kept.find(job.stem), workers, watch))
-        before, waiting = len(waiting), [job for job in waiting if job.lacks(kept.look(job.stem))]
-        if len(waiting) == before:
-            time.sleep(PAUSE)
+                paper.append(result)
+        stressed = [
+            StressTask(task.entry, problem, with_leaves(task.problem.experiment, results[task.entry.key].gains))
+            for task in (entrants if stress else ())
+        ]
+        for task, margins in _computed(stressed, executor, report):
+            results[task.entry.key] = replace(results[task.entry.key], stress=margins)
+    except KeyboardInterrupt:
+        if not paper or not results:
+            raise
+    entries = tuple(results[task.entry.key] for task in entrants if task.entry.key in results)
+    finished = [entry for entry in entries if entry.stress is not None or not stress]
+    return RaceResult(terms, paper[0], entries, remaining=len(entrants) - len(finished))
 
 
-def _spread_jobs(
-    jobs: Sequence[RaceJob], kept: ResultFolder, executor: Executor, progress: progresses.PhaseProgress
-) -> None:
-    """Run jobs in parallel on an executor's workers; each result is kept at once."""
-    if jobs:
-        progress(0.0, f"{len(jobs)} searches and scores on the cluster")
-    tasks = ((job, kept.find(job.stem)) for job in jobs)
-    for done, (number, result) in enumerate(executors.spread(executor, RaceJob.run, tasks), 1):
-        kept.keep(jobs[number].stem, jobs[number].definition, result)
-        progress(done / len(jobs), f"{done} of {len(jobs)} done on the cluster, {jobs[number].name} last")
+def _computed(
+    tasks: Sequence[Any], executor: Executor, progress: progresses.PhaseProgress
+) -> Iterator[tuple[Any, Any]]:
+    """Tasks and their results, in the order in which they finish."""
+    for done, (number, result) in enumerate(executors.spread(executor, compute, [(task,) for task in tasks]), 1):
+        progress(done / len(tasks), f"{done} of {len(tasks)} searches and scores are done")
+        yield tasks[number], result

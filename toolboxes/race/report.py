@@ -5,10 +5,10 @@ from pathlib import Path
 
 from dualwinch.toolbox import ensemble_file, idealisations, report_page
 from dualwinch.toolboxes.race.comparison import RULE
-from dualwinch.toolboxes.race.result import BenchmarkResult
+from dualwinch.toolboxes.race.result import RaceResult
 
 
-def write_race_report(path: Path, result: BenchmarkResult, facts: Mapping[str, str]) -> None:
+def write_race_report(path: Path, result: RaceResult, facts: Mapping[str, str]) -> None:
     """Write the report: one self-contained HTML file, which appears whole or not at all.
 
     Args:

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 
 from dualwinch.toolbox import batches, drawing, intervals, merit_statistics, merits, searching, tables
 from dualwinch.toolboxes.race.comparison import LEAST_DIFFERENCE, RULE, ErrorRatio, PairComparison, holm, ratio_of
-from dualwinch.toolboxes.race.entries import NO_OBSERVER, PAPER_LAW, BenchmarkTerms, names
+from dualwinch.toolboxes.race.entries import NO_OBSERVER, PAPER_LAW, RaceTerms, names
 from dualwinch.toolboxes.race.scores import (
     COSTS,
     ERROR,
@@ -48,7 +48,7 @@ MEAN_ERROR = merit_statistics.Statistic("mean", ERROR)
 
 
 @dataclass(frozen=True, repr=False)
-class BenchmarkResult:
+class RaceResult:
     """Result of a race: laws tuned with the same number of rollouts, scored in the same scenarios, shown as a table.
 
     Attributes:
@@ -58,7 +58,7 @@ class BenchmarkResult:
         remaining: number of entries that an interrupt left out.
     """
 
-    terms: BenchmarkTerms
+    terms: RaceTerms
     paper: BaselineScore
     entries: tuple[EntryResult, ...]
     remaining: int = 0
@@ -95,8 +95,8 @@ class BenchmarkResult:
         return tuple(sorted((group[len(group) // 2] for group in self.searches.values()), key=self._order))
 
     def _order(self, scored: EntryResult) -> tuple[int, float]:
-        lost, ratio = int((~scored.runs.completed).sum()), self._estimate(scored)
-        return lost, math.inf if math.isnan(ratio) else ratio
+        incomplete, ratio = int((~scored.runs.completed).sum()), self._estimate(scored)
+        return incomplete, math.inf if math.isnan(ratio) else ratio
 
     def _estimate(self, scored: EntryResult) -> float:
         return self.ratios[scored.entry.key].interval.estimate
@@ -113,10 +113,10 @@ class BenchmarkResult:
         )
 
     def _separated(self, first: EntryResult, second: EntryResult) -> bool:
-        ours, theirs = (
+        orders, other_orders = (
             [self._order(search) for search in self.searches[scored.entry.group]] for scored in (first, second)
         )
-        return max(ours) < min(theirs) or max(theirs) < min(ours)
+        return max(orders) < min(other_orders) or max(other_orders) < min(orders)
 
     @property
     def search_spread(self) -> float:
@@ -126,7 +126,7 @@ class BenchmarkResult:
         return max((max(span) / min(span) for span in spans if span), default=1.0)
 
     def not_different(self, key: str) -> tuple[str, ...]:
-        """Keys in the ranking that do not differ from `key`, by `tuning.benchmark.comparison.RULE`."""
+        """Keys in the ranking that do not differ from `key`, by `RULE`."""
         return tuple(
             pair.second if pair.first == key else pair.first
             for pair in self.pairs
@@ -135,11 +135,11 @@ class BenchmarkResult:
 
     def pair(self, first: str, second: str) -> PairComparison:
         """Comparison of two entries in either order; the ratio is of the first over the second."""
-        found = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
-        if found.first == first:
-            return found
+        comparison = next(pair for pair in self.pairs if {pair.first, pair.second} == {first, second})
+        if comparison.first == first:
+            return comparison
         ratio = _ratio(self.by_key[first].runs, self.by_key[second].runs)
-        return replace(found, first=first, second=second, ratio=ratio)
+        return replace(comparison, first=first, second=second, ratio=ratio)
 
     @property
     def heading(self) -> str:
@@ -195,32 +195,32 @@ class BenchmarkResult:
 
     def _lower_bound_words(self) -> str:
         """Lower bounds on the error of any controller, without and with foresight."""
-        least = self.paper.lower_bounds
-        if not least.infeasible:
+        bounds = self.paper.lower_bounds
+        if not bounds.infeasible:
             return "The reference is feasible in all scenarios: an ideal controller could follow it exactly."
-        without, given = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in least.means)
+        causal, foresighted = ("–" if math.isnan(mean) else f"{_rms(mean):.3g}" for mean in bounds.means)
         words = (
-            f"{batches.infeasible_words(least.infeasible)}. Lower bound on the RMS error: {without} mm for a "
-            f"non-anticipating optimal controller, {given} mm with full foresight."
+            f"{batches.infeasible_words(bounds.infeasible)}. Lower bound on the RMS error: {causal} mm for a "
+            f"non-anticipating optimal controller, {foresighted} mm with full foresight."
         )
-        return " ".join(filter(None, (words, least.unknown_words)))
+        return " ".join(filter(None, (words, bounds.unknown_words)))
 
     def ablations(self) -> list[list[str]]:
         """The paper's law without each of its parts: the ablation, the ratio, and whether they differ."""
-        wholes = [scored for scored in self.ranking if scored.entry.law == PAPER_LAW and not scored.entry.variant]
-        return [row for whole in wholes for row in self._ablated(whole)]
+        complete = [scored for scored in self.ranking if scored.entry.law == PAPER_LAW and not scored.entry.variant]
+        return [row for law in complete for row in self._ablated(law)]
 
     def _ablated(self, whole: EntryResult) -> list[list[str]]:
         parts = whole.entry.estimator, whole.entry.coordination
-        others = {
+        keys = {
             scored.entry.variant or WITHOUT_OBSERVER: scored.entry.key
             for scored in self.ranking
             if (scored.entry.estimator, scored.entry.coordination) == parts
             and (scored.entry.law == NO_OBSERVER or (scored.entry.law == PAPER_LAW and scored.entry.variant))
         }
-        if WITHOUT_OBSERVER in others and len(others) == 1 and not any(each.entry.variant for each in self.entries):
+        if WITHOUT_OBSERVER in keys and len(keys) == 1 and not any(scored.entry.variant for scored in self.entries):
             return []
-        pairs = {words: self.pair(key, whole.entry.key) for words, key in others.items()}
+        pairs = {words: self.pair(key, whole.entry.key) for words, key in keys.items()}
         return [
             [words, ratio_words(pair.ratio.interval), "yes" if pair.differ else "no"] for words, pair in pairs.items()
         ]
@@ -228,9 +228,9 @@ class BenchmarkResult:
     def stress_rows(self) -> list[list[str]]:
         """Least robustness margin of each entry, where computed: name, imperfection, size and violated limit."""
         return [
-            [self.names[scored.entry.key], first["label"], first["size"], first["violated"]]
+            [self.names[scored.entry.key], margin["label"], margin["size"], margin["violated"]]
             for scored in self.ranking
-            for first in (scored.stress or ())[:1]
+            for margin in (scored.stress or ())[:1]
         ]
 
     def search_rows(self) -> list[list[str]]:
@@ -251,9 +251,7 @@ class BenchmarkResult:
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return tables.page(
-            "BenchmarkResult", " ".join([f"{self.heading}.", *self.notes()]), tables.table(*self.table())
-        )
+        return tables.page("RaceResult", " ".join([f"{self.heading}.", *self.notes()]), tables.table(*self.table()))
 
     def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the ratios of errors to those of the paper's gains, with intervals, in order of the ranking.
@@ -273,7 +271,7 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, Any]:
         """The complete result as a dictionary for JSON; `docs/race.md` explains the names."""
-        terms, (without, given) = self.terms, self.paper.lower_bounds.means
+        terms, (causal, foresighted) = self.terms, self.paper.lower_bounds.means
         return {
             **asdict(terms),
             "seeds": {"searches": terms.seed, "test": terms.test_seed},
@@ -281,8 +279,8 @@ class BenchmarkResult:
             "lower_bounds": {
                 "beyond_authority": self.paper.lower_bounds.infeasible,
                 "without_bound": self.paper.lower_bounds.unknown,
-                "without_foresight": without,
-                "with_foresight": given,
+                "without_foresight": causal,
+                "with_foresight": foresighted,
             },
             "paper": self.paper.runs.to_dict(),
             "entries": [self._entry(scored) for scored in self.ranking],
@@ -302,11 +300,11 @@ class BenchmarkResult:
         }
 
     def _entry(self, scored: EntryResult) -> dict[str, Any]:
-        entry, record = scored.entry, scored.to_record()
+        entry = scored.entry
         return {
             "key": entry.key,
             "name": self.names[entry.key],
-            **{name: value for name, value in record["entry"].items() if name != "search"},
+            **{name: value for name, value in asdict(entry).items() if name != "search"},
             "over_paper": self.ratios[entry.key].to_dict(),
             "not_different": list(self.not_different(entry.key)),
             "searches": [
@@ -314,7 +312,10 @@ class BenchmarkResult:
                 for search in self.searches[entry.group]
             ],
             **scored.runs.to_dict(),
-            **{name: record[name] for name in ("gains", "search", "fronts", "stress")},
+            "gains": scored.gains,
+            "search": asdict(scored.search),
+            "fronts": {cost: [asdict(point) for point in points] for cost, points in scored.fronts.items()},
+            "stress": scored.stress,
         }
 
 
@@ -364,26 +365,24 @@ DRAWN_FROM = 0.05
 """A lower bound on the error is drawn if it is at least this share of the least error of all entries."""
 
 
-def _figure(found: BenchmarkResult, ax: drawing.GivenAxes) -> Figure:
-    terms = found.terms
+def _figure(race: RaceResult, ax: drawing.GivenAxes) -> Figure:
+    terms = race.terms
     words = (
         f"{terms.rollouts} rollouts in “{drawing.plain(terms.ensemble)}” to tune each, "
         f"scored in {terms.test_scenarios} test scenarios"
     )
     with drawing.new_page(
-        ax, HEADING + A_ROW * max(len(found.ranking), 3), "Tuned alike: which law tracks best?", words
+        ax, HEADING + A_ROW * max(len(race.ranking), 3), "Tuned alike: which law tracks best?", words
     ) as page:
         (axes,) = page.panels()
-        first = found.ranking[0].entry.key if found.entries else ""
-        tied = {first, *found.not_different(first)} if first else set()
-        for row, scored in enumerate(found.ranking):
-            _dot(axes, found, scored, row, drawing.BLUE if scored.entry.key in tied else drawing.INK)
+        best = race.ranking[0].entry.key if race.entries else ""
+        tied = {best, *race.not_different(best)} if best else set()
+        for row, scored in enumerate(race.ranking):
+            _dot(axes, race, scored, row, drawing.BLUE if scored.entry.key in tied else drawing.INK)
         axes.axvline(1, color=drawing.VERMILION, linewidth=1.0, zorder=1)
         drawing.logarithmic(axes, (1, 2, 3, 5))
-        axes.set_yticks(
-            range(len(found.ranking)), [drawing.plain(found.names[each.entry.key]) for each in found.ranking]
-        )
-        axes.set_ylim(len(found.ranking) - 0.4, -0.6)
+        axes.set_yticks(range(len(race.ranking)), [drawing.plain(race.names[each.entry.key]) for each in race.ranking])
+        axes.set_ylim(len(race.ranking) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
         low, high = axes.get_xlim()
@@ -396,25 +395,25 @@ def _figure(found: BenchmarkResult, ax: drawing.GivenAxes) -> Figure:
             dot(color=drawing.INK, markerfacecolor="white", label="violates a constraint"),
             Line2D([], [], color=drawing.VERMILION, label="the paper's gains"),
         ]
-        if len(found.entries) > len(found.ranking):
+        if len(race.entries) > len(race.ranking):
             handles.insert(3, dot(color=drawing.INK, marker="|", markersize=8, label="its searches"))
         page.legend(*handles)
     return page.figure
 
 
-def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colour: str) -> None:
-    interval = found.ratios[scored.entry.key].interval
+def _dot(axes: Axes, race: RaceResult, scored: EntryResult, row: int, colour: str) -> None:
+    interval = race.ratios[scored.entry.key].interval
     if math.isnan(interval.estimate):
         return
     face = "white" if scored.runs.violated else colour
     axes.plot((interval.low, interval.high), (row, row), color=colour, linewidth=2.0, alpha=0.5)
     axes.plot(interval.estimate, row, "o", color=colour, markerfacecolor=face, markersize=5, zorder=3)
-    others = [found.ratios[search.entry.key].interval.estimate for search in found.searches[scored.entry.group]]
-    if len(others) > 1:
-        axes.plot(others, [row] * len(others), "|", color=colour, markersize=8)
+    ratios = [race.ratios[search.entry.key].interval.estimate for search in race.searches[scored.entry.group]]
+    if len(ratios) > 1:
+        axes.plot(ratios, [row] * len(ratios), "|", color=colour, markersize=8)
     axes.annotate(
         _share(interval.estimate),
-        (end_of_marks(interval.high, others), row),
+        (end_of_marks(interval.high, ratios), row),
         xytext=(5, 0),
         textcoords="offset points",
         va="center_baseline",
@@ -424,11 +423,11 @@ def _dot(axes: Axes, found: BenchmarkResult, scored: EntryResult, row: int, colo
     )
 
 
-def end_of_marks(high: float, others: Iterable[float]) -> float:
+def end_of_marks(high: float, ratios: Iterable[float]) -> float:
     """Right end of the marks grouped with an interval, without searches far off (`CLUSTER`)."""
-    for other in sorted(others):
-        if high < other < CLUSTER * high:
-            high = other
+    for ratio in sorted(ratios):
+        if high < ratio < CLUSTER * high:
+            high = ratio
     return high
 
 
@@ -437,25 +436,25 @@ def _share(ratio: float) -> str:
     return f"{ratio:.2g}×" if ratio >= SMALL_RATIO else f"1/{spaced(float(f'{1 / ratio:.2g}'))}"
 
 
-def _fronts_figure(found: BenchmarkResult, ax: drawing.GivenAxes) -> Figure:
-    styles = drawing.looks((scored.entry.key for scored in found.ranking), ENTRY_COLOURS)
-    count = found.terms.test_scenarios
+def _fronts_figure(race: RaceResult, ax: drawing.GivenAxes) -> Figure:
+    styles = drawing.looks((scored.entry.key for scored in race.ranking), ENTRY_COLOURS)
+    count = race.terms.test_scenarios
     words = f"Trials that satisfy every constraint, in {count} test scenarios; ●: the best, ×: the paper's"
     with drawing.new_page(ax, 3.4 + 0.1 * len(styles), "What less chatter and less load cost", words) as page:
         panels = page.panels(1, len(COSTS), "C", sharey=True)
         for axes, cost in zip(panels, COSTS, strict=True):
-            for scored in found.ranking:
+            for scored in race.ranking:
                 _front(axes, scored, cost, styles[scored.entry.key])
-            axes.plot(*_means(found.paper.runs, cost), "x", color=drawing.VERMILION, markersize=6)
+            axes.plot(*_means(race.paper.runs, cost), "x", color=drawing.VERMILION, markersize=6)
             if cost in WIDE:
                 drawing.logarithmic(axes, (1, 2, 3, 5))
             axes.set_xlabel(f"mean {merits.metric_quantities()[cost].axis}")
-            for value, dashes, name in _least_lines(found):
+            for value, dashes, name in _least_lines(race):
                 axes.axhline(value, color=drawing.GREY, linestyle=dashes, linewidth=1.0, label=name)
         panels[0].set_yscale("log")
         panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panels[0].set_ylabel("RMS error (mm)")
-        page.legend(*(Line2D([], [], **style, label=drawing.plain(found.names[key])) for key, style in styles.items()))
+        page.legend(*(Line2D([], [], **style, label=drawing.plain(race.names[key])) for key, style in styles.items()))
     return page.figure
 
 
@@ -479,11 +478,13 @@ def _rms(mean_square: float) -> float:
     return MILLIMETRES * math.sqrt(mean_square)
 
 
-def _least_lines(found: BenchmarkResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
+def _least_lines(race: RaceResult) -> Iterable[tuple[float, tuple[int, tuple[float, ...]], str]]:
     """Lower bounds on the error in mm, if near the entries' errors: value, dashes and name."""
-    nearest = min((_rms(each.runs.over(MEAN_ERROR)) for each in found.entries if each.runs.completed.any()), default=0)
+    nearest = min(
+        (_rms(scored.runs.over(MEAN_ERROR)) for scored in race.entries if scored.runs.completed.any()), default=0
+    )
     lines = (((0, (4, 2)), "least error without foresight"), ((0, (1, 1.5)), "with foresight"))
-    for mean, (dashes, name) in zip(found.paper.lower_bounds.means, lines, strict=True):
+    for mean, (dashes, name) in zip(race.paper.lower_bounds.means, lines, strict=True):
         value = _rms(mean)
         if value > DRAWN_FROM * nearest:
             yield value, dashes, name

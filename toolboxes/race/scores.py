@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.toolbox import batches, file_formats, intervals, merit_statistics, run_outcomes, searching
+from dualwinch.toolbox import batches, intervals, merit_statistics, run_outcomes, searching
 from dualwinch.toolboxes.race.comparison import finite_or_none
-from dualwinch.toolboxes.race.entries import BenchmarkEntry
+from dualwinch.toolboxes.race.entries import RaceEntry
 
 Floats = NDArray[np.float64]
 
@@ -65,10 +65,6 @@ class ScoredRuns(run_outcomes.RunOutcomes):
             return f"{lost} of {len(self.outcomes)} scenarios not completed"
         return f"violated: {self.violated[0]}" if self.violated else "satisfied"
 
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return super().to_record() | {"violations": self.violations, "operations": self.operations}
-
     def to_dict(self) -> dict[str, Any]:
         """The entry of ``race.json``."""
         statistics = [merit_statistics.statistic_from(name) for name in STATISTICS]
@@ -78,13 +74,6 @@ class ScoredRuns(run_outcomes.RunOutcomes):
             "violated": list(self.violated),
             "operations": self.operations,
         }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        return cls(
-            **vars(run_outcomes.outcomes_from(record)), violations=record["violations"], operations=record["operations"]
-        )
 
 
 def scored_runs(result: batches.BatchResult, violations: Mapping[str, float], operations: int) -> ScoredRuns:
@@ -104,23 +93,6 @@ class BaselineScore:
 
     runs: ScoredRuns
     lower_bounds: batches.LeastErrors
-
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return {
-            "runs": self.runs.to_record(),
-            "without_foresight": file_formats.plain(self.lower_bounds.without_foresight),
-            "with_foresight": file_formats.plain(self.lower_bounds.with_foresight),
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        runs = ScoredRuns.from_record(record["runs"])
-        return cls(
-            runs,
-            batches.LeastErrors(*(np.array(record[name], float) for name in ("without_foresight", "with_foresight"))),
-        )
 
 
 @dataclass(frozen=True)
@@ -173,37 +145,12 @@ class EntryResult:
         stress: least robustness margins, each a label, a size and the violated limit; ``None``: not computed.
     """
 
-    entry: BenchmarkEntry
+    entry: RaceEntry
     runs: ScoredRuns
     gains: dict[str, Any]
     fronts: dict[str, tuple[FrontPoint, ...]]
     search: SearchRecord
     stress: tuple[dict[str, Any], ...] | None = None
-
-    def to_record(self) -> dict[str, Any]:
-        """As a dictionary for JSON."""
-        return {
-            "entry": asdict(self.entry) | {"excluded": list(self.entry.excluded)},
-            "runs": self.runs.to_record(),
-            "gains": self.gains,
-            "fronts": {name: [asdict(point) for point in points] for name, points in self.fronts.items()},
-            "search": asdict(self.search),
-            "stress": None if self.stress is None else list(self.stress),
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The object of a record from `to_record`."""
-        entry = record["entry"]
-        stress = record["stress"]
-        return cls(
-            entry=BenchmarkEntry(**(entry | {"excluded": tuple(entry["excluded"])})),
-            runs=ScoredRuns.from_record(record["runs"]),
-            gains=record["gains"],
-            fronts={name: tuple(FrontPoint(**point) for point in points) for name, points in record["fronts"].items()},
-            search=SearchRecord(**record["search"]),
-            stress=None if stress is None else tuple(stress),
-        )
 
 
 FRONT_POINTS = 8

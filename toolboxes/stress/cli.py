@@ -16,7 +16,7 @@ from dualwinch.toolbox import ProgressLine, options, output
 
 if TYPE_CHECKING:
     from dualwinch.toolbox import Ensemble, Experiment
-    from dualwinch.toolboxes.stress.result import RobustnessResult
+    from dualwinch.toolboxes.stress.result import StressResult
 
 
 def stress(
@@ -63,25 +63,25 @@ def stress(
     if (file is None) == (given.case is None) or given.config not in {None, file}:
         raise ConfigurationError("give one of a file, such as best.toml of `dualwinch tune`, and --case")
     experiment = replace(given, config=file).experiment()
-    around = options.own_default("stress", "base") if base is None else base
+    base_name = options.own_default("stress", "base") if base is None else base
     if file:
         names = [ensemble_file.NO_ENSEMBLE]
-        if around != NO_BASE:
-            beneath = ensemble_file.load_ensemble(around, experiment)
-            note_replaced(file, around, beneath, given.values)
-            names = [beneath.name]
-        added = ensemble_file.load_ensemble(
+        if base_name != NO_BASE:
+            base_ensemble = ensemble_file.load_ensemble(base_name, experiment)
+            note_replaced(file, base_name, base_ensemble, given.values)
+            names = [base_ensemble.name]
+        imperfect = ensemble_file.load_ensemble(
             options.own_default("stress", "ensemble") if ensemble is None else ensemble, experiment
         )
-        options.note_other_ensemble(file, *names, added.name)
+        options.note_other_ensemble(file, *names, imperfect.name)
     with (
         folders.made_folder(out) if out else nullcontext(),
         ProgressLine("simulating", command="stress", patient=True) as progress,
         where.workers(progress) as workers,
     ):
-        found = stress(
+        result = stress(
             experiment,
-            base=around,
+            base=base_name,
             settings=given.values,
             constraints=constraint,
             study_constraints=study_constraints(file, experiment) if file else (),
@@ -91,11 +91,11 @@ def stress(
             **options.stated(ensemble=ensemble, scenarios=scenarios, seed=seed),
         )
     if json:
-        output.print_json(to_record(found))
+        output.print_json(to_record(result))
     else:
-        output.terminal(soft_wrap=True).print(repr(found), highlight=False)
+        output.terminal(soft_wrap=True).print(repr(result), highlight=False)
     if out:
-        for name in write_stress(out, found):
+        for name in write_stress(out, result):
             output.wrote(out / name)
 
 
@@ -108,20 +108,28 @@ def note_replaced(file: Path, name: str, base: Ensemble, asked: Collection[str])
         output.print_note(words, stderr=True)
 
 
-def replaced(file: Path, name: str, base: Ensemble, asked: Collection[str] = ()) -> str:
+def replaced(file: Path, name: str, base: Ensemble, assigned: Collection[str] = ()) -> str:
     """Name the values of the gains' file that a base sets itself, those first that are no defaults; empty if none."""
     from dualwinch.toolbox import Experiment, experiment_file, leaves, settings, tree
     from dualwinch.toolboxes.stress.imperfections import MACHINE, METHOD
 
-    there, here, usual = (leaves(each) for each in (experiment_file.load(file), base.experiment, Experiment()))
-    given = (
-        {settings.current(key) for key in experiment_file.given_keys(file)} - METHOD - set(map(settings.current, asked))
+    file_values, base_values, defaults = (
+        leaves(each) for each in (experiment_file.load(file), base.experiment, Experiment())
     )
-    keys = [key for key in here.keys() & there.keys() & given if key.startswith(MACHINE) and here[key] != there[key]]
+    file_keys = (
+        {settings.current(key) for key in experiment_file.given_keys(file)}
+        - METHOD
+        - set(map(settings.current, assigned))
+    )
+    keys = [
+        key
+        for key in base_values.keys() & file_values.keys() & file_keys
+        if key.startswith(MACHINE) and base_values[key] != file_values[key]
+    ]
     if not keys:
         return ""
-    keys.sort(key=lambda key: (there[key] == usual.get(key), key))
-    differences = [f"{key} = {tree.shown(here[key])} (the file: {tree.shown(there[key])})" for key in keys]
+    keys.sort(key=lambda key: (file_values[key] == defaults.get(key), key))
+    differences = [f"{key} = {tree.shown(base_values[key])} (the file: {tree.shown(file_values[key])})" for key in keys]
     return (
         f"the base '{base.name}' sets values of its own: {options.first(differences, 3)}; to judge the gains with "
         f"those of {file}: --base none, or edit a copy of the base (dualwinch config --ensemble {name} > my.toml)"
@@ -150,7 +158,7 @@ def _number(value: Any) -> float | None:
     return value if isinstance(value, (int, float)) else None
 
 
-def write_stress(out: Path, found: RobustnessResult) -> list[str]:
+def write_stress(out: Path, result: StressResult) -> list[str]:
     """Write ``stress.json`` and ``stress.svg``, and add them to a study's report in the folder.
 
     Returns:
@@ -159,19 +167,19 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     from dualwinch.toolbox import drawing, whole_files
     from dualwinch.toolboxes.stress.report import show_stress
 
-    whole_files.write_whole(out / "stress.json", output.json_text(to_record(found)))
-    drawing.save(found.plot(), out / "stress.svg")
-    shown = ["report.html"] if show_stress(out / "report.html", found) else []
+    whole_files.write_whole(out / "stress.json", output.json_text(to_record(result)))
+    drawing.save(result.plot(), out / "stress.svg")
+    shown = ["report.html"] if show_stress(out / "report.html", result) else []
     return ["stress.json", "stress.svg", *shown]
 
 
-def to_record(found: RobustnessResult) -> dict[str, Any]:
+def to_record(result: StressResult) -> dict[str, Any]:
     """The result as plain data, with base and ensemble as TOML."""
     from dualwinch.toolbox import ensemble_file
 
-    scaling = found.scaling
+    scaling = result.scaling
     return {
-        **found.to_dict(),
+        **result.to_dict(),
         "configuration": ensemble_file.ensemble_to_toml(scaling.ensemble),
         "base_configuration": ensemble_file.ensemble_to_toml(scaling.base),
         **output.version_notes(),

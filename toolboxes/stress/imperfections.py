@@ -81,15 +81,21 @@ def imperfections(base: Ensemble, ensemble: Ensemble) -> tuple[Imperfection, ...
     Raises:
         ConfigurationError: there are none.
     """
-    ours, theirs = leaves(base.experiment), leaves(ensemble.experiment)
-    known = description.describe_parts(ensemble.experiment)
-    kinds = [key for key, leaf in known.items() if Mark.PART in leaf.marks and ours.get(key) != theirs[key]]
+    base_values, ensemble_values = leaves(base.experiment), leaves(ensemble.experiment)
+    descriptions = description.describe_parts(ensemble.experiment)
+    kinds = [
+        key
+        for key, leaf in descriptions.items()
+        if Mark.PART in leaf.marks and base_values.get(key) != ensemble_values[key]
+    ]
     groups: dict[str, list[str]] = {}
-    for key, leaf in known.items():
-        drawn = ensemble.distributions.get(key)
-        if not (_scalable(key, leaf, drawn) and _differs(key, drawn, base, ours, theirs)):
+    for key, leaf in descriptions.items():
+        distribution = ensemble.distributions.get(key)
+        if not (_scalable(key, leaf, distribution) and _differs(key, distribution, base, base_values, ensemble_values)):
             continue
-        owner = next((kind for kind in kinds if key not in ours and key.startswith(kind.rpartition(".")[0] + ".")), key)
+        owner = next(
+            (kind for kind in kinds if key not in base_values and key.startswith(kind.rpartition(".")[0] + ".")), key
+        )
         groups.setdefault(NUMBERED.sub("", owner), []).append(key)
     if not groups:
         raise ConfigurationError(
@@ -103,10 +109,10 @@ def all_together(single: tuple[Imperfection, ...]) -> Imperfection:
     return Imperfection(ALL, tuple(key for imperfection in single for key in imperfection.keys))
 
 
-def _scalable(key: str, leaf: Leaf, drawn: ensembles.Drawn | None) -> bool:
+def _scalable(key: str, leaf: Leaf, distribution: ensembles.Drawn | None) -> bool:
     if key in METHOD or not leaf.marks.isdisjoint({Mark.TIMING, Mark.PARTS, Mark.SHAPE_PARAMETER}):
         return False
-    if drawn is not None:
+    if distribution is not None:
         return True
     if not key.startswith(MACHINE):
         return False
@@ -114,12 +120,16 @@ def _scalable(key: str, leaf: Leaf, drawn: ensembles.Drawn | None) -> bool:
 
 
 def _differs(
-    key: str, drawn: ensembles.Drawn | None, base: Ensemble, ours: Mapping[str, Any], theirs: Mapping[str, Any]
+    key: str,
+    distribution: ensembles.Drawn | None,
+    base: Ensemble,
+    base_values: Mapping[str, Any],
+    ensemble_values: Mapping[str, Any],
 ) -> bool:
-    if drawn != base.distributions.get(key):
+    if distribution != base.distributions.get(key):
         return True
-    follows = drawn is None or drawn.relative
-    return follows and ours.get(key) != theirs[key]
+    follows = distribution is None or distribution.relative
+    return follows and base_values.get(key) != ensemble_values[key]
 
 
 SHAPING = {Mark.SHAPES_CODE, Mark.SHAPES_CODE_AT_ZERO}
@@ -195,10 +205,14 @@ class ScaledEnsemble:
     def _start(self) -> Ensemble:
         """The base with all of the ensemble that is no imperfection: motion, metrics, method, shape parameters."""
         values, keys = leaves(self.base.experiment), set(self.keys)
-        own = {key: values[key] for key in self.keys if key in values}
-        drawn = {key: drawn for key, drawn in self.ensemble.distributions.items() if key not in keys}
-        drawn |= {key: drawn for key, drawn in self.base.distributions.items() if key in keys}
-        return replace(self.base, experiment=with_leaves(self.ensemble.experiment, own), distributions=drawn)
+        unscaled = {key: values[key] for key in self.keys if key in values}
+        distributions = {
+            key: distribution for key, distribution in self.ensemble.distributions.items() if key not in keys
+        }
+        distributions |= {key: distribution for key, distribution in self.base.distributions.items() if key in keys}
+        return replace(
+            self.base, experiment=with_leaves(self.ensemble.experiment, unscaled), distributions=distributions
+        )
 
     @cached_property
     def _bases(self) -> dict[Controller, Experiment]:
@@ -208,7 +222,7 @@ class ScaledEnsemble:
     @cached_property
     def _ends(self) -> list[tuple[Scenario, dict[str, Any], dict[str, Any]]]:
         """Every scenario of the base, with the scaled values there and in the ensemble."""
-        starts, ends = (drawn.chosen(range(self.count), self.seed) for drawn in (self._start, self.ensemble))
+        starts, ends = (drawn_from.chosen(range(self.count), self.seed) for drawn_from in (self._start, self.ensemble))
         return [(start, self._of(start), self._of(end)) for start, end in zip(starts, ends, strict=True)]
 
     def _of(self, scenario: Scenario) -> dict[str, Any]:
@@ -250,9 +264,9 @@ class ScaledEnsemble:
         states the required number.
         """
         shaping = {key: size for key, size in sizes.items() if not self.known[key].marks.isdisjoint(SHAPING)}
-        known = self._needed_substeps
-        chosen = tuple(sorted(shaping.items()))
-        if chosen not in known:
+        cache = self._needed_substeps
+        shape = tuple(sorted(shaping.items()))
+        if shape not in cache:
             simulation, needed = self._start.experiment.simulation, 0.0
             for index in range(self.count):
                 values = self._ends[index][0].draws | self.values(index, sizes)
@@ -263,16 +277,20 @@ class ScaledEnsemble:
                 integrator = structures.solver_of(experiment).integrator
                 try:
                     fastest = preparation.fastest_swing(experiment.plant, integrator, experiment.controller.limits)
-                    wanted = float(preparation.substeps_for(fastest, simulation, integrator))
+                    substeps = float(preparation.substeps_for(fastest, simulation, integrator))
                 except ArithmeticError:
-                    wanted = math.inf
-                if not math.isfinite(wanted):  # values not allowed; `prepare` gives the reason
+                    substeps = math.inf
+                if not math.isfinite(substeps):  # values not allowed; `prepare` gives the reason
                     break
-                needed = max(needed, wanted)
+                needed = max(needed, substeps)
             power = 1 << math.ceil(math.log2(max(needed, 1)))
-            known[chosen] = min(power, MOST_SUBSTEPS) if needed > simulation.substeps else simulation.substeps
-        found = known[chosen]
-        return {} if found == self._start.experiment.simulation.substeps else {"simulation.substeps": found}
+            cache[shape] = min(power, MOST_SUBSTEPS) if needed > simulation.substeps else simulation.substeps
+        substeps_needed = cache[shape]
+        return (
+            {}
+            if substeps_needed == self._start.experiment.simulation.substeps
+            else {"simulation.substeps": substeps_needed}
+        )
 
     @cached_property
     def _needed_substeps(self) -> dict[tuple[tuple[str, float], ...], int]:
@@ -299,8 +317,8 @@ class ScaledEnsemble:
 
     def nominal(self, sizes: Mapping[str, float]) -> physics.Plant:
         """The plant for which a controller was designed: with the values that are set, without the draws."""
-        ours, theirs = (leaves(each.experiment.plant, "plant.") for each in (self._start, self.ensemble))
-        mixed = self._between(ours, theirs, sizes)
+        base, ensemble = (leaves(each.experiment.plant, "plant.") for each in (self._start, self.ensemble))
+        mixed = self._between(base, ensemble, sizes)
         return with_leaves(self._start.experiment.plant, mixed, "plant.")
 
     def obstacle(self, sizes: Mapping[str, float]) -> str:
@@ -363,19 +381,19 @@ def amount_of(scaling: ScaledEnsemble, imperfection: Imperfection, size: float) 
 def _of_key(scaling: ScaledEnsemble, key: str, size: float) -> ImperfectionSize:
     leaf = scaling.known[key]
     base, ensemble = (leaves(each.experiment).get(key) for each in (scaling.base, scaling.ensemble))
-    drawn = scaling.ensemble.distributions.get(key)
-    if drawn is None or base is None or ensemble is None or leaf.kind not in {int, float}:
+    distribution = scaling.ensemble.distributions.get(key)
+    if distribution is None or base is None or ensemble is None or leaf.kind not in {int, float}:
         value = between(leaf, base, ensemble, size)
         if isinstance(value, bool | str) or value is None:
             return ImperfectionSize(
                 None, None, "", drawn=False, text=value if isinstance(value, str) else tree.shown(value)
             )
         return ImperfectionSize(value, value, unit_of(leaf.quantity), drawn=False)
-    ours, there = scaling.base.distributions.get(key), drawn.ends(ensemble)
-    here = ours.ends(base) if ours else ()
-    here = here if len(here) == len(there) else [base] * len(there)
-    ends = [between(leaf, *pair, size) - base for pair in zip(here, there, strict=True)]
-    shares = drawn.relative and base == ensemble != 0
+    base_distribution, ensemble_ends = scaling.base.distributions.get(key), distribution.ends(ensemble)
+    base_ends = base_distribution.ends(base) if base_distribution else ()
+    base_ends = base_ends if len(base_ends) == len(ensemble_ends) else [base] * len(ensemble_ends)
+    ends = [between(leaf, *pair, size) - base for pair in zip(base_ends, ensemble_ends, strict=True)]
+    shares = distribution.relative and base == ensemble != 0
     low, high = min(ends), max(ends)
     if shares:
         return ImperfectionSize(low / abs(base), high / abs(base), SHARE, drawn=True)

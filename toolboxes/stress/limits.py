@@ -141,7 +141,7 @@ ON_BOUND = 1e-6
 
 
 @dataclass(frozen=True)
-class RobustnessLimit:
+class StressLimit:
     """A constraint of a stress test, the same for all gains.
 
     Attributes:
@@ -167,7 +167,7 @@ class RobustnessLimit:
 
         `whom` are the gains to which it applies, such as ``for all gains``.
         """
-        told = [
+        reasons = [
             f"{_listed(names)} {verb if len(names) > 1 else singular} it"
             for names, verb, singular in (
                 (self.on_bound, "lie on", "lies on"),
@@ -176,8 +176,8 @@ class RobustnessLimit:
             if names
         ]
         bound = self.constraint.label.rpartition("= ")[2]
-        eased = " ".join(filter(None, (f"{self.asked.label} is eased to {bound}", whom)))
-        return f"{eased}: {' and '.join(told)} in the base" if told else ""
+        change = " ".join(filter(None, (f"{self.asked.label} is eased to {bound}", whom)))
+        return f"{change}: {' and '.join(reasons)} in the base" if reasons else ""
 
     @property
     def of_paper(self) -> bool:
@@ -214,8 +214,8 @@ class RobustnessLimit:
 
 
 def _listed(names: Sequence[str]) -> str:
-    *others, last = names or ("",)
-    return f"{', '.join(others)} and {last}" if others else last
+    *names_before, name = names or ("",)
+    return f"{', '.join(names_before)} and {name}" if names_before else name
 
 
 def constraints_of(
@@ -223,24 +223,25 @@ def constraints_of(
 ) -> tuple[tuning_constraints.Constraint, ...]:
     """Parse the constraints of a stress test; by default those of a study (`noted`), and `DEFAULTS` on other metrics.
 
-    Margins among those of a study are skipped: they are not measured in runs.
+    Margins among those of a study are skipped, as they are not measured in runs; so are multiples of the values with
+    the gains that its search started from.
 
     Raises:
         ConfigurationError: a text that is no constraint on a metric.
     """
     if texts is not None:
-        asked = tuning_constraints.constraints_from(texts, experiment)
-        for constraint in asked:
+        constraints = tuning_constraints.constraints_from(texts, experiment)
+        for constraint in constraints:
             statistic_of(constraint)
-        return asked
-    kept = [
+        return constraints
+    measured_ones = [
         each
         for each in tuning_constraints.constraints_from(noted, experiment)
-        if isinstance(each.statistic, merit_statistics.Statistic)
+        if isinstance(each.statistic, merit_statistics.Statistic) and each.reference != "start"
     ]
-    known = {constraint.statistic.metric for constraint in kept}
-    others = tuning_constraints.constraints_from(DEFAULTS, experiment)
-    return (*kept, *(constraint for constraint in others if constraint.statistic.metric not in known))
+    metrics = {constraint.statistic.metric for constraint in measured_ones}
+    defaults = tuning_constraints.constraints_from(DEFAULTS, experiment)
+    return (*measured_ones, *(constraint for constraint in defaults if constraint.statistic.metric not in metrics))
 
 
 def statistic_of(constraint: tuning_constraints.Constraint) -> merit_statistics.Statistic:
@@ -260,27 +261,27 @@ def limits_of(
     constraints: Sequence[tuning_constraints.Constraint],
     paper: run_outcomes.RunOutcomes,
     gains: Mapping[str, run_outcomes.RunOutcomes],
-) -> tuple[RobustnessLimit, ...]:
+) -> tuple[StressLimit, ...]:
     """Constraints with bounds as numbers, the same for all gains, so that their robustness margins are comparable.
 
     A bound that some gains violate in the base, or lie on, as the paper's lie on their own value, measures no
     robustness: they break at any size. It is eased for all gains, to `WORSE` times the worst value of these. Factors on
     the paper's value are skipped if the paper's gains complete no run. All runs are in the base, `gains` by their name.
     """
-    found = []
+    limits = []
     for constraint in constraints:
-        asked = constraint.given(value_of(constraint, paper))
-        if asked.unbounded:
+        requested = constraint.given(value_of(constraint, paper))
+        if requested.unbounded:
             continue
-        values = {name: value_of(asked, runs) for name, runs in gains.items()}
-        excess = {name: asked.violation(value) for name, value in values.items() if math.isfinite(value)}
-        near = ON_BOUND if constraint.of_paper and asked.bound else 0.0  # twice 0 is no easier bound
-        on_bound = tuple(name for name, share in excess.items() if abs(share) < near)
-        violated_by = tuple(name for name, share in excess.items() if share >= near and share > 0)
-        eased = [_eased(asked, values[name]) for name in (*on_bound, *violated_by)]
-        loosest = (min if asked.at_least else max)(eased, key=lambda each: each.bound, default=asked)
-        found.append(RobustnessLimit(loosest, asked, on_bound, violated_by))
-    return tuple(found)
+        values = {name: value_of(requested, runs) for name, runs in gains.items()}
+        violations = {name: requested.violation(value) for name, value in values.items() if math.isfinite(value)}
+        tolerance = ON_BOUND if constraint.reference and requested.bound else 0.0  # twice 0 is no easier bound
+        on_bound = tuple(name for name, share in violations.items() if abs(share) < tolerance)
+        violated_by = tuple(name for name, share in violations.items() if share >= tolerance and share > 0)
+        bounds = [_eased(requested, values[name]) for name in (*on_bound, *violated_by)]
+        loosest = (min if requested.at_least else max)(bounds, key=lambda each: each.bound, default=requested)
+        limits.append(StressLimit(loosest, requested, on_bound, violated_by))
+    return tuple(limits)
 
 
 def where_paper_is_no_measure(
@@ -291,42 +292,42 @@ def where_paper_is_no_measure(
     Gains cannot be better than themselves: a factor that asks for that is replaced by the constraint's number in the
     gains' study (`bounds`, by its text), or left out where there is none.
     """
-    kept, left_out = list[tuning_constraints.Constraint](), list[tuning_constraints.Constraint]()
+    applicable, left_out = list[tuning_constraints.Constraint](), list[tuning_constraints.Constraint]()
     for constraint in constraints:
         number = bounds.get(constraint.text)
-        if not constraint.of_paper or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
-            kept.append(constraint)
+        if not constraint.reference or (constraint.bound <= 1 if constraint.at_least else constraint.bound >= 1):
+            applicable.append(constraint)
         elif number is None:
             left_out.append(constraint)
         else:
             text = f"{constraint.statistic.name}{'>=' if constraint.at_least else '<='}{number:g}"
-            kept.append(replace(constraint, text=text, bound=number, of_paper=False))
-    return tuple(kept), tuple(left_out)
+            applicable.append(replace(constraint, text=text, bound=number, reference=""))
+    return tuple(applicable), tuple(left_out)
 
 
-def _eased(asked: tuning_constraints.Constraint, reached: float) -> tuning_constraints.Constraint:
+def _eased(requested: tuning_constraints.Constraint, reached: float) -> tuning_constraints.Constraint:
     """A constraint whose bound is `WORSE` times as bad as a value."""
-    larger = (reached > 0) is not asked.at_least  # whether multiplying, not dividing, by the factor eases the bound
-    return replace(asked, bound=reached * WORSE if larger else reached / WORSE)
+    larger = (reached > 0) is not requested.at_least  # whether multiplying, not dividing, by the factor eases the bound
+    return replace(requested, bound=reached * WORSE if larger else reached / WORSE)
 
 
 def failures(
-    limits: Sequence[RobustnessLimit], runs: run_outcomes.RunOutcomes, tension_max: float
+    limits: Sequence[StressLimit], runs: run_outcomes.RunOutcomes, tension_max: float
 ) -> tuple[ViolatedLimit, ...]:
     """Limits (`limits_of`) for which gains already fail in the base; empty if their robustness margins are computed.
 
     Gains fail there if a run is incomplete, a tension exceeds the limit of ropes and motors (`tension_max`, in N), or
     easing a violated bound on a share or a tension would make it vacuous.
     """
-    if lost := violated_limits((), runs):
-        return lost
-    asked = [RobustnessLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
-    hopeless = {limit.asked for limit in limits if limit.vacuous}
+    if incomplete := violated_limits((), runs):
+        return incomplete
+    requested = [StressLimit(limit.asked, limit.asked) for limit in limits if limit.eased and not limit.of_paper]
+    vacuous = {limit.asked for limit in limits if limit.vacuous}
     return tuple(
-        found
-        for limit in asked
-        for found in violated_limits([limit], runs)
-        if limit.asked in hopeless or (found.name == "peak_tension" and found.value > tension_max)
+        violation
+        for limit in requested
+        for violation in violated_limits([limit], runs)
+        if limit.asked in vacuous or (violation.name == "peak_tension" and violation.value > tension_max)
     )
 
 
@@ -338,18 +339,21 @@ def is_no_measure(failures: Sequence[ViolatedLimit]) -> bool:
     return any(not failure.at_least for failure in failures)
 
 
-def violated_limits(limits: Sequence[RobustnessLimit], runs: run_outcomes.RunOutcomes) -> tuple[ViolatedLimit, ...]:
+def violated_limits(limits: Sequence[StressLimit], runs: run_outcomes.RunOutcomes) -> tuple[ViolatedLimit, ...]:
     """Violated limits: first incomplete runs, then constraints in descending order of violation."""
-    lost = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
-    found = [ViolatedLimit(outcome, lost.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(lost))]
-    exceeded = []
+    outcomes = [str(outcome) for outcome in runs.outcomes[~runs.completed]]
+    incomplete = [ViolatedLimit(outcome, outcomes.count(outcome), 0, "") for outcome in dict.fromkeys(sorted(outcomes))]
+    violations = []
     for limit in limits:
         constraint = limit.constraint
         value = value_of(constraint, runs)
-        beyond = constraint.violation(value)
-        if beyond > 0 and runs.completed.any():
+        violation = constraint.violation(value)
+        if violation > 0 and runs.completed.any():
             unit = unit_of(constraint.statistic.quantity)
-            exceeded.append(
-                (beyond, ViolatedLimit(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least))
+            violations.append(
+                (
+                    violation,
+                    ViolatedLimit(constraint.statistic.metric, value, constraint.bound, unit, constraint.at_least),
+                )
             )
-    return (*found, *(entry for _, entry in sorted(exceeded, key=lambda pair: -pair[0])))
+    return (*incomplete, *(entry for _, entry in sorted(violations, key=lambda pair: -pair[0])))

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from dualwinch.toolbox import report_page
-from dualwinch.toolboxes.stress.result import RobustnessResult
+from dualwinch.toolboxes.stress.result import StressResult
 
 
-def show_stress(report: Path, result: RobustnessResult) -> bool:
+def show_stress(report: Path, result: StressResult) -> bool:
     """Write robustness margins into a report of ``dualwinch tune``, in place of the section's present content.
 
     Args:

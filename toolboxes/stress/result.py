@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from dualwinch.toolbox import Controller, drawing, leaves, tables, tuning_constraints
 from dualwinch.toolboxes.stress.imperfections import Imperfection, ImperfectionSize, ScaledEnsemble, amount_of
-from dualwinch.toolboxes.stress.limits import SHARE, RobustnessLimit, ViolatedLimit, is_no_measure, multiple
+from dualwinch.toolboxes.stress.limits import SHARE, StressLimit, ViolatedLimit, is_no_measure, multiple
 from dualwinch.toolboxes.stress.sizes import HIGHEST, LOWEST, STEPS, SizeRange, size
 
 HOLDS = "holds"
@@ -74,7 +74,7 @@ class ImperfectionResult:
 
 
 @dataclass(frozen=True, repr=False)
-class RobustnessResult:
+class StressResult:
     """Robustness margins of one or more controllers; shown at a prompt and in a notebook as a table.
 
     Attributes:
@@ -89,7 +89,7 @@ class RobustnessResult:
 
     scaling: ScaledEnsemble
     controllers: dict[str, Controller]
-    limits: dict[str, tuple[RobustnessLimit, ...]]
+    limits: dict[str, tuple[StressLimit, ...]]
     lost: dict[str, tuple[ViolatedLimit, ...]]
     rows: tuple[ImperfectionResult, ...]
     left_out: tuple[tuning_constraints.Constraint, ...] = ()
@@ -113,8 +113,8 @@ class RobustnessResult:
         """Robustness margin of gains of a name, as a multiple of the ensemble's size and in physical units."""
         margin = row.margins[name]
         if margin.size is None:
-            far = HOLDS if row.switched else f"{HOLDS} to {multiple(margin.held)}"
-            return far if margin.held else "–"
+            text = HOLDS if row.switched else f"{HOLDS} to {multiple(margin.held)}"
+            return text if margin.held else "–"
         amount = self.amount(row, margin.size)
         if row.switched:
             return str(amount)
@@ -143,14 +143,14 @@ class RobustnessResult:
 
     def notes(self) -> list[str]:
         """Explanations of the table: limits, controllers that violate them in the base, and ends of ranges."""
-        asked = self.limits[next(iter(self.names), PAPER)]
-        words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in asked)])]
+        limits = self.limits[next(iter(self.names), PAPER)]
+        words = ["Must hold: " + "; ".join(["every run completed", *(limit.words for limit in limits)])]
         if is_no_measure(self.lost[PAPER]):
             words = [words[0].replace("*paper)", "*its own)")]
         for name in self.limits:
             if self.lost[name]:
                 why = ", ".join(limit.words for limit in self.lost[name])
-                own = (
+                judgement = (
                     "; others are judged by multiples of their own values in the base"
                     if name == PAPER
                     and is_no_measure(self.lost[name])
@@ -158,7 +158,7 @@ class RobustnessResult:
                     and any(limit.of_paper for limit in self.limits[name])
                     else ""
                 )
-                words.append(f"{name}: fails already in the base, {why}{own}")
+                words.append(f"{name}: fails already in the base, {why}{judgement}")
         words += [
             f"{constraint.text} is left out: the paper's gains are no measure here, and no gains can be better than "
             "themselves"
@@ -177,16 +177,16 @@ class RobustnessResult:
     def _easings(self) -> list[str]:
         """Which bounds are eased, to what, and because of which gains."""
         names = self.names
-        eased = dict.fromkeys(limit for name in names for limit in self.limits[name] if limit.eased)
-        alike = {limit: len(names) > 1 and all(limit in self.limits[name] for name in names) for limit in eased}
-        return [limit.easing("for all gains" if alike[limit] else "") for limit in eased]
+        limits = dict.fromkeys(limit for name in names for limit in self.limits[name] if limit.eased)
+        common = {limit: len(names) > 1 and all(limit in self.limits[name] for name in names) for limit in limits}
+        return [limit.easing("for all gains" if common[limit] else "") for limit in limits]
 
     def __repr__(self) -> str:
         return "\n".join([f"Stress: {self.heading}", "", tables.markdown(*self.table()), "", *self.notes()])
 
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
-        return tables.page("RobustnessResult", ". ".join([self.heading, *self.notes()]), tables.table(*self.table()))
+        return tables.page("StressResult", ". ".join([self.heading, *self.notes()]), tables.table(*self.table()))
 
     def plot(self, *, ax: drawing.GivenAxes = None) -> Figure:
         """Draw the robustness margins, one row per imperfection.
@@ -264,25 +264,25 @@ HEADING, A_ROW = 1.35, 0.34
 """Heights in inches."""
 
 
-def _figure(found: RobustnessResult, ax: drawing.GivenAxes) -> Figure:
+def _figure(result: StressResult, ax: drawing.GivenAxes) -> Figure:
     looks = dict(
-        zip(found.controllers, GAINS_COLOURS if len(found.controllers) > 1 else GAINS_COLOURS[1:], strict=False)
+        zip(result.controllers, GAINS_COLOURS if len(result.controllers) > 1 else GAINS_COLOURS[1:], strict=False)
     )
-    scaling = found.scaling
+    scaling = result.scaling
     title = "Robustness margins"
     words = (
         f"Imperfections of “{drawing.plain(scaling.ensemble.name)}” on top of “{drawing.plain(scaling.base.name)}”, "
         f"{scaling.count} scenarios, seed {scaling.seed}; the worst scenario counts"
     )
-    with drawing.new_page(ax, HEADING + A_ROW * max(len(found.rows), 3), title, words) as page:
+    with drawing.new_page(ax, HEADING + A_ROW * max(len(result.rows), 3), title, words) as page:
         (axes,) = page.panels()
-        for height, row in enumerate(found.ranking):
-            for index, name in enumerate(found.names):
-                offset = APART * (2 * index / (len(found.names) - 1) - 1) if len(found.names) > 1 else 0.0
-                _draw(axes, found, row, row.margins[name], height + offset, looks[name])
-        _scales(axes, found)
+        for height, row in enumerate(result.ranking):
+            for index, name in enumerate(result.names):
+                offset = APART * (2 * index / (len(result.names) - 1) - 1) if len(result.names) > 1 else 0.0
+                _draw(axes, result, row, row.margins[name], height + offset, looks[name])
+        _scales(axes, result)
         handles = [
-            Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=_legend(found, name))
+            Line2D([], [], color=colour, marker="o", markersize=5, linestyle="none", label=_legend(result, name))
             for name, colour in looks.items()
         ]
         page.legend(
@@ -292,7 +292,7 @@ def _figure(found: RobustnessResult, ax: drawing.GivenAxes) -> Figure:
 
 
 def _draw(
-    axes: Axes, found: RobustnessResult, row: ImperfectionResult, margin: RobustnessMargin, height: float, colour: str
+    axes: Axes, result: StressResult, row: ImperfectionResult, margin: RobustnessMargin, height: float, colour: str
 ) -> None:
     """Draw the range of sizes at which gains hold, and the size at which they break with its cause, or an arrow."""
     lowest = size(LOWEST)
@@ -303,7 +303,7 @@ def _draw(
             axes.plot(end, height, ">", color=colour, markersize=5)
         return
     axes.plot(end, height, "o", color=colour, markersize=5, zorder=3)
-    amount = found.amount(row, margin.size)
+    amount = result.amount(row, margin.size)
     words = ", ".join(filter(None, (str(amount) if amount and not row.switched else "", margin.violated[0].label)))
     axes.annotate(
         words,
@@ -318,8 +318,8 @@ def _draw(
     )
 
 
-def _scales(axes: Axes, found: RobustnessResult) -> None:
-    name = drawing.plain(found.scaling.ensemble.name)
+def _scales(axes: Axes, result: StressResult) -> None:
+    name = drawing.plain(result.scaling.ensemble.name)
     axes.set_xscale("log")
     axes.set_xlim(size(LOWEST) / 1.3, size(HIGHEST) * LABEL_ROOM)
     axes.xaxis.set_major_locator(FixedLocator([size(step) for step in range(LOWEST, HIGHEST + 1, STEPS)]))
@@ -328,8 +328,8 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
     axes.set_xlabel(f"size of the imperfection over its size in “{name}”")
     axes.axvline(1, color=drawing.INK, linewidth=0.9, zorder=1)
     labels = []
-    for row in found.ranking:
-        amount = found.amount(row, 1.0)
+    for row in result.ranking:
+        amount = result.amount(row, 1.0)
         labels.append(f"{row.imperfection.label}  {amount}" if amount else row.imperfection.label)
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(len(labels) - 0.4, -0.6)
@@ -337,7 +337,7 @@ def _scales(axes: Axes, found: RobustnessResult) -> None:
     axes.tick_params(axis="y", length=0)
 
 
-def _legend(found: RobustnessResult, name: str) -> str:
+def _legend(result: StressResult, name: str) -> str:
     """Legend of gains: their name, and whether they break without any imperfection."""
     words = "the paper's gains" if name == PAPER else drawing.plain(name)
-    return f"{words}: break without any" if found.lost[name] else f"{words} break"
+    return f"{words}: break without any" if result.lost[name] else f"{words} break"

@@ -138,9 +138,9 @@ def _allowed(bottom: int, top: int, wrong: Callable[[int], str], *, stiffens: bo
     """The allowed steps from `bottom` to `top`; the smallest ones are tried only if small sizes may swing faster."""
     obstacle = ""
     for step in range(top, bottom - 1, -1):
-        if not (found := wrong(step)):
+        if not (error := wrong(step)):
             if stiffens:
                 bottom = next((small for small in range(bottom, step) if not wrong(small)), step)
             return SizeRange(bottom, step, obstacle)
-        obstacle = found
+        obstacle = error
     return SizeRange(bottom, bottom - 1, obstacle)

@@ -36,7 +36,7 @@ from dualwinch.toolboxes.stress.imperfections import (
     union,
 )
 from dualwinch.toolboxes.stress.limits import (
-    RobustnessLimit,
+    StressLimit,
     ViolatedLimit,
     constraints_of,
     failures,
@@ -45,7 +45,7 @@ from dualwinch.toolboxes.stress.limits import (
     violated_limits,
     where_paper_is_no_measure,
 )
-from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, RobustnessResult
+from dualwinch.toolboxes.stress.result import PAPER, ImperfectionResult, RobustnessMargin, StressResult
 from dualwinch.toolboxes.stress.sizes import STEPS, Bisection, SizeRange, joint_range, size, size_range, sizes_at
 
 NO_BASE = "none"
@@ -74,7 +74,7 @@ def stress(
     name: str = "given",
     workers: executors.Workers = None,
     progress: progresses.Progress = progresses.no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """Compute the robustness margins of an experiment's gains and of the paper's, by bisection.
 
     An imperfection is a value that the ensemble draws or sets and the base does not. Each is scaled, alone and all
@@ -107,18 +107,18 @@ def stress(
         KeyboardInterrupt: interrupted.
     """
     arguments.instance("experiment", experiment, Experiment)
-    benign, harsh = base_and_ensemble(experiment, ensemble, base, settings or {})
-    own = experiment.controller
-    controllers = {PAPER: paper_gains.paper_controller(own)}
-    if not paper_gains.has_paper_gains(own):
+    base_scenes, scenes = base_and_ensemble(experiment, ensemble, base, settings or {})
+    controller_of_gains = experiment.controller
+    controllers = {PAPER: paper_gains.paper_controller(controller_of_gains)}
+    if not paper_gains.has_paper_gains(controller_of_gains):
         if name == PAPER:
             raise ConfigurationError(f"name = {name}: stands for the paper's gains; give another")
-        controllers[name] = own
+        controllers[name] = controller_of_gains
     return breakdowns(
         controllers,
-        benign,
-        harsh,
-        constraints_of(constraints, list(study_constraints), harsh.experiment),
+        base_scenes,
+        scenes,
+        constraints_of(constraints, list(study_constraints), scenes.experiment),
         bounds=study_constraints if isinstance(study_constraints, Mapping) else {},
         scenarios=scenarios,
         seed=seed,
@@ -148,7 +148,7 @@ def stress_tuned(
     name: str = "given",
     workers: executors.Workers = None,
     progress: progresses.Progress = progresses.no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """`stress` for the best of a tuning problem, with its ensemble as the base, and with its constraints."""
     return stress(
         best,
@@ -191,26 +191,28 @@ def _without(ensemble: str | PathLike[str] | Ensemble, experiment: Experiment) -
     Its plant and its method of integration stay: gains for heavy winches do not apply to light ones.
     """
     if isinstance(ensemble, Ensemble):
-        asked, given = ensemble.experiment, leaves(ensemble.experiment).keys()
+        ensemble_experiment, keys = ensemble.experiment, leaves(ensemble.experiment).keys()
     else:
-        asked = ensemble_file.load_ensemble(ensemble, experiment).experiment
-        given = {settings.current(key) for key in experiment_file.given_keys(ensemble_file.find_ensemble(ensemble))}
-    usual, theirs, ours = leaves(Experiment()), leaves(asked), leaves(experiment)
-    taken = {key for key in theirs.keys() & given if usual.get(key) != theirs[key] == ours.get(key)}
+        ensemble_experiment = ensemble_file.load_ensemble(ensemble, experiment).experiment
+        keys = {settings.current(key) for key in experiment_file.given_keys(ensemble_file.find_ensemble(ensemble))}
+    defaults, ensemble_values, values = leaves(Experiment()), leaves(ensemble_experiment), leaves(experiment)
+    common = {
+        key for key in ensemble_values.keys() & keys if defaults.get(key) != ensemble_values[key] == values.get(key)
+    }
     return settings.override(
-        experiment, {key: usual[key] for key in taken - METHOD if key in usual and not key.startswith(KEPT_KEYS)}
+        experiment, {key: defaults[key] for key in common - METHOD if key in defaults and not key.startswith(KEPT_KEYS)}
     )
 
 
 def _ensemble(
-    asked: str | PathLike[str] | Ensemble | None, experiment: Experiment, values: Mapping[str, Any]
+    choice: str | PathLike[str] | Ensemble | None, experiment: Experiment, values: Mapping[str, Any]
 ) -> Ensemble:
     """An ensemble with the controller and the metrics of an experiment."""
-    if asked is None or asked == NO_BASE:
+    if choice is None or choice == NO_BASE:
         return ensemble_file.reset(Ensemble(NO_BASE, "", experiment, {}), values)
-    if isinstance(asked, Ensemble):
-        return ensemble_file.reset(asked.controlled_as(experiment), values)
-    return ensemble_file.reset(ensemble_file.load_ensemble(asked, experiment), values)
+    if isinstance(choice, Ensemble):
+        return ensemble_file.reset(choice.controlled_as(experiment), values)
+    return ensemble_file.reset(ensemble_file.load_ensemble(choice, experiment), values)
 
 
 class ScaledRunner:
@@ -224,9 +226,9 @@ class ScaledRunner:
 
     def compile(self, controllers: Iterable[Controller], sizes: Sequence[Mapping[str, float]]) -> None:
         """Compile the code for scenarios of given sizes, in parallel: that takes longer than all their runs."""
-        first = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
+        scenarios = [self._scaling.scenario(0, controller, each) for controller in controllers for each in sizes]
         loops = dict.fromkeys(
-            batches.ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in first
+            batches.ParameterScenarioGrid([], np.empty((1, 0)), [scenario]).loop for scenario in scenarios
         )
         executors.map_all(compiled.compile_batch, list(loops), executors.threads_of(self._workers))
 
@@ -261,7 +263,7 @@ def breakdowns(
     seed: int,
     workers: executors.Workers = None,
     progress: progresses.Progress = progresses.no_progress,
-) -> RobustnessResult:
+) -> StressResult:
     """Compute the robustness margins of several controllers for each imperfection, by bisection.
 
     Each imperfection of the ensemble that the base lacks is scaled, alone and with all others, until a constraint is
@@ -292,51 +294,53 @@ def breakdowns(
     def sizes_of(imperfection: Imperfection, step: int) -> dict[str, float]:
         return sizes_at(step, single if imperfection.name == ALL else {imperfection: reaches[imperfection]})
 
-    tried = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
-    runner.compile(controllers.values(), [{}, *tried])
-    plain = {name: runner.run(controller, [{}])[0] for name, controller in controllers.items()}
-    limits = {name: limits_of(constraints, plain[PAPER], {name: runs}) for name, runs in plain.items()}
-    lost = {name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in plain.items()}
-    held = {name: runs for name, runs in plain.items() if not lost[name]}
+    initial_sizes = [sizes_of(imperfection, step) for imperfection, reach in reaches.items() for step in reach.steps]
+    runner.compile(controllers.values(), [{}, *initial_sizes])
+    base_runs = {name: runner.run(controller, [{}])[0] for name, controller in controllers.items()}
+    limits = {name: limits_of(constraints, base_runs[PAPER], {name: runs}) for name, runs in base_runs.items()}
+    failed = {
+        name: failures(limits[name], runs, controllers[name].limits.tension_max) for name, runs in base_runs.items()
+    }
+    passing = {name: runs for name, runs in base_runs.items() if not failed[name]}
     left_out: tuple[tuning_constraints.Constraint, ...] = ()
-    if is_no_measure(lost[PAPER]) and len(controllers) > 1:  # others are judged by multiples of their own values
-        judged, left_out = where_paper_is_no_measure(constraints, bounds or {})
-        limits |= {name: limits_of(judged, runs, {name: runs}) for name, runs in plain.items() if name != PAPER}
+    if is_no_measure(failed[PAPER]) and len(controllers) > 1:  # others are judged by multiples of their own values
+        applicable, left_out = where_paper_is_no_measure(constraints, bounds or {})
+        limits |= {name: limits_of(applicable, runs, {name: runs}) for name, runs in base_runs.items() if name != PAPER}
     else:  # all by the same bounds
-        limits |= dict.fromkeys(held, limits_of(constraints, plain[PAPER], held))
-    found = {
+        limits |= dict.fromkeys(passing, limits_of(constraints, base_runs[PAPER], passing))
+    margins_of = {
         name: _margins(runner, controller, limits[name], reaches, sizes_of)
         for name, controller in controllers.items()
-        if not lost[name]
+        if not failed[name]
     }
     rows = [
-        ImperfectionResult(imperfection, reach, {name: margins[imperfection] for name, margins in found.items()})
+        ImperfectionResult(imperfection, reach, {name: margins[imperfection] for name, margins in margins_of.items()})
         for imperfection, reach in reaches.items()
     ]
     progress(1.0)
-    return RobustnessResult(scaling, dict(controllers), limits, lost, tuple(rows), left_out)
+    return StressResult(scaling, dict(controllers), limits, failed, tuple(rows), left_out)
 
 
 def _margins(
     runner: ScaledRunner,
     controller: Controller,
-    limits: Sequence[RobustnessLimit],
+    limits: Sequence[StressLimit],
     reaches: Mapping[Imperfection, SizeRange],
     sizes_of: Callable[[Imperfection, int], dict[str, float]],
 ) -> dict[Imperfection, RobustnessMargin]:
     """Bisect for all imperfections at once: each round is one batch."""
     searches = {imperfection: Bisection(reach.bottom, reach.top) for imperfection, reach in reaches.items()}
-    found: dict[tuple[Imperfection, int], tuple[ViolatedLimit, ...]] = {}
+    violations: dict[tuple[Imperfection, int], tuple[ViolatedLimit, ...]] = {}
     while wanted := [(imperfection, step) for imperfection, search in searches.items() for step in search.wanted()]:
         sizes = [sizes_of(imperfection, step) for imperfection, step in wanted]
         for (imperfection, step), runs in zip(wanted, runner.run(controller, sizes), strict=True):
-            found[imperfection, step] = violated_limits(limits, runs)
-            searches[imperfection].tried[step] = bool(found[imperfection, step])
+            violations[imperfection, step] = violated_limits(limits, runs)
+            searches[imperfection].tried[step] = bool(violations[imperfection, step])
     return {
         imperfection: RobustnessMargin(
             size=None if search.breakdown is None else size(search.breakdown),
             held=0.0 if search.held is None else size(search.held),
-            violated=() if search.breakdown is None else found[imperfection, search.breakdown],
+            violated=() if search.breakdown is None else violations[imperfection, search.breakdown],
             monotone=search.monotone,
         )
         for imperfection, search in searches.items()

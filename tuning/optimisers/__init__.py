@@ -6,31 +6,15 @@ from typing import Protocol
 
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.quantities.quantity import unknown
-from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.optimisers import linearise
 from dualwinch.tuning.optimisers.cma import CmaSearch
-from dualwinch.tuning.optimisers.gradient import GradientSearch
-from dualwinch.tuning.optimisers.hybrid import HybridSearch
 from dualwinch.tuning.optimisers.sampler import GP, NSGA2, NSGA3, QMC, RANDOM, TPE, SamplerSearch
-from dualwinch.tuning.problem import TuningProblem
 from dualwinch.tuning.scoring.ranking import Evaluation
 from dualwinch.tuning.scoring.training_set import TrainingSet
 from dualwinch.tuning.space import Point
 
 
 class Optimiser(Protocol):
-    """Proposes candidates and learns from their evaluations.
-
-    Attributes:
-        rollouts: number of its own so far, besides those of its candidates; a gradient counts as many as finite
-            differences would take.
-    """
-
-    @property
-    def rollouts(self) -> int:
-        """See above."""
-        ...
+    """Proposes candidates and learns from their evaluations."""
 
     def ask(self, count: int) -> list[Point]:
         """Candidates to evaluate next, 1 to `count` of them."""
@@ -46,8 +30,6 @@ Method = Callable[[TrainingSet, int], Optimiser]
 
 METHODS: dict[str, Method] = {
     "cmaes": CmaSearch,
-    "gradient": GradientSearch,
-    "hybrid": HybridSearch,
     "tpe": partial(SamplerSearch, TPE),
     "gp": partial(SamplerSearch, GP),
     "nsga2": partial(SamplerSearch, NSGA2),
@@ -57,7 +39,7 @@ METHODS: dict[str, Method] = {
 }
 """Every method by its name."""
 
-ONE_OBJECTIVE = ("cmaes", "gradient", "hybrid")
+ONE_OBJECTIVE = ("cmaes",)
 """Methods for a single objective."""
 
 
@@ -71,12 +53,6 @@ def check_method(method: str, objectives: int) -> None:
         raise ConfigurationError(f"--method {method}: {unknown('method', method, METHODS)}")
     if method in ONE_OBJECTIVE and objectives > 1:
         raise ConfigurationError(f"--method {method}: takes a single objective; use nsga2, nsga3 or tpe for several")
-
-
-def compile_ahead(method: str, problem: TuningProblem, scenario: Experiment | Scenario) -> None:
-    """Compile the functions that a method calls besides rollouts; else they are compiled at their first call."""
-    if method == "gradient" or (method == "hybrid" and linearise.gradients_guide(problem)):
-        linearise.compile_ahead(problem, scenario)
 
 
 def optimiser(method: str, prepared: TrainingSet, seed: int) -> Optimiser:

@@ -50,13 +50,7 @@ RANDOM = SamplerKind("RandomSampler", 256)
 
 
 class SamplerSearch:
-    """An optimiser by one of Optuna's samplers; the same seed gives the same candidates.
-
-    Attributes:
-        rollouts: none of its own.
-    """
-
-    rollouts = 0
+    """An optimiser by one of Optuna's samplers; the same seed gives the same candidates."""
 
     def __init__(self, kind: SamplerKind, prepared: TrainingSet, seed: int) -> None:
         self._kind, problem = kind, prepared.problem

@@ -13,12 +13,9 @@ from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first
 DRAWING = "drawing scenarios"
 REFERENCES = "compiling, up to a minute the first time; scoring the paper's gains and the start"
 SEARCHING = "searching"
-CHOOSING = "choosing among the validated candidates"
+CERTIFYING = "certifying candidates in fresh draws"
 SCORING = "scoring the best, the start and the paper's gains"
-VALIDATING = "choosing: the paper's gains and the start in the validation set"
-SCREENING = "choosing: candidates of the search in the validation set"
-REPAIRING = "choosing: a candidate with more reserve in the validation set"
-PHASES = (DRAWING, REFERENCES, SEARCHING, CHOOSING, SCORING)
+PHASES = (DRAWING, REFERENCES, SEARCHING, CERTIFYING, SCORING)
 """Phases of `tuning.tune.tune`, in this order."""
 
 
@@ -94,6 +91,13 @@ class TuningProgress:
         """Report the end of compilation and its duration, if it took a second or more."""
         if seconds >= 1:
             self._progress(0.0, f"compiled in {seconds:.0f} s")
+
+    def forecast(self, preparing: float, searching: float, left: float) -> None:
+        """Report, after preparation, how long it took, and how long search and everything after it will take, in s."""
+        self._progress(
+            0.0,
+            f"prepared in {preparing:.0f} s; now {searching:.0f} s of search, and everything ends within {left:.0f} s",
+        )
 
     def progress(self, progress: SearchStatus, until: float | None, trials: int | None) -> None:
         """Report a finished batch of a search that ends at `until`, in s since the epoch, or after `trials`."""

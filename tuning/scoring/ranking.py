@@ -7,14 +7,14 @@ violate a bound by 1 % would rank below any feasible ones. Searches therefore ra
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualwinch.tuning.constraints import MARGINS
-from dualwinch.tuning.selection_config import SelectionConfig
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.options import TuningOptions
 from dualwinch.tuning.space import Point
 
 
@@ -74,17 +74,10 @@ class Evaluation:
         """Sum of the constraint violations; 0 if all are satisfied."""
         return sum(max(value, 0.0) for value in self.violations.values())
 
-    @property
-    def violation_of_means(self) -> float:
-        """Sum of the violations of constraints on other statistics than the worst case."""
-        return sum(max(value, 0.0) for label, value in self.violations.items() if not label.startswith("worst."))
-
-    @property
-    def violation_beside_runs(self) -> float:
-        """Sum of the violations of constraints that no single run violates: on means and on stability margins."""
-        margins = tuple(f"worst.{name} " for name in MARGINS)
-        others = (value for label, value in self.violations.items() if label.startswith(margins))
-        return self.violation_of_means + sum(max(value, 0.0) for value in others)
+    def violation_of(self, constraints: Iterable[Constraint], *kinds: str) -> float:
+        """Sum of the violations of constraints of some kinds (`Constraint.kind`)."""
+        labels = (constraint.label for constraint in constraints if constraint.kind in kinds)
+        return sum(max(self.violations.get(label, 0.0), 0.0) for label in labels)
 
     @property
     def feasible(self) -> bool:
@@ -107,46 +100,26 @@ def feasibility_first(evaluations: Sequence[Evaluation]) -> list[int]:
     return sorted(range(len(evaluations)), key=key)
 
 
-def penalised_first(evaluations: Sequence[Evaluation], penalty: float = SelectionConfig.penalty) -> list[int]:
-    """Rank evaluations by an exact penalty, for a search; return their indices, the best first.
+def merit(evaluation: Evaluation, penalty: float = TuningOptions.penalty) -> float:
+    """Exact penalty function: the first objective's logarithm plus a penalty on the sum of violations.
 
-    The key is the objective's logarithm plus a penalty on the violation; pruned ones come last. With several
-    objectives, or one that is not positive, the order is `feasibility_first`.
+    The least is best. Of an objective that is not positive, its value takes the logarithm's place.
     """
-    if not _penalisable(evaluations):
+    cost = evaluation.costs[0]
+    return (math.log(cost) if cost > 0 else cost) + penalty * evaluation.violation
+
+
+def penalised_first(evaluations: Sequence[Evaluation], penalty: float = TuningOptions.penalty) -> list[int]:
+    """Rank evaluations by `merit`, for a search; return their indices, the best first.
+
+    With several objectives, or one that is not positive, the order is `feasibility_first`.
+    """
+    if not all(len(evaluation.objectives) == 1 and evaluation.costs[0] > 0 for evaluation in evaluations):
         return feasibility_first(evaluations)
-
-    def key(index: int) -> tuple[bool, float]:
-        evaluation = evaluations[index]
-        return evaluation.pruned, math.log(evaluation.costs[0]) + penalty * evaluation.violation
-
-    return sorted(range(len(evaluations)), key=key)
+    return sorted(range(len(evaluations)), key=lambda index: merit(evaluations[index], penalty))
 
 
-def rarest_violations_first(
-    evaluations: Sequence[Evaluation], shares: Sequence[float], penalty: float = SelectionConfig.penalty
-) -> list[int]:
-    """Rank evaluations by an exact penalty on the share of scenarios with a violation; return their indices.
-
-    The key is the objective's logarithm plus a penalty on the share of scenarios, possibly others, in which a bound on
-    the worst case is violated, and on the violation of bounds on means and stability margins. With several objectives,
-    or one that is not positive, it is the sum of both, then the objectives.
-    """
-    positive = _penalisable(evaluations)
-
-    def key(index: int) -> tuple[float, ...]:
-        costs, share = evaluations[index].costs, shares[index] + evaluations[index].violation_beside_runs
-        return (math.log(costs[0]) + penalty * share,) if positive else (share, *costs)
-
-    return sorted(range(len(evaluations)), key=key)
-
-
-def _penalisable(evaluations: Sequence[Evaluation]) -> bool:
-    """Whether there is a single objective, and it is positive, so that it has a logarithm."""
-    return all(len(evaluation.objectives) == 1 and evaluation.costs[0] > 0 for evaluation in evaluations)
-
-
-def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
+def improves_on(evaluation: Evaluation, start: Evaluation, constraints: Sequence[Constraint]) -> bool:
     """Whether an evaluation improves on the start in the same scenarios.
 
     It does if it is feasible and the start is not; if an objective is smaller and its violation is not larger; or if it
@@ -155,7 +128,8 @@ def improves_on(evaluation: Evaluation, start: Evaluation) -> bool:
     smaller = any(ours < theirs for ours, theirs in zip(evaluation.costs, start.costs, strict=True))
     if evaluation.feasible and not start.feasible:
         return True
-    if evaluation.violated < start.violated and evaluation.violation_beside_runs <= start.violation_beside_runs:
+    ours, theirs = (each.violation_of(constraints, "mean", "margin") for each in (evaluation, start))
+    if evaluation.violated < start.violated and ours <= theirs:
         return not evaluation.pruned
     return smaller and not evaluation.pruned and evaluation.violation <= start.violation
 

@@ -1,171 +1,330 @@
-"""The method of tuning: training set, search, validation set, chance constraint, test set.
+"""The method of tuning: sample average, cutting set, certificate.
 
-1. **Training set** (`tuning.scoring.training_set`): sample average approximation with common random numbers (Shapiro,
-   Dentcheva and Ruszczyński, Lectures on Stochastic Programming, 2009, Chapter 5), strata by authority ratio, vertices,
-   and a pool of active scenarios. Bounds on the worst case keep a back-off.
-2. **Search** (`tuning.optimisers`, `tuning.scoring.evaluation`): CMA-ES (Hansen, arXiv:1604.00772) and gradients, on
-   an exact penalty (Nocedal and Wright, Numerical Optimization, 2006, Section 17.2); within a batch, successive halving
-   over scenarios (Jamieson and Talwalkar, AISTATS 2016).
-3. **Validation set** (`tuning.scoring.screening`, `tuning.scoring.validation`): candidates that are feasible in
-   training, in order of the training objective, are evaluated sequentially in draws of another stream, hardest
-   scenarios first, and rejected at the first violation. After a group without a feasible candidate, the next group
-   keeps twice the back-off in training from each violated bound; if no candidate keeps it, groups step through the
-   remaining ones. Feasible candidates that improve on the start are validated; if there are none, a sample of all
-   groups that improve on it. They are ordered by an exact penalty on the share of scenarios that violate a bound;
-   candidates behind the start are dropped. Repair: a peak beyond its bound is lowered by the reserve.
-4. **Chance constraint** (`tuning.scoring.chance`): validated candidates are run in this order, each in its own fresh
-   draws, until one violates no bound in M ≥ ln(K/β)/ε of them (scenario approach). Draws with a violation join the
-   validation set (sequential probabilistic validation; Alamo, Tempo, Luque and Ramirez, Automatica 52, 2015), where
-   they reject others, also of groups screened later; a candidate with too high a peak is repaired by a line search on
-   the reserve and counts as another candidate. The start comes last, if it satisfies the bounds on means. If no
-   candidate passes, one is selected by an exact penalty on its share of violations, and the result states the
-   supported probability.
-5. **Test set**: evaluated once, for the selected candidate, the start and the baseline controller; reported with
-   intervals, never fed back. The result states any contradiction to the selection.
+1. **Training set** (`tuning.scoring.training_set`): the sample average over random draws with common random numbers
+   (Shapiro, Dentcheva and Ruszczyński, Lectures on Stochastic Programming, 2009, Chapter 5) gives means and worst
+   cases; the draws of many that demand the most force are the first cuts (importance sampling); stability margins are
+   those of the nominal machine and of two drawn ones. Draws that demand nearly all of the motors' force, or more, count
+   towards worst cases only.
+2. **Search** (`tuning.optimisers`): CMA-ES (Hansen, arXiv:1604.00772) on an exact penalty function, the objective's
+   logarithm plus the sum of violations times a penalty (Nocedal and Wright, Numerical Optimization, 2006, Section
+   17.2).
+3. **Check** (`tuning.scoring.evaluation`, `tuning.scoring.cutting_set`): the leader, feasible or not, is run in fresh
+   draws and on fresh machines while checks are below a share of the rollouts (cutting-set method with a pessimising
+   oracle by sampling; Mutapcic and Boyd, Optimization Methods and Software 24, 2009). Draws and machines in which it
+   violates a bound join the training set, and the bound keeps the leader's slack in training plus its excess.
+4. **Certificate** (`tuning.scoring.certificate`): leaders in order; each first on fresh machines, for its margins,
+   then in fresh draws until they support ε or make it unlikely (sequential probabilistic validation; Alamo, Tempo,
+   Luque and Ramirez, Automatica 52, 2015). Means must keep their bounds in the first of them, too. A rejection makes
+   cuts and back-off as in step 3, which reorders the other candidates; the start is one of them. If no candidate
+   passes, the one with the least supported probability of a violation among those that beat the start, by the exact
+   penalty on their shares of violations, is selected.
+5. **Test set** (`tuning.scoring.test_set`): evaluated once, for the selected candidate, the start and the baseline
+   controller; reported with intervals, never fed back.
 
-Without an ensemble, the best feasible trial in the experiment is selected. Hyper-parameters: `SelectionConfig`.
+Without an ensemble, the best feasible trial in the experiment is selected. Parameters: `TuningOptions`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from dualwinch.tuning.problem import CHANCE, TEST, TuningProblem
-from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
-from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.progress import CHOOSING, NO_PROGRESS, SCORING, VALIDATING, TuningProgress
-from dualwinch.tuning.scoring.ranking import Evaluation, feasibility_first, improves_on, rarest_violations_first
-from dualwinch.tuning.scoring.rollouts import worst_of
-from dualwinch.tuning.scoring.screening import Screening, Validated
+from dualwinch.simulation.ensembles.result import Statistic
+from dualwinch.simulation.results.outcomes import RunOutcomes, concatenated
+from dualwinch.tuning.constraints import Constraint
+from dualwinch.tuning.problem import CERTIFICATE, TEST
+from dualwinch.tuning.scoring.budget import SelectionBudget
+from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
+from dualwinch.tuning.scoring.evaluation import ArchiveEntry, Evaluator, FreshDraws, PointKey, point_key
+from dualwinch.tuning.scoring.progress import CERTIFYING, NO_PROGRESS, SCORING, TuningProgress
+from dualwinch.tuning.scoring.ranking import (
+    Candidate,
+    Evaluation,
+    feasibility_first,
+    improves_on,
+    merit,
+    penalised_first,
+)
+from dualwinch.tuning.scoring.rollouts import over, worst_of
 from dualwinch.tuning.scoring.test_set import ControllerScore, SelectionResult, TestSet
-from dualwinch.tuning.scoring.validation import ValidationSet, validation_scenarios
-from dualwinch.tuning.selection_config import SampleSizes
 
 NOT_CHOSEN = "no trial is better than the gains that the search started from"
+NONE_BEFORE = "no trial ranks before it, by objective and violated bounds, in the training set"
 CONTRADICTED = "the test set contradicts the choice: there the start is better"
 PROBABILITY_CONTRADICTED = "the test set contradicts the probability: there more scenarios violate a bound"
+
+
+@dataclass(frozen=True)
+class Examination:
+    """A candidate with what fresh machines and draws say of it.
+
+    Attributes:
+        entry: the candidate.
+        certificate: of its fresh draws and machines.
+        penalty: on a violation, or a share of violations, of 1.
+    """
+
+    entry: ArchiveEntry
+    certificate: SampleCertificate
+    penalty: float
+
+    @property
+    def merit(self) -> float:
+        """Exact penalty function with the shares of draws and machines that violate a bound in place of violations."""
+        evaluation, certificate = self.entry.evaluation, self.certificate
+        shares = {
+            "draws": certificate.violations / max(certificate.draws, 1),
+            "machines": certificate.machines_below / max(certificate.machines, 1),
+        }
+        return merit(replace(evaluation, violations={**shares, **certificate.means}), self.penalty)
+
+
+class Certification:
+    """Examines leaders of a search one after the other until one is certified (step 4).
+
+    Attributes:
+        examined: every examined candidate, in order.
+        certified: the one that passed; ``None``: none so far.
+    """
+
+    def __init__(self, evaluator: Evaluator, trials: Sequence[Evaluation]) -> None:
+        """Add trials that other processes evaluated, and the start, to the archive."""
+        self._evaluator = evaluator
+        self.examined: list[Examination] = []
+        self.certified: Examination | None = None
+        self._draws = 0
+        self.add(trials)
+
+    def add(self, trials: Sequence[Evaluation]) -> None:
+        """Add finished trials to the archive, and their numbers to those that are in it."""
+        archive = self._evaluator.archive
+        for trial in [*trials, *([] if self._start_key in archive else [self._evaluator.start()])]:
+            entry = archive.setdefault(point_key(trial.candidate), ArchiveEntry(trial.candidate, trial))
+            entry.evaluation = replace(entry.evaluation, number=trial.number)
+
+    @property
+    def objective(self) -> Statistic:
+        """The first objective."""
+        return self._evaluator.problem.objectives[0]
+
+    @property
+    def _start_key(self) -> PointKey:
+        return point_key(Candidate(self._evaluator.problem.start, "start"))
+
+    @property
+    def start(self) -> ArchiveEntry:
+        """The gains that the search started from."""
+        return self._evaluator.archive[self._start_key]
+
+    def run(self, budget: SelectionBudget, watch: TuningProgress = NO_PROGRESS) -> Examination | None:
+        """Examine leaders until one is certified, the budget ends or every candidate has been rejected.
+
+        A first leader is examined whatever the budget.
+        """
+        while not self.certified and (not self.examined or budget.allows(self._evaluator.meter, 1)):
+            entry = self._evaluator.leader()
+            if entry is None:
+                break
+            examination = self._examine(entry, budget, watch)
+            self.examined.append(examination)
+            entry.rejected = True
+            if entry is self.start:
+                break
+            if examination.certificate.satisfied:
+                self.certified = examination
+        return self.certified
+
+    def _examine(self, entry: ArchiveEntry, budget: SelectionBudget, watch: TuningProgress) -> Examination:
+        """Examine a candidate on fresh machines, then in fresh draws; what it violates becomes cuts and back-off."""
+        evaluator, options = self._evaluator, self._evaluator.problem.options
+        certificate = SampleCertificate(options.violation, options.confidence, len(self.examined) + 1)
+        which = "the start" if entry is self.start else f"candidate {certificate.candidate}"
+        bounded = any(constraint.kind == "margin" for constraint in evaluator.training.constraints)
+        batches = [options.machines_checked, options.machines - options.machines_checked] if bounded else []
+        first = self._draws
+        for batch in batches:
+            report = watch.step(CERTIFYING, f"certifying: {which} on {options.machines} fresh machines")
+            report(certificate.machines / options.machines)
+            machines = evaluator.fresh(CERTIFICATE, first + certificate.machines, batch).scenarios
+            below = evaluator.machines_below(entry, machines, lower=False)
+            certificate = replace(
+                certificate, machines=certificate.machines + batch, machines_below=certificate.machines_below + below
+            )
+            if certificate.machines_below or budget.ended():
+                break
+        if certificate.machines_below:
+            self._draws += certificate.machines
+            return Examination(entry, certificate, evaluator.problem.options.penalty)
+        return self._examine_draws(entry, certificate, which, budget, watch)
+
+    def _examine_draws(
+        self,
+        entry: ArchiveEntry,
+        certificate: SampleCertificate,
+        which: str,
+        budget: SelectionBudget,
+        watch: TuningProgress,
+    ) -> Examination:
+        """The second part of an examination: fresh draws, stage by stage."""
+        evaluator, chunk = self._evaluator, self._evaluator.problem.options.chunk
+        stage, first = certificate.draws_of_stage(0), self._draws
+        draws, runs, constraints = FreshDraws.none(), [], evaluator.training.constraints
+        while not runs or not budget.ended():
+            report = watch.step(CERTIFYING, f"certifying: {which} in {stage} fresh draws")
+            report(certificate.draws / stage)
+            more = evaluator.fresh(CERTIFICATE, first + certificate.draws, min(chunk, stage - certificate.draws))
+            if not runs:
+                constraints = evaluator.bounds(more.scenarios)
+            result = evaluator.run([entry.candidate], more.scenarios, to_the_end=False)
+            runs.append(result)
+            draws = draws.joined(more)
+            violations = int((worst_of(result, constraints) > 0).sum())
+            certificate = replace(
+                certificate,
+                draws=certificate.draws + len(more.scenarios),
+                violations=certificate.violations + violations,
+            )
+            if len(runs) == 1:
+                certificate = replace(certificate, means=self._violated_means(result, more, constraints))
+            if certificate.rejected or certificate.means:
+                break
+            if certificate.draws == stage:
+                needed = certificate.draws_of_stage(certificate.violations)
+                expected = (needed - stage) * certificate.violations / stage
+                if needed <= stage or expected >= 1 or not budget.allows(evaluator.meter, needed - stage):
+                    break
+                stage = needed
+        self._draws += max(certificate.draws, certificate.machines)
+        if runs and not certificate.satisfied:
+            evaluator.learn(entry, draws, concatenated(runs), constraints, lower=False)
+        return Examination(entry, certificate, evaluator.problem.options.penalty)
+
+    def _violated_means(
+        self, runs: RunOutcomes, draws: FreshDraws, constraints: Sequence[Constraint]
+    ) -> dict[str, float]:
+        """Label → violation of the bounds on means that a candidate violates in fresh draws."""
+        violations = {
+            constraint.label: constraint.violation(over(constraint.statistic, runs, 0, draws.scenarios))
+            for constraint in constraints
+            if constraint.kind == "mean" and isinstance(constraint.statistic, Statistic)
+        }
+        return {label: violation for label, violation in violations.items() if violation > 0}
+
+    def best(self, watch: TuningProgress = NO_PROGRESS) -> Examination:
+        """The certified candidate; else of those that beat the start the one with the least supported probability.
+
+        For that comparison, the start is examined as well if it has not been, in a few draws and on a few machines.
+        """
+        if self.certified:
+            return self.certified
+        start = next((each for each in self.examined if each.entry is self.start), None)
+        if start is None:
+            start = self._examine(self.start, SelectionBudget(until=0.0), watch)
+            self.examined.append(start)
+        better = [each for each in self.others if each.merit < start.merit]
+        return min(better, key=lambda each: (each.certificate.supported, each.merit), default=start)
+
+    @property
+    def others(self) -> list[Examination]:
+        """The examined candidates but the start."""
+        return [each for each in self.examined if each.entry is not self.start]
+
+    @property
+    def unexamined(self) -> int:
+        """Number of candidates that were not examined and rank before the start in training."""
+        start, penalty = self.start.evaluation, self._evaluator.problem.options.penalty
+        entries = [each.evaluation for each in self._evaluator.archive.values() if not each.rejected]
+        return sum(penalised_first([start, each], penalty)[0] == 1 for each in entries)
 
 
 def select(
     evaluator: Evaluator,
     trials: Sequence[Evaluation],
-    sizes: SampleSizes | None = None,
+    certification: Certification | None = None,
+    budget: SelectionBudget | None = None,
+    test: int | None = None,
     watch: TuningProgress = NO_PROGRESS,
 ) -> SelectionResult:
-    """Select the best of finished trials by validation set and chance constraint, and score it on the test set.
+    """Select the best of finished trials by the certificate, and score it on the test set.
 
-    The largest sizes of the sets are by default those of the problem's `SelectionConfig`. They are reduced if the
-    evaluator's time is short, and computed again after validation. `watch` gets both phases and their steps.
+    Args:
+        evaluator: of the search.
+        trials: of the study.
+        certification: that has been begun; default: a new one.
+        budget: of the certificate; default: unlimited.
+        test: number of test scenarios; default: from the problem's options.
+        watch: gets both phases and their steps.
     """
-    problem = evaluator.training.problem
-    asked = sizes or problem.selection.sizes
-    sizes = evaluator.affordable(asked)
-    watch.phase(CHOOSING)
-    evaluator.watch = watch
-    start = _start(evaluator, trials)
-    chosen, validation, chance, better = start, None, None, ""
+    problem, budget = evaluator.problem, budget or SelectionBudget()
+    watch.phase(CERTIFYING)
+    examination, start = None, _start(evaluator, trials)
     if problem.ensemble is None:
         leader = trials[feasibility_first(trials)[0]]
-        chosen = leader if improves_on(leader, start) else start
+        chosen = leader if improves_on(leader, start, evaluator.training.constraints) else start
     else:
-        scenarios = validation_scenarios(problem, sizes)
-        evaluator.step(VALIDATING, 2 * len(scenarios))
-        validation_set = ValidationSet(evaluator, scenarios)
-        screening = Screening(evaluator, validation_set, trials, start, sizes)
-        validated = screening.following()
-        left = evaluator.affordable(asked.after_validation)
-        sizes = replace(sizes, chance=left.chance, test=left.test)
-        best, chance, better = _chance_constrained(evaluator, screening, validated, sizes)
-        if best:
-            chosen, validation = best.trial, best.result
+        certification = certification or Certification(evaluator, trials)
+        certification.run(budget, watch)
+        examination = certification.best(watch)
+        chosen = start if examination.entry is certification.start else examination.entry.evaluation
     watch.phase(SCORING)
-    evaluator.step(SCORING, (2 if chosen is start else 3) * (sizes.test if problem.ensemble else 1))
-    test = TestSet(evaluator, sizes.test, problem.stream(TEST))
-    scores = {"start": test.score(start.candidate), "paper": test.paper}
-    scores = {"best": scores["start"] if chosen is start else test.score(chosen.candidate)} | scores
-    contradiction = "" if chosen is start else _contradiction(scores, chance)
+    test_set = TestSet(evaluator, test or problem.options.test, problem.stream(TEST))
+    scores = {"start": test_set.score(start.candidate), "paper": test_set.paper}
+    scores = {"best": scores["start"] if chosen is start else test_set.score(chosen.candidate)} | scores
+    certificate = examination.certificate if examination else None
     return SelectionResult(
         best=chosen,
-        obstacle="" if chosen is not start else f"{NOT_CHOSEN}; {better}" if better else NOT_CHOSEN,
-        contradiction=contradiction,
-        validation=validation,
-        chance=chance,
+        obstacle=_obstacle(certification) if chosen is start else "",
+        contradiction="" if chosen is start else _contradiction(scores, certificate, test_set.constraints),
+        certificate=certificate,
+        examined=len(certification.others) if certification else 0,
+        unexamined=certification.unexamined if certification else 0,
         test_violations=scores["best"].evaluation.violated,
         scores=scores,
-        constraints=test.constraints,
+        constraints=test_set.constraints,
         has_test_set=problem.ensemble is not None,
-        within_authority=test.within_authority,
-        sizes=sizes,
+        within_authority=test_set.within_authority,
     )
 
 
-def _contradiction(scores: Mapping[str, ControllerScore], chance: ChanceConstraint | None) -> str:
-    """Contradiction of the test set to the selection or to its probability, in words; empty if there is none.
-
-    Means are over feasible scenarios, as in validation: with too little force the vehicle falls behind whatever the
-    gains, and a few such scenarios would decide. Violations no more frequent than the fresh draws support are expected,
-    and are no argument for the start.
-    """
-    best, start = (scores[name].feasible for name in ("best", "start"))
-    if chance:
-        least, _ = clopper_pearson(best.violated, best.scenarios, chance.confidence)
-        if least > chance.supported:
-            return PROBABILITY_CONTRADICTED
-        best = replace(best, violations={}) if not best.violation_of_means else best
-    return "" if improves_on(best, start) else CONTRADICTED
-
-
 def _start(evaluator: Evaluator, trials: Sequence[Evaluation]) -> Evaluation:
-    """The start's evaluation on the training set: its trial, else from the rollouts of `prepare`."""
-    point = evaluator.training.problem.start
+    """The start's evaluation in the training set: its trial, else from the rollouts of `prepare`."""
+    point = evaluator.problem.start
     return next((trial for trial in trials if trial.point == point and not trial.pruned), None) or evaluator.start()
 
 
-def _chance_constrained(
-    evaluator: Evaluator, screening: Screening, first: Sequence[Validated], sizes: SampleSizes
-) -> tuple[Validated | None, ChanceConstraint | None, str]:
-    """The first candidate without a violation in its own fresh draws, else the best by an exact penalty (step 4).
+def _obstacle(certification: Certification | None) -> str:
+    """Why the start is kept, in words."""
+    if certification is None:
+        return NOT_CHOSEN
+    others = certification.others
+    if not others:
+        return NONE_BEFORE
+    best = min(others, key=lambda each: each.merit)
+    trial, certificate = best.entry.evaluation, best.certificate
+    objective = certification.objective
+    reached = f"trial {trial.number} reaches {objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()
+    violated = [
+        f"in {certificate.violations} of {certificate.draws} fresh draws" if certificate.violations else "",
+        f"on {certificate.machines_below} of {certificate.machines} fresh machines"
+        if certificate.machines_below
+        else "",
+        *certificate.means,
+    ]
+    count = f"{len(others)} candidate{'s' * (len(others) != 1)} examined"
+    return f"{count}; the best, {reached}, violates bounds {' and '.join(filter(None, violated))}"
 
-    Returns:
-        The candidate, or ``None``; the result of its draws; and, if it is the start, a note on a better candidate that
-        rarely violates bounds.
+
+def _contradiction(
+    scores: Mapping[str, ControllerScore], certificate: SampleCertificate | None, constraints: Sequence[Constraint]
+) -> str:
+    """Contradiction of the test set to the selection or to its probability, in words; empty if there is none.
+
+    Means are over draws within the motors' authority, as in training. Violations no more frequent than the fresh draws
+    support are expected, and are no argument for the start.
     """
-    problem, config = evaluator.training.problem, evaluator.training.problem.selection
-    ensemble = problem.ensemble
-    if ensemble is None:
-        raise ValueError("only an ensemble has a chance constraint")
-    ensemble = replace(ensemble, experiment=problem.experiment)
-    waiting, found = list(first), list[tuple[int, Validated]]()
-    while len(found) < config.chance_candidates:
-        waiting = waiting or screening.following() or [each for each in (screening.start,) if each]
-        if not waiting:
-            break
-        candidate, number = waiting.pop(0), len(found) * sizes.chance
-        ours = f"candidate {len(found) + 1} of at most {config.chance_candidates}"
-        which = "the start" if candidate is screening.start else ours
-        evaluator.step(f"choosing: {which} in {sizes.chance} fresh draws", sizes.chance)
-        draws = ensemble.chosen(range(number, number + sizes.chance), problem.stream(CHANCE))
-        excess = worst_of(evaluator.run([candidate.trial.candidate], draws), screening.constraints)[0]
-        found.append((int((excess > 0).sum()), candidate))
-        if not found[-1][0] or candidate is screening.start or not evaluator.affords(sizes.after_validation):
-            break
-        waiting = screening.learn([draw for draw, each in zip(draws, excess, strict=True) if each > 0], waiting)
-        worst = float(excess[excess <= config.repair_most].max(initial=-np.inf))
-        waiting[:0] = screening.repair(candidate, worst)
-    if not found:
-        return None, None, ""
-    shares = [violations / sizes.chance for violations, _ in found]
-    order = rarest_violations_first([each.result for _, each in found], shares, config.penalty)
-    violations, best = next((each for each in found if not each[0]), found[order[0]])
-    others = [found[index] for index in order if found[index][1] is not screening.start]
-    better = _better_candidate(*others[0], sizes.chance, problem) if best is screening.start and others else ""
-    chance = ChanceConstraint(config.violation, config.confidence, config.chance_candidates, sizes.chance, violations)
-    return best, chance, better
-
-
-def _better_candidate(violations: int, candidate: Validated, draws: int, problem: TuningProblem) -> str:
-    """Note on a candidate that violates bounds in some fresh draws: its objective and number of violations."""
-    trial, objective = candidate.trial, problem.objectives[0]
-    reached = f"{objective.name} = {trial.objectives[0]:.4g} {objective.unit}".rstrip()
-    return f"trial {trial.number} reaches {reached}, but violates bounds in {violations} of {draws} fresh draws"
+    best, start = (scores[name].feasible for name in ("best", "start"))
+    if certificate and certificate.draws:
+        least, _ = clopper_pearson(best.violated, best.scenarios, certificate.confidence)
+        if least > certificate.supported:
+            return PROBABILITY_CONTRADICTED
+        if not best.violation_of(constraints, "mean"):
+            best = replace(best, violations={}, violated=0)
+    return "" if improves_on(best, start, constraints) else CONTRADICTED

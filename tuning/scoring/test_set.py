@@ -9,16 +9,15 @@ from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
 from dualwinch.analysis.margin_survey import MarginSurvey, WorstMargin
-from dualwinch.simulation.batch.authority import within_authority
+from dualwinch.simulation.batch.authority import force_demands
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
-from dualwinch.tuning.scoring.chance import ChanceConstraint, clopper_pearson
-from dualwinch.tuning.scoring.evaluation import Scorer, bounds_in
+from dualwinch.tuning.scoring.certificate import SampleCertificate, clopper_pearson
 from dualwinch.tuning.scoring.ranking import Candidate, Evaluation
-from dualwinch.tuning.scoring.training_set import infeasible_as_hard
-from dualwinch.tuning.selection_config import SampleSizes
+from dualwinch.tuning.scoring.scorer import Scorer
+from dualwinch.tuning.scoring.training_set import beyond_authority_as_hard, bounds_in, controlled_as, with_authority
 
 ALIKE = 1e-9
 """Largest relative difference of all statistics at which the start equals the paper's controller."""
@@ -56,7 +55,7 @@ class ControllerScore:
 
     Attributes:
         evaluation: its statistics and violations.
-        feasible: the same with means over the scenarios within the actuators' authority, as in training and validation.
+        feasible: the same with means over the scenarios within the motors' authority, as in training.
         result: metrics of every scenario, one row.
         attained: name of a bounded stability margin → location of its worst value.
     """
@@ -75,31 +74,31 @@ class SelectionResult:
         best: the selected trial on the training set; the start if no trial improves on it.
         obstacle: why the start is kept, in words; empty if the best is a trial.
         contradiction: of the test set to the selection, in words; empty if there is none.
-        validation: the best on the validation set; ``None`` without an ensemble, or if the start is kept.
-        chance: result of the chance constraint for the best; ``None`` likewise.
+        certificate: what fresh draws and machines support of the best; ``None`` without an ensemble.
+        examined: number of candidates, besides the start, that were examined for a certificate.
+        unexamined: number of candidates that were not, and rank before the start in training.
         test_violations: number of test scenarios in which the best violates a bound on the worst case.
         scores: ``best``, ``start`` and ``paper`` → scores on the test set; without an ensemble, in the experiment.
         constraints: of the problem, with bounds as numbers for those scenarios.
         has_test_set: whether those are drawn from an ensemble.
-        within_authority: (scenarios,) whether each is within the actuators' authority.
-        sizes: of the validation and test sets.
+        within_authority: (scenarios,) whether each is within the motors' authority.
     """
 
     best: Evaluation
     obstacle: str
     contradiction: str
-    validation: Evaluation | None
-    chance: ChanceConstraint | None
+    certificate: SampleCertificate | None
+    examined: int
+    unexamined: int
     test_violations: int
     scores: dict[str, ControllerScore]
     constraints: tuple[Constraint, ...]
     has_test_set: bool
     within_authority: NDArray[np.bool_]
-    sizes: SampleSizes
 
     @property
     def improved(self) -> bool:
-        """Whether the best is a trial, which improves on the start on the validation set."""
+        """Whether the best is a trial, which improves on the start."""
         return not self.obstacle
 
     @property
@@ -144,8 +143,8 @@ class SelectionResult:
         values = result.metrics[metric][0, result.outcomes[0] == "completed"]
         if len(values) < 2:
             return None
-        found = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
-        low, high = found.confidence_interval
+        interval = bootstrap((values,), np.mean, confidence_level=confidence, method="percentile", rng=0)
+        low, high = interval.confidence_interval
         return float(values.mean()), float(low), float(high)
 
 
@@ -154,22 +153,24 @@ class TestSet:
 
     Attributes:
         scenarios: of the set.
-        within_authority: (scenarios,) whether each is within the actuators' authority.
+        within_authority: (scenarios,) whether each demands less than `TuningOptions.authority` of the motors' force.
         constraints: with bounds that are numbers there.
         paper: score of the baseline controller.
     """
 
     def __init__(self, scorer: Scorer, count: int, seed: int) -> None:
         """Draw `count` scenarios, and run the baseline controller in them."""
-        problem, self._scorer = scorer.training.problem, scorer
+        problem, self._scorer = scorer.problem, scorer
         self.scenarios = problem.drawn(count, seed)
-        self.within_authority = within_authority(self.scenarios)
+        self.within_authority = with_authority(force_demands(self.scenarios), problem.options.authority)
         self._machines = scorer.survey(self.scenarios)
-        with_paper = problem.drawn(count, seed, problem.paper_experiment)
-        result = scorer.run(None, with_paper)
-        self.constraints = bounds_in(scorer.training, result, with_paper)
+        with_paper = controlled_as(problem.paper_experiment, self.scenarios)
+        runs = {"paper": scorer.run(None, with_paper)}
+        if any(constraint.reference == "start" for constraint in problem.constraints):
+            runs["start"] = scorer.run([Candidate(problem.start, "start")], self.scenarios)
+        self.constraints = bounds_in(scorer.training.constraints, problem, runs, with_paper)
         machines = scorer.survey(with_paper, problem.paper_experiment)
-        self.paper = self._scored(Candidate({}, "paper"), result, with_paper, machines)
+        self.paper = self._scored(Candidate({}, "paper"), runs["paper"], with_paper, machines)
 
     def score(self, candidate: Candidate) -> ControllerScore:
         """Score a candidate."""
@@ -186,7 +187,7 @@ class TestSet:
         (margins,) = scorer.margins([candidate], machines)
         evaluation, feasible = (
             scorer.evaluation(candidate, result, each, margins=margins, constraints=self.constraints)
-            for each in (scenarios, infeasible_as_hard(scenarios, self.within_authority))
+            for each in (scenarios, beyond_authority_as_hard(scenarios, self.within_authority))
         )
         if not (margins and machines):
             return ControllerScore(evaluation, feasible, result)

@@ -17,22 +17,19 @@ if TYPE_CHECKING:
 
 Returned = TypeVar("Returned")
 
-HEARTBEAT, GRACE = 5, 20
-"""Heartbeat interval of a worker in s, and the time in s without heartbeat after which it counts as dead."""
-
 HARMLESS = {"host", "hostaddr", "port", "user", "dbname", "sslmode", "application_name", "connect_timeout", "service"}
 """Parameters of a URL's query that are not secret."""
 
 PATIENCE = 120.0
-"""Time in s for which a worker retries while the database is unavailable."""
+"""Time in s for which a process retries while the database is unavailable."""
 
 
 class StorageError(DualwinchError):
     """A study's storage cannot be reached or used."""
 
 
-WANTED = "postgresql+psycopg://USER@HOST/DATABASE"
-"""Format of a URL."""
+EXAMPLE = "postgresql+psycopg://USER@HOST/DATABASE"
+"""A URL in errors, which never show one that was given."""
 
 
 def shown(url: str) -> str:
@@ -47,13 +44,14 @@ def shown(url: str) -> str:
     return one_line(f"{parts.drivername}://{user}{parts.host or ''}{port}/{name}{query}")
 
 
-def check_url(url: str) -> None:
-    """Raise `ConfigurationError` for an invalid URL; the message shows no part of it."""
-    if _parts(url) is None:
+def checked_url(url: str) -> "URL":
+    """Parse a URL; raise `ConfigurationError` if it is invalid, with a message that shows no part of it."""
+    if (parts := _parts(url)) is None:
         raise ConfigurationError(
-            f"--storage: not the URL of a database; must be {WANTED}, with a number as port, and with special "
+            f"--storage: not the URL of a database; must be such as {EXAMPLE}, with a number as port, and with special "
             "characters of a password such as @, : and / written as %40, %3A and %2F"
         )
+    return parts
 
 
 def _parts(url: str) -> "URL | None":
@@ -72,7 +70,7 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
     """Connect to a database with Optuna's tables.
 
     Args:
-        url: ``postgresql+psycopg://USER:PASSWORD@HOST/DATABASE``.
+        url: of SQLAlchemy, such as ``postgresql+psycopg://USER:PASSWORD@HOST/DATABASE``.
 
     Raises:
         ConfigurationError: an invalid URL.
@@ -81,32 +79,33 @@ def connected(url: str) -> "optuna.storages.RDBStorage":
     import optuna
     import sqlalchemy.exc
 
-    check_url(url)
-    if url.startswith("postgresql://"):
-        url = url.replace("postgresql", "postgresql+psycopg", 1)
+    checked_url(url)
+    timeout = {"connect_args": {"connect_timeout": 10}} if url.startswith(POSTGRESQL) else {}
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            storage = optuna.storages.RDBStorage(
-                url,
-                skip_compatibility_check=True,
-                engine_kwargs={"pool_pre_ping": True, "pool_size": 8, "connect_args": {"connect_timeout": 10}},
-                heartbeat_interval=HEARTBEAT,
-                grace_period=GRACE,
-                heartbeat_stale_trial_callback=optuna.storages.RetryHeartbeatStaleTrialCallback(),
-            )
+        storage = optuna.storages.RDBStorage(
+            with_driver(url), skip_compatibility_check=True, engine_kwargs={"pool_pre_ping": True, **timeout}
+        )
     except (sqlalchemy.exc.ArgumentError, ValueError):
-        raise ConfigurationError(f"--storage: not the URL of a database; must be {WANTED}") from None
+        raise ConfigurationError(f"--storage: not the URL of a database; must be such as {EXAMPLE}") from None
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise StorageError(f"cannot use the database {shown(url)}: {_reason(error, url)}") from None
-    there, here = storage.get_current_version(), storage.get_head_version()
-    if there != here:
+    version, supported = storage.get_current_version(), storage.get_head_version()
+    if version != supported:
         storage.engine.dispose()
         raise StorageError(
-            f"the database {shown(url)} is of another version of Optuna: its tables are {there}, must be {here}; "
-            "use another database, or `optuna storage upgrade`"
+            f"the database {shown(url)} is of another version of Optuna: its tables are {version}, must be "
+            f"{supported}; use another database, or `optuna storage upgrade`"
         )
     return storage
+
+
+POSTGRESQL = "postgresql"
+"""Beginning of the URLs of PostgreSQL."""
+
+
+def with_driver(url: str) -> str:
+    """A URL with psycopg as the driver of PostgreSQL, where it names none."""
+    return re.sub(f"^{POSTGRESQL}://", f"{POSTGRESQL}+psycopg://", url)
 
 
 def patient(url: str, action: Callable[[], Returned]) -> Returned:
@@ -145,13 +144,13 @@ def _secrets(url: str) -> set[str]:
     parts = _parts(url)
     if parts is None:
         return {url}
-    found = {str(parts.password)} if parts.password else set()
+    secrets = {str(parts.password)} if parts.password else set()
     for name, value in parts.query.items():
         if name not in HARMLESS:
-            found |= {value} if isinstance(value, str) else set(value)
+            secrets |= {value} if isinstance(value, str) else set(value)
     if re.search(r"=|://", parts.database or ""):
-        found.add(str(parts.database))
-    return {secret for plain in found for secret in (plain, quote(plain, safe=""), quote_plus(plain)) if secret}
+        secrets.add(str(parts.database))
+    return {secret for text in secrets for secret in (text, quote(text, safe=""), quote_plus(text)) if secret}
 
 
 def quiet() -> None:
@@ -172,18 +171,19 @@ def check_storage(storage: str) -> None:
     """Check the name of a storage.
 
     Raises:
-        ConfigurationError: a database other than PostgreSQL, or a missing library.
+        ConfigurationError: an invalid URL, or a database whose driver is not installed.
     """
     if not is_database(storage):
         if re.match(r"postgres[\w+]*:", storage, re.IGNORECASE) or re.search(r"passw\w*\s*=", storage, re.IGNORECASE):
-            raise ConfigurationError("--storage: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
+            raise ConfigurationError(f"--storage: must be a file, or the URL of a database such as {EXAMPLE}")
         return
-    kind = storage.partition("://")[0]
-    if kind not in {"postgresql+psycopg", "postgresql"}:
-        begun = f" {kind}://..." if re.fullmatch(r"[\w+.-]{1,40}", kind) else ""
-        raise ConfigurationError(f"--storage{begun}: must be a file, or postgresql+psycopg://USER@HOST/DATABASE")
-    import importlib.util
+    import sqlalchemy.exc
 
-    if importlib.util.find_spec("psycopg") is None:
-        raise ConfigurationError(f"--storage: PostgreSQL needs psycopg; install it with: {installing('postgresql')}")
-    check_url(storage)
+    url = checked_url(with_driver(storage))
+    try:
+        url.get_dialect().import_dbapi()
+    except sqlalchemy.exc.ArgumentError:
+        raise ConfigurationError(f"--storage: no database that SQLAlchemy knows; must be such as {EXAMPLE}") from None
+    except ImportError as error:
+        hint = f"; install it with: {installing(POSTGRESQL)}" if storage.startswith(POSTGRESQL) else ""
+        raise ConfigurationError(f"--storage: the driver of the database is missing ({error.name}){hint}") from None

@@ -92,13 +92,13 @@ def check_parts(study: StudyName, ours: Sequence[PartRecord], theirs: Sequence[P
     Raises:
         ConfigurationError: a part's source differs.
     """
-    before = {(part["what"], part["kind"]): part for part in theirs}
+    records = {(part["what"], part["kind"]): part for part in theirs}
     for part in ours:
-        was = before.get((part["what"], part["kind"]))
-        if was and was["sha256"] != part["sha256"]:
+        record = records.get((part["what"], part["kind"]))
+        if record and record["sha256"] != part["sha256"]:
             raise ConfigurationError(
                 f"{study} was begun with another {part['what']} '{part['kind']}': the source {part['source']} "
-                f"has sha256 {part['sha256'][:12]}, had {was['sha256'][:12]}; restore it, or {study.another}"
+                f"has sha256 {part['sha256'][:12]}, had {record['sha256'][:12]}; restore it, or {study.another}"
             )
 
 
@@ -130,17 +130,17 @@ def recall(study: StudyName, parts: Sequence[PartRecord]) -> list[str]:
         if _registered(part) is None:
             _import(study, part)
             imported.append(part["source"])
-    found = [(part, _registered(part)) for part in parts]
-    check_parts(study, [part_record(known) for _, known in found if known is not None], parts)
-    for part, known in found:
-        if known is None:
+    registered = [(part, _registered(part)) for part in parts]
+    check_parts(study, [part_record(registration) for _, registration in registered if registration is not None], parts)
+    for part, registration in registered:
+        if registration is None:
             raise _missing(study, part, "it is no longer defined there")
     return imported
 
 
 def _registered(part: PartRecord) -> type[Part] | None:
-    found = next((registry for registry in registries() if registry.what == part["what"]), None)
-    return found.get(part["kind"]) if found else None
+    registry = next((registry for registry in registries() if registry.what == part["what"]), None)
+    return registry.get(part["kind"]) if registry else None
 
 
 def _import(study: StudyName, part: PartRecord) -> None:

@@ -24,13 +24,14 @@ from dualwinch.simulation.exogenous.signals import named_seed
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.optimisers import METHODS
-from dualwinch.tuning.scoring.progress import PHASES, SCREENING, VALIDATING, SearchStatus, TuningProgress
-from dualwinch.tuning.selection_config import SampleSizes, SelectionConfig
+from dualwinch.tuning.scoring.progress import PHASES, SearchStatus, TuningProgress
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.spring_law import SPRING
 from tests.tuning.test_tune import Stubborn
 
-SHORT = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
+SEA = ("--ensemble", "sea", "--set", "simulation.duration=0.1", "--scenarios", "2", "--seed", "5")
+SHORT = (*SEA, "--violation", "30%")
+"""Few fresh draws support so large a probability."""
 FEW = (*SHORT, "--constraint", "none", "--constraint", "mean.chatter<=1*paper")
 """Without the usual bounds on margins, whose machines take most of the time."""
 TRIALS = 80  # enough of them are complete for every figure
@@ -44,13 +45,6 @@ def dualwinch(*words: object) -> int:
     return 0
 
 
-@pytest.fixture(autouse=True)
-def small_test_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = SampleSizes(draws=8, vertices=4, chance=20, test=8)
-    small = SelectionConfig(demand_among=4, sizes=few)
-    monkeypatch.setattr("dualwinch.tuning.tuning_problem.SelectionConfig", lambda: small)
-
-
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its figures take seconds."""
@@ -60,25 +54,20 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert dualwinch("tune", *SHORT, "--trials", TRIALS, "--out", tmp_path / "out") == 0
     said = capsys.readouterr()
-    assert "is the best; scored in 8 test scenarios" in said.out
-    assert "bounds on runs are satisfied with probability ≥ " in said.out.splitlines()[0]
+    assert "is the best; scored in 200 test scenarios" in said.out
+    assert "bounds on runs are satisfied with probability ≥ 70 %" in said.out.splitlines()[0]
     assert "test set, with 95 % intervals: mean.mse = " in said.out
     assert "times lower than the paper's and" in said.out
     assert "start: fando-nftsm (estimator calibrating-kalman, differential-tension) as it was before tuning" in said.out
     assert "paper: fando-nftsm (no estimator, differential-tension) with the paper's gains" in said.out
     said_of_it = [line.removeprefix("tune: ") for line in said.err.splitlines() if line.startswith("tune: ")]
-    assert (
-        [words for words in said_of_it if not re.search(" trials|^compiled in| %", words)]
-        == [  # a slow machine says more
-            "reading the problem",
-            *PHASES[:-1],
-            VALIDATING,
-            SCREENING,
-            "choosing: candidate 1 of at most 3 in 20 fresh draws",
-            PHASES[-1],
-            "writing best.toml, study.json and report.html",
-        ]
-    )
+    assert [
+        words for words in said_of_it if not re.search(" trials|^compiled in| %|^certifying: ", words)
+    ] == [  # a slow machine says more
+        "reading the problem",
+        *PHASES,
+        "writing best.toml, study.json and report.html",
+    ]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 6
     assert "times lower than the paper&#39;s and" in page
@@ -108,21 +97,19 @@ def test_tune_writes_a_configuration_and_a_study(tmp_path: Path, capsys: pytest.
     assert {len(column) for column in columns} == {TRIALS}
     assert all(value is None or math.isfinite(value) for value in trials["objectives"]["mean.mse"])
     assert sum(value is not None for value in trials["objectives"]["mean.mse"]) > TRIALS // 2
-    assert study["seeds"] == {
-        name: named_seed(5, name) for name in ("training", "validation", "chance constraint", "test")
-    }
+    assert study["seeds"] == {name: named_seed(5, name) for name in ("training", "checks", "certificate", "test")}
     assert {name: len(table["metrics"]["mse"]) for name, table in study["test"].items()} == dict.fromkeys(
-        ("best", "start", "paper"), 8
+        ("best", "start", "paper"), 200
     )
     assert study["best"]["start_kept"] is None
-    assert study["best"]["chance_constraint"]["draws"] == 20
+    assert study["best"]["certificate"]["draws"] >= 12
     low, high = study["best"]["test_violation_interval"]
-    assert low <= study["best"]["test_violations"] / 8 <= high
+    assert low <= study["best"]["test_violations"] / 200 <= high
     assert study["units"]["mean.mse"] == "m^2"
     assert tomllib.loads(study["configuration"])["ensemble"]["name"] == "sea"
     rollouts, judging = study["cost"]["rollouts"], study["cost"]["judging_rollouts"]
-    assert rollouts > 2 * judging > 40
-    assert f"\n{rollouts} rollouts; " in said.out
+    assert rollouts > judging >= 612
+    assert f"\n{rollouts} rollouts, {judging} of them for choosing and scoring; " in said.out
 
 
 @pytest.mark.slow
@@ -241,7 +228,7 @@ def test_an_interrupt_keeps_the_best_so_far(
     said = capsys.readouterr().err
     assert "interrupted; this is the best so far" in said
     assert said.endswith("interrupted; the study is kept; the same call with --resume goes on\n")
-    assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) == 32
+    assert len(json.loads((tmp_path / "study.json").read_text())["trials"]["number"]) >= 32
     assert load(tmp_path / "best.toml").controller.estimator.kind == "calibrating-kalman"
 
 
@@ -251,21 +238,22 @@ def test_gains_no_better_than_the_start_are_not_called_best(
     monkeypatch.setitem(METHODS, "stubborn", Stubborn)
     short = ("--case", 4, "--set", "simulation.duration=0.1", "--set", "controller.observer.l0=7", "--trials", 20)
     words = ("--space", "controller.nftsm.beta", "--constraint", "none", "--method", "stubborn")
-    monkeypatch.setattr("dualwinch.tuning.study.first_candidates", lambda _: [])
+    for module in ("study", "tune"):
+        monkeypatch.setattr(f"dualwinch.tuning.{module}.first_candidates", lambda _: [])
     assert dualwinch("tune", *short, *words, "--out", tmp_path) == 0
     said, announced = capsys.readouterr()
     assert "tuning 1 gain of fando-nftsm " in announced
     assert "the start is kept: no trial is better than the gains that the search started from (20 trials)" in said
     assert "what would help: more trials" in said
-    assert "another method (--method hybrid)" in said
-    assert "no improvement: the start is kept, mean.mse is 1.09 times lower than the paper's" in said
+    assert "another method (--method cmaes)" in said
+    assert "No improvement: the start is kept, mean.mse is 1.09 times lower than the paper's" in said
     best, paper = leaves(load(tmp_path / "best.toml")), leaves(case(4))
     assert best["controller.observer.l0"] == 7
     assert best["controller.nftsm.beta"] == paper["controller.nftsm.beta"]
     assert "# trial: the start" in (tmp_path / "best.toml").read_text()
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The start is kept: no trial is better" in page
-    assert "<li>Another method (--method hybrid).</li>" in page
+    assert "<li>Another method (--method cmaes).</li>" in page
     assert "Root mean square error" not in page
     assert json.loads((tmp_path / "study.json").read_text())["best"]["trial"] is None
 
@@ -360,7 +348,6 @@ def test_times(text: str, seconds: float) -> None:
         (["--time", "1e9s"], "--time 1e9s: must be > 0 s and <= 1e+07 s"),
         (["--resume"], "study.journal; begin it without --resume"),
         (["--trials", "0"], "--trials 0: must be a whole number >= 1"),
-        (["--workers", "2"], "--workers: needs --shared, or a database"),
         (["--scenarios", "3"], "--scenarios: needs --ensemble"),
         (["--violation", "1%"], "--violation: needs --ensemble; without one there is a single run"),
         (["--confidence", "99%"], "--confidence: needs --ensemble; without one there is a single run"),
@@ -372,7 +359,7 @@ def test_times(text: str, seconds: float) -> None:
         (["--constraint", "worst.peak_tension"], "must be STATISTIC<=BOUND"),
         (["--constraint", "peak_tension<=5500"], "of which statistic? worst.peak_tension<=5500 or mean."),
         (["--method", "simplex"], "--method simplex: unknown method 'simplex'; must be one of"),
-        (["--storage", "mysql://me:secret@host/x"], "must be a file, or postgresql+psycopg://"),
+        (["--storage", "mysql://me:secret@host/x"], "the driver of the database is missing (MySQLdb)"),
         (["--set", "controller.coordination.preload=100"], "controller.coordination.preload = 100"),
     ],
 )

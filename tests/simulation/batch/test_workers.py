@@ -23,7 +23,7 @@ from dualwinch.simulation.batch import task as tasks
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.batch.sensitivities import sensitivities
 from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError, WorkerTask, run_task
-from dualwinch.simulation.batch.workers import CheckpointingExecutor, WorkerWarning, in_order, portion_of, spread
+from dualwinch.simulation.batch.workers import CheckpointingExecutor, SerialExecutor, in_order, portion_of, spread
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
@@ -180,20 +180,20 @@ def test_the_key_of_a_task_is_that_of_equal_arguments_in_every_process() -> None
     assert replace(task, versions={**task.versions, "numpy": "1.0"}).key(max, *calls[0]) not in keys
 
 
-class Mixed(Executor):
-    """As Dask's: workers by their addresses, some of which cannot compile; they are asked first."""
+class Excluding(Executor):
+    """Workers by their names, some of which cannot compile; these are asked first, until they are excluded."""
 
     def __init__(self, **can_compile: bool) -> None:
         self.can_compile, self.asked = can_compile, list[str]()
-        self._client = self
 
-    def scheduler_info(self, n_workers: int) -> dict[str, Any]:  # noqa: ARG002
-        return {"workers": dict.fromkeys(self.can_compile)}
+    def exclude(self, error: WorkerCompileError) -> None:
+        del self.can_compile[error.worker]
+        if not self.can_compile:
+            raise error
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ARG002
         future: Future[Any] = Future()
-        able = kwargs.get("workers", self.can_compile)
-        worker = min(able, key=lambda name: self.can_compile[name])
+        worker = min(self.can_compile, key=lambda name: self.can_compile[name])
         self.asked.append(worker)
         if self.can_compile[worker]:
             future.set_result(fn(*args))
@@ -204,16 +204,22 @@ class Mixed(Executor):
         return future
 
 
-def test_what_a_worker_cannot_compile_goes_to_another_and_one_line_says_so() -> None:
-    executor = Mixed(a=False, b=True)
-    with pytest.warns(WorkerWarning) as said:
-        assert dict(spread(executor, abs, ((-number,) for number in range(4)), at_once=2)) == {0: 0, 1: 1, 2: 2, 3: 3}
+def test_what_a_worker_cannot_compile_goes_to_another() -> None:
+    executor = Excluding(a=False, b=True)
+    assert dict(spread(executor, abs, ((-number,) for number in range(4)), at_once=1)) == {0: 0, 1: 1, 2: 2, 3: 3}
     assert list(spread(executor, abs, [(-9,)])) == [(0, 9)]
-    (line,) = [str(each.message) for each in said]
-    assert line == "worker on a: no C compiler found; its tasks go to other workers"
-    assert executor.asked == ["a", "a", "b", "b", "b", "b", "b"]
-    with pytest.warns(WorkerWarning), pytest.raises(WorkerCompileError, match=r"^worker on d: no C compiler found$"):
-        list(spread(Mixed(c=False, d=False), abs, [(-1,)]))
+    assert executor.asked == ["a", *"bbbbb"]
+    with pytest.raises(WorkerCompileError, match=r"^worker on d: no C compiler found$"):
+        list(spread(Excluding(c=False, d=False), abs, [(-1,)], at_once=1))
+
+
+def test_tasks_in_the_calling_thread_are_computed_and_stored_one_after_the_other(tmp_path: Path) -> None:
+    """So that an error, or an interrupt, loses nothing that is finished."""
+    executor = CheckpointingExecutor(SerialExecutor(), tmp_path)
+    with pytest.raises(TypeError):
+        list(spread(executor, abs, [(-1,), (-2,), ("three",)]))  # pyright: ignore[reportArgumentType]
+    assert len(list(tmp_path.iterdir())) == 2
+    assert list(spread(executor, abs, [(-2,), (-1,), (-4,)])) == [(0, 2), (1, 1), (2, 4)]
 
 
 def test_another_version_of_the_product_or_of_a_part_is_refused(
@@ -229,6 +235,8 @@ def test_another_version_of_the_product_or_of_a_part_is_refused(
     name = next(name for name in sys.modules if name.startswith(f"{PLUGIN}mine"))
     carried = WorkerTask.of(abs, -1)
     assert name in [source.name for source in carried.sources]
+    assert carried.key(abs, -1) == sent.key(abs, -1), "it has no part in the call"
+    assert carried.key(len, "lqi-travelling") != sent.key(len, "lqi-travelling")
     assert run_task(carried) == 1
     changed = [replace(source, text=source.text + "\n") for source in carried.sources]
     with pytest.raises(WorkerError, match=r"has another version of mine\.py; restart the workers"):
@@ -275,14 +283,34 @@ def test_processors_differ_in_no_bit_where_that_is_asked_for(monkeypatch: pytest
         np.testing.assert_allclose(found["x86-64-v2", "0"][name], values, rtol=1e-7)
 
 
+SURROUNDINGS = """from __future__ import annotations
+from functools import cache
+import casadi as ca
+import gains_beside_the_law
+
+s = ca.SX.sym("s")
+SQUARE = ca.Function("square", [s], [s**2])
+
+@cache
+def integral_gain():
+    return float(SQUARE(gains_beside_the_law.ROOT))
+"""
+"""What a module of one's own may hold: text as annotations, expressions and caches, which no pickle can carry."""
+
+
+def ensemble_with_own_law(folder: Path) -> Ensemble:
+    """An ensemble with a law of one's own, from a file with another beside it."""
+    plugin = folder / "own_law.py"
+    (folder / "gains_beside_the_law.py").write_text("ROOT = 1.5\n")
+    plugin.write_text(SURROUNDINGS + (EXAMPLES / "lqi_law.py").read_text().replace('"my-lqi"', '"lqi-carried"'))
+    load_plugin(str(plugin))
+    return reset(load_ensemble("sea"), {"controller.kind": "lqi-carried", "simulation.duration": 1.0})
+
+
 @pytest.mark.slow
 def test_processes_that_never_saw_a_part_compute_the_same_bits(tmp_path: Path) -> None:
-    """A law of one's own, from a file that is gone by then, on two processes that begin with nothing."""
-    plugin = tmp_path / "own_law.py"
-    plugin.write_text((EXAMPLES / "lqi_law.py").read_text().replace('"my-lqi"', '"lqi-carried"'))
-    load_plugin(str(plugin))
-    ensemble = reset(load_ensemble("sea"), {"controller.kind": "lqi-carried", "simulation.duration": 1.0})
-    plugin.unlink()
+    """A law of one's own, from files that no search path has, on two processes that begin with nothing."""
+    ensemble = ensemble_with_own_law(tmp_path)
     here = run_ensemble(ensemble, 300, 3)
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
         there = run_ensemble(ensemble, 300, 3, workers=pool)

@@ -6,8 +6,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,10 +16,13 @@ import pytest
 from dualwinch.cli import main
 from dualwinch.config.ensemble_file import load_ensemble, reset
 from dualwinch.model.errors import ConfigurationError
-from dualwinch.simulation.batch.task import WorkerError
-from dualwinch.simulation.batch.workers import cluster_client, spread
+from dualwinch.simulation.batch.task import WorkerCompileError, WorkerError
+from dualwinch.simulation.batch.workers import WorkerWarning, spread
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.run import run_ensemble
+from dualwinch.toolboxes.cluster.client import ClusterExecutor, cluster_client
+from dualwinch.toolboxes.race.race import CHECKPOINTS
+from tests.simulation.batch.test_workers import ensemble_with_own_law
 from tests.toolboxes.cluster.dask_cluster import DaskProcesses, dask_processes
 
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "24", "--scenarios", "2", "--test-scenarios", "4")
@@ -136,11 +140,68 @@ def test_cluster_belongs_to_ensembles(capsys: pytest.CaptureFixture[str], monkey
     with pytest.raises(SystemExit):
         main(["simulate", "--cluster", "tcp://127.0.0.1:1"])
     assert "--cluster: needs --ensemble" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main(["simulate", "--ensemble", "sea", "--checkpoint", "checkpoints"])
-    assert "--checkpoint: needs --cluster" in capsys.readouterr().err
     monkeypatch.setenv("DUALWINCH_CLUSTER", "tcp://127.0.0.1:1")
     main(["simulate", "--set", "simulation.duration=0.1"])
+
+
+def test_without_the_toolbox_one_line_says_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "dualwinch.toolboxes.cluster.client", None)  # as if its folder were deleted
+    with pytest.raises(SystemExit):
+        main(["simulate", "--ensemble", "sea", "--cluster", "tcp://127.0.0.1:1"])
+    error = "dualwinch: error: --cluster: needs the toolbox `cluster`, which is not installed"
+    assert capsys.readouterr().err.splitlines()[-1] == error
+
+
+class Workers(Executor):
+    """A Dask client and its executor: of the workers `a` and `b`, those in `unable` cannot compile."""
+
+    def __init__(self, *unable: str) -> None:
+        self.unable, self.asked = unable, list[str]()
+
+    def get_executor(self, **_: bool) -> "Workers":
+        return self
+
+    def scheduler_info(self, n_workers: int) -> dict[str, Any]:  # noqa: ARG002
+        return {"workers": {"a": None, "b": None}}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:  # noqa: ARG002
+        workers = kwargs.get("workers", "ab")
+        self.asked.append(workers[0])
+        future: Future[Any] = Future()
+        if workers[0] in self.unable:
+            error = WorkerCompileError(f"worker on {workers[0]}: no C compiler found")
+            error.worker = workers[0]
+            future.set_exception(error)
+        else:
+            future.set_result(workers[0])
+        return future
+
+
+def test_a_worker_that_cannot_compile_is_excluded_with_one_warning() -> None:
+    workers = Workers("a")
+    executor = ClusterExecutor(cast("Any", workers))
+    with pytest.warns(
+        WorkerWarning, match=r"^worker on a: no C compiler found; its tasks go to other workers$"
+    ) as seen:
+        assert dict(spread(executor, abs, ((-number,) for number in range(4)), at_once=2)) == dict.fromkeys(
+            range(4), "b"
+        )
+    assert len(seen) == 1
+    assert workers.asked == ["a", "a", *"bbbb"]
+    with pytest.warns(WorkerWarning), pytest.raises(WorkerCompileError, match=r"^worker on b: no C compiler found$"):
+        list(spread(ClusterExecutor(cast("Any", Workers("a", "b"))), abs, [(-1,)]))
+
+
+@pytest.mark.slow
+def test_workers_that_never_saw_a_part_compute_the_same_bits(dask: DaskProcesses, tmp_path: Path) -> None:
+    """A law of one's own, from files that are on no search path of theirs."""
+    ensemble = ensemble_with_own_law(tmp_path)
+    here = run_ensemble(ensemble, 100, 3)
+    with cluster_client(dask.address) as client:
+        there = run_ensemble(ensemble, 100, 3, workers=client.get_executor(pure=False))
+    assert all(np.array_equal(here.metrics[name], values, equal_nan=True) for name, values in there.metrics.items())
 
 
 @pytest.mark.slow
@@ -155,7 +216,7 @@ def test_a_worker_that_is_killed_in_mid_batch_costs_time_and_nothing_else(dask: 
 
     with cluster_client(dask.address) as client:
         client.wait_for_workers(2, timeout=60)
-        there = run_ensemble(lasting(LASTING), 640, 5, workers=client.get_executor(pure=False), progress=kill)
+        there = run_ensemble(lasting(LASTING), 640, 5, workers=ClusterExecutor(client), progress=kill)
     assert killed[0] < 1
     assert dask.workers[0].wait(10) == -signal.SIGKILL
     assert len(there) == 640
@@ -230,7 +291,7 @@ def test_a_worker_out_of_memory_is_one_line(tmp_path: Path, monkeypatch: pytest.
     with dask_processes(tmp_path, workers=0) as dask:
         dask.start_worker("--memory-limit", "600MB", nanny=True)
         with cluster_client(dask.address) as client, pytest.raises(WorkerError, match="killed, or out of memory"):
-            list(spread(client.get_executor(pure=False, retries=0), greedy, [(1,)]))
+            list(spread(ClusterExecutor(client), greedy, [(1,)]))
 
 
 def greedy(gigabytes: int) -> int:
@@ -261,7 +322,7 @@ def test_an_interrupt_cancels_on_the_cluster_and_keeps_what_is_finished(dask: Da
         signal.raise_signal(signal.SIGINT)
 
     with cluster_client(dask.address) as client:
-        found = run_ensemble(lasting(LASTING), 20_000, 5, workers=client.get_executor(pure=False), progress=interrupt)
+        found = run_ensemble(lasting(LASTING), 20_000, 5, workers=ClusterExecutor(client), progress=interrupt)
         assert len(found) == 320
         assert found.partial
         processing: Any = client.processing()
@@ -288,7 +349,7 @@ def test_a_race_whose_client_and_worker_were_killed_equals_that_of_one_process_i
     there = [*words, "--out", str(tmp_path / "there"), "--cluster", dask.address]
 
     def entries() -> int:
-        return len(list((tmp_path / "there" / "entries").glob("*.json")))
+        return len(list((tmp_path / "there" / CHECKPOINTS).glob("*.result")))
 
     ran = command(*there)
     until(lambda: entries() > 0)
@@ -308,21 +369,10 @@ def test_a_race_whose_client_and_worker_were_killed_equals_that_of_one_process_i
 
 
 @pytest.mark.slow
-def test_a_tuning_by_an_executor_finds_the_same_gains_and_workers_share_a_file(
-    dask: DaskProcesses, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_tuning_by_an_executor_finds_the_same_gains(dask: DaskProcesses, tmp_path: Path) -> None:
     words = ["tune", "--ensemble", "sea", "--set", "simulation.duration=0.1", "--trials", "48", "--constraint", "none"]
     main([*words, "--out", str(tmp_path / "here")])
     main([*words, "--out", str(tmp_path / "there"), "--cluster", dask.address])
     best = [(tmp_path / name / "best.toml").read_text().splitlines() for name in ("here", "there")]
     ours, theirs = ([line for line in text if not line.startswith("#")] for text in best)
     assert ours == theirs
-    shared = str(tmp_path / "shared.journal")
-    ran = command(*words, "--storage", shared, "--shared", "--out", str(tmp_path / "shared"), "--method", "random")
-    until(lambda: Path(shared).is_file() and "dualwinch definition" in Path(shared).read_text())
-    capsys.readouterr()
-    main(["worker", "--storage", shared])
-    assert "the study is over: " in capsys.readouterr().err
-    ran.communicate(timeout=120)
-    assert ran.returncode == 0
-    assert len(json.loads((tmp_path / "shared" / "study.json").read_text())["trials"]["number"]) == 48

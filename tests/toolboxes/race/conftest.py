@@ -5,37 +5,40 @@ from typing import Any
 
 import pytest
 
-from dualwinch.toolboxes.race.entries import BenchmarkEntry, BenchmarkTerms, EntryProblem
-from tests.studies import MakeProblem, few_scenarios, fewest_scenarios, make_problem
+from dualwinch.toolboxes.race.entries import RaceEntry, RaceTerms
+from dualwinch.toolboxes.race.race import EntryTask
+from dualwinch.tuning.problem import TuningProblem
+from tests.studies import MakeProblem, make_problem
 
-__all__ = ["few_scenarios", "fewest_scenarios", "make_problem"]
+__all__ = ["make_problem"]
 
-MakeRace = Callable[..., tuple[list[EntryProblem], BenchmarkTerms]]
+MakeRace = Callable[..., list[EntryTask]]
 
 
 @pytest.fixture(scope="session")
 def make_race(make_problem: MakeProblem) -> MakeRace:
-    """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `BenchmarkTerms`."""
+    """``make_race(...)``: two laws in the sea, runs of 0.1 s; words are those of `RaceTerms`."""
 
-    def make(settings: list[str] | None = None, **words: Any) -> tuple[list[EntryProblem], BenchmarkTerms]:
-        entrants = []
+    def make(settings: list[str] | None = None, **words: Any) -> list[EntryTask]:
+        entries = list[tuple[RaceEntry, TuningProblem]]()
         for law, space in (("nftsm", "controller.nftsm"), ("adrc", "controller.adrc")):
-            entry = BenchmarkEntry(law, "kalman", "differential-tension")
+            entry = RaceEntry(law, "kalman", "differential-tension")
             given = [f"{key}={value}" for key, value in entry.values.items()]
             length = [] if any("duration" in each for each in settings or []) else ["simulation.duration=0.1"]
-            problem = make_problem(settings=[*length, *(settings or []), *given], space=[space])
-            entrants.append(EntryProblem(entry, problem))
-        first = entrants[0].problem
+            settings_of = [*length, *(settings or []), *given]
+            entries.append((entry, make_problem(settings=settings_of, space=[space])))
+        problem = entries[0][1]
         usual = {
             "ensemble": "sea",
             "configuration": "",
-            "constraints": tuple(constraint.text for constraint in first.constraints),
+            "constraints": tuple(constraint.text for constraint in problem.constraints),
             "method": "cmaes",
             "rollouts": 100,
-            "scenarios": first.scenarios,
+            "scenarios": problem.scenarios,
             "test_scenarios": 5,
-            "seed": first.seed,
+            "seed": problem.seed,
         }
-        return entrants, BenchmarkTerms(**(usual | words))
+        terms = RaceTerms(**(usual | words))
+        return [EntryTask(entry, problem, terms) for entry, problem in entries]
 
     return make

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from dualwinch.simulation.batch.authority import LeastErrors
-from dualwinch.toolboxes.race.entries import CONSTANT_GAIN, BenchmarkEntry, BenchmarkTerms
-from dualwinch.toolboxes.race.result import BenchmarkResult
+from dualwinch.toolboxes.race.entries import CONSTANT_GAIN, RaceEntry, RaceTerms
+from dualwinch.toolboxes.race.result import RaceResult
 from dualwinch.toolboxes.race.scores import BaselineScore, EntryResult, FrontPoint, ScoredRuns, SearchRecord
 
 SCENARIOS = 40
 
-TERMS = BenchmarkTerms("rig", "[ensemble]\n", ("mean.chatter<=1*paper",), "hybrid", 3000, 8, SCENARIOS, 5)
+TERMS = RaceTerms("rig", "[ensemble]\nname = 'rig'\n", ("mean.chatter<=1*paper",), "hybrid", 3000, 8, SCENARIOS, 5)
 
 METRICS = ("mse", "chatter", "continuous_load", "max_abs_error", "peak_tension", "min_tension", "slack_share", "energy")
 
@@ -30,9 +30,9 @@ def scored(law: str, error: float, variant: str = "", **more: object) -> EntryRe
     """An entry with a front of three points, the last of which breaks a constraint."""
     scatter = sum(map(ord, law + variant))
     return EntryResult(
-        entry=BenchmarkEntry(law, "kalman", "differential-tension", variant),
+        entry=RaceEntry(law, "kalman", "differential-tension", variant),
         runs=runs(error, scatter=scatter, **more),  # pyright: ignore[reportArgumentType]
-        gains={"controller.k": 1.0},
+        gains={"controller.winch_1.kp": 1.0},
         fronts={
             cost: (
                 FrontPoint(1.0, 4e-6 * error, feasible=True, gains={}),
@@ -45,7 +45,7 @@ def scored(law: str, error: float, variant: str = "", **more: object) -> EntryRe
     )
 
 
-def made_up(least: float = 0.0, foreseeing: float = 0.0) -> BenchmarkResult:
+def made_up(least: float = 0.0, foreseeing: float = 0.0) -> RaceResult:
     """Two that do not differ, one behind them that breaks a constraint, and the paper's law without a part."""
     entries = (
         scored("fando-nftsm", 0.5, violated={"worst.peak_tension <= 6000 N": 0.02}),
@@ -54,4 +54,4 @@ def made_up(least: float = 0.0, foreseeing: float = 0.0) -> BenchmarkResult:
         scored("nftsm", 0.102),
     )
     paper = BaselineScore(runs(1.0), LeastErrors(np.full(SCENARIOS, least), np.full(SCENARIOS, foreseeing)))
-    return BenchmarkResult(TERMS, paper, entries)
+    return RaceResult(TERMS, paper, entries)

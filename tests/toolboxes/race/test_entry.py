@@ -17,7 +17,7 @@ from dualwinch.toolboxes.race.entries import (
     LINEAR_SURFACE,
     NO_ANTI_SATURATION,
     PAPER_LAW,
-    BenchmarkEntry,
+    RaceEntry,
     ablations,
     combinations,
     kinds,
@@ -53,7 +53,7 @@ def test_names_say_what_most_do_not_have() -> None:
     assert all(set(entry.stem) <= set("abcdefghijklmnopqrstuvwxyz0123456789+-") for entry in both)
 
 
-def of(entry: BenchmarkEntry) -> TuningProblem:
+def of(entry: RaceEntry) -> TuningProblem:
     settings = [f"{key}={value}" for key, value in entry.values.items()]
     return tuning_problem(ensemble="sea", settings=settings, excluded=entry.excluded)
 
@@ -61,7 +61,7 @@ def of(entry: BenchmarkEntry) -> TuningProblem:
 def test_ablations_are_settings_that_are_held() -> None:
     entries = {entry.variant: entry for entry in ablations("kalman", "differential-tension") if entry.variant}
     assert set(entries) == {CONSTANT_GAIN, NO_ANTI_SATURATION, LINEAR_SURFACE}
-    whole = of(BenchmarkEntry(PAPER_LAW, "kalman", "differential-tension"))
+    whole = of(RaceEntry(PAPER_LAW, "kalman", "differential-tension"))
     for entry in entries.values():
         problem = of(entry)
         assert not set(entry.excluded) & set(problem.space.keys)

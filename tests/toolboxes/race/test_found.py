@@ -3,11 +3,10 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from dualwinch.simulation.exogenous.signals import named_seed
-from dualwinch.toolboxes.race.scores import BaselineScore, EntryResult
+from dualwinch.toolboxes.race.scores import EntryResult
 from tests.toolboxes.race.made_up import made_up, scored
 
 FOUND = made_up()
@@ -97,19 +96,6 @@ def test_what_breaks_first_is_shown_where_it_was_looked_for() -> None:
     assert FOUND.stress_rows() == []
     first = replace(FOUND.entries[1], stress=({"label": "drums", "size": "2×", "violated": "MSE"},))
     assert replace(FOUND, entries=(first,)).stress_rows() == [["adrc", "drums", "2×", "MSE"]]
-
-
-def test_records_come_back() -> None:
-    """Through JSON, with what was not measured."""
-    lost = scored("adrc", 0.1, lost=3)
-    lost.runs.metrics["mse"][-3:] = np.nan
-    again = EntryResult.from_record(json.loads(json.dumps(lost.to_record(), allow_nan=False)))
-    assert again.entry == lost.entry
-    assert again.fronts == lost.fronts
-    assert again.search == lost.search
-    assert np.array_equal(again.runs.metrics["mse"], lost.runs.metrics["mse"], equal_nan=True)
-    paper = BaselineScore.from_record(json.loads(json.dumps(FOUND.paper.to_record())))
-    assert np.array_equal(paper.runs.outcomes, FOUND.paper.runs.outcomes)
 
 
 def test_json_says_all_of_it() -> None:

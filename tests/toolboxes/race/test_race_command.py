@@ -14,13 +14,9 @@ from dualwinch.config.ensemble_file import loads_ensemble
 from dualwinch.controllers.registry import COORDINATIONS, ESTIMATORS, POSITION_LAWS
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.toolboxes.race import race as race_module
-from dualwinch.toolboxes.race.cli import write_race
 from dualwinch.toolboxes.stress import stress as stress_module
-from tests.studies import few_scenarios  # noqa: F401 # a fixture
-from tests.toolboxes.race.made_up import made_up, scored
+from tests.toolboxes.race.made_up import made_up
 from tests.toolboxes.stress.ensembles import DRUMS
-
-pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 SHORT = ("--set", "simulation.duration=0.1", "--rollouts", "60", "--scenarios", "2", "--test-scenarios", "4")
 SEA = ("race", "--ensemble", "sea", "--estimator", "kalman", *SHORT)
@@ -67,7 +63,8 @@ def test_a_race_is_printed_written_and_added_to(
     main([*words, "--plugin", str(plugin), "--law", "spring", "--seed", "3", "--out", str(out)])
     said = capsys.readouterr()
     assert "Race: 2 entries" in said.out
-    assert "race: nftsm" not in said.err, "it is finished"
+    assert "race: 1 of 2, spring: searching" in said.err
+    assert "nftsm: " not in said.err, "it is finished"
     facts = json.loads((out / "race.json").read_text())
     assert {entry["law"] for entry in facts["entries"]} == {"nftsm", "spring"}
     for entry in facts["entries"]:
@@ -171,12 +168,6 @@ def test_an_interrupt_writes_what_is_finished(
     said = capsys.readouterr()
     assert "2 entries remain" in said.out
     assert "interrupted; the same call goes on with the entries that are not" in said.err.splitlines()[-1]
-
-
-def test_gains_of_parts_that_are_not_known_here_are_left_out(tmp_path: Path) -> None:
-    written = write_race(tmp_path, replace(made_up(), entries=(scored("nobody-knows", 1.0),)))
-    assert written[0] == "race.json"
-    assert list((tmp_path / "gains").iterdir()) == []
 
 
 def test_an_ensemble_that_draws_gains_is_refused() -> None:

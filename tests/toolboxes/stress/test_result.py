@@ -9,7 +9,7 @@ from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.simulation.plots.page import encode
 from dualwinch.toolboxes.stress.imperfections import ImperfectionSize
 from dualwinch.toolboxes.stress.limits import SHARE, ViolatedLimit, multiple, plain
-from dualwinch.toolboxes.stress.result import RobustnessResult
+from dualwinch.toolboxes.stress.result import StressResult
 from dualwinch.toolboxes.stress.sizes import LOWEST, size
 from dualwinch.toolboxes.stress.stress import breakdowns
 from dualwinch.tuning.constraints import constraints_from
@@ -28,14 +28,14 @@ added_mass = 4e3
 
 
 @pytest.fixture(scope="module")
-def found() -> RobustnessResult:
+def found() -> StressResult:
     base = sea()
     own = {"paper": paper_controller(), "a|b.toml": replace(paper_controller(), limits=Limits(preload=3e3))}
     constraints = constraints_from(["worst.peak_tension<=1", "worst.mse<=1.05*paper"], base.experiment)
     return breakdowns(own, base, of(TEXT, base), constraints, scenarios=3, seed=0)
 
 
-def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: RobustnessResult) -> None:
+def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: StressResult) -> None:
     lines = [line for line in repr(found).splitlines() if line.startswith("|")]
     assert len(lines) == 2 + len(found.rows)
     assert len({len(line) for line in lines}) == 1
@@ -48,7 +48,7 @@ def test_the_table_is_markdown_and_begins_with_what_breaks_first(found: Robustne
     assert "&gt;" in html
 
 
-def test_amounts_are_those_of_the_value_that_goes_furthest(found: RobustnessResult) -> None:
+def test_amounts_are_those_of_the_value_that_goes_furthest(found: StressResult) -> None:
     _, rows = found.table()
     assert {row[0]: row[1] for row in rows} == {
         "winch radius error": "±0.2 %",
@@ -59,7 +59,7 @@ def test_amounts_are_those_of_the_value_that_goes_furthest(found: RobustnessResu
     }
 
 
-def test_an_eased_bound_is_told_with_its_cause(found: RobustnessResult) -> None:
+def test_an_eased_bound_is_told_with_its_cause(found: StressResult) -> None:
     """No rope is without tension: a peak of 1 N is exceeded by all, and by the second gains the most."""
     paper, other = found.limits.values()
     assert paper == other
@@ -86,7 +86,7 @@ def test_a_bound_that_the_papers_gains_lie_on_is_not_said_to_be_violated() -> No
     assert not any(margin.size == size(LOWEST) for row in held.rows for margin in row.margins.values())
 
 
-def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
+def test_the_record_says_what_the_result_does(found: StressResult) -> None:
     record = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert [row["label"] for row in record["imperfections"]] == [row.imperfection.label for row in found.ranking]
     assert [gains["name"] for gains in record["gains"]] == ["paper", "a|b.toml"]
@@ -110,7 +110,7 @@ def test_the_record_says_what_the_result_does(found: RobustnessResult) -> None:
                 assert kept["margins"][name]["amount"]["high"] == pytest.approx(4e3 * margin.size)
 
 
-def test_the_figure_has_a_row_for_each_imperfection(found: RobustnessResult) -> None:
+def test_the_figure_has_a_row_for_each_imperfection(found: StressResult) -> None:
     figure = found.plot()
     (axes,) = figure.axes
     labels = [text.get_text() for text in axes.get_yticklabels()]
@@ -154,7 +154,7 @@ def test_numbers_in_words() -> None:
     assert [multiple(value) for value in (0.00749894, 1.0, 1.3335, 100.0)] == ["0.0075×", "1×", "1.3×", "100×"]
 
 
-def test_paper_gains_that_fail_already_in_the_base_are_said_to_bound_nothing(found: RobustnessResult) -> None:
+def test_paper_gains_that_fail_already_in_the_base_are_said_to_bound_nothing(found: StressResult) -> None:
     lost = replace(found, lost=found.lost | {"paper": (ViolatedLimit("left_track", 3, 0, ""),)})
     said = (
         "paper: fails already in the base, left track in 3 scenarios; others are judged by multiples of their own "

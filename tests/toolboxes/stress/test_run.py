@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,14 @@ from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.paper_controller import paper_controller
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch import batches
+from dualwinch.simulation.batch.workers import CheckpointingExecutor, Workers
 from dualwinch.simulation.ensembles.run import run_ensemble
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.toolboxes.stress import stress as bench
 from dualwinch.toolboxes.stress.imperfections import imperfections, union
-from dualwinch.toolboxes.stress.result import RobustnessResult
+from dualwinch.toolboxes.stress.result import StressResult
 from dualwinch.toolboxes.stress.sizes import size
 from dualwinch.toolboxes.stress.stress import PAPER, breakdowns
 from dualwinch.tuning.constraints import constraints_from
@@ -67,17 +69,20 @@ def test_effects_that_the_base_lacks_are_in_the_runs() -> None:
     assert margin.size <= 1
 
 
-def test_the_same_seed_gives_the_same_breaks_on_any_number_of_threads() -> None:
+def test_the_same_seed_gives_the_same_breaks_on_any_workers(tmp_path: Path) -> None:
+    """On any number of threads, and from an executor's stored portions."""
     base = sea()
     text = DRUMS + "[sensors]\nspeed_noise = 4e-3\n"
     own = {"paper": paper_controller(), "other": Controller(estimator=Kalman(), limits=Limits(preload=3e3))}
 
-    def found(seed: int, threads: int) -> RobustnessResult:
+    def found(seed: int, workers: Workers) -> StressResult:
         constraints = constraints_from(["worst.mse<=1.01*paper"], base.experiment)
-        return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, workers=threads)
+        return breakdowns(own, base, of(text, base), constraints, scenarios=3, seed=seed, workers=workers)
 
     first, again = found(2, 1), found(2, 2)
     assert first.rows == again.rows
+    executor = CheckpointingExecutor(ThreadPoolExecutor(2), tmp_path)
+    assert found(2, executor).rows == found(2, executor).rows == first.rows
     assert [row.imperfection.name for row in first.rows][-1] == "all together"
     assert all(row.margins.keys() == own.keys() for row in first.rows)
     assert first.rows != found(4, 2).rows

@@ -16,10 +16,8 @@ from dualwinch.simulation.settings import override
 from dualwinch.toolboxes.stress import stress as stress_module
 from dualwinch.toolboxes.stress.cli import replaced, study_constraints
 from dualwinch.toolboxes.stress.stress import base_and_ensemble
-from tests.studies import few_scenarios  # noqa: F401 # a fixture
+from tests.killed import killed_after, written
 from tests.toolboxes.stress.ensembles import DRUMS, short
-
-pytestmark = pytest.mark.usefixtures("few_scenarios")
 
 SHORT = ("--set", "simulation.duration=0.5", "--scenarios", "2")
 
@@ -108,6 +106,18 @@ def test_python_gives_what_the_command_prints(drums: Path, gains: Path, capsys: 
     drawn = dw.load_ensemble(drums, short())
     with pytest.raises(ConfigurationError, match="name = paper: stands for the paper's gains"):
         dw.stress(load(gains), ensemble=drawn, base=None, name="paper")
+
+
+@pytest.mark.slow
+def test_a_killed_stress_test_goes_on_to_the_same_digits(drums: Path, gains: Path, tmp_path: Path) -> None:
+    words = ["stress", str(gains), "--ensemble", str(drums), "--base", "none", *SHORT, "--out"]
+    kept = tmp_path / "kept"
+    files = killed_after(3, [*words, str(tmp_path / "there"), "--checkpoint", str(kept)], kept)
+    main([*words, str(tmp_path / "there"), "--checkpoint", str(kept)])
+    assert files.items() <= written(kept).items()
+    assert len(files) < len(written(kept))
+    main([*words, str(tmp_path / "here")])
+    assert (tmp_path / "there" / "stress.json").read_bytes() == (tmp_path / "here" / "stress.json").read_bytes()
 
 
 def test_constraints_come_from_the_study_beside_its_best_gains(gains: Path, tmp_path: Path) -> None:

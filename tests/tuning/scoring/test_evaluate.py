@@ -1,123 +1,154 @@
-"""Evaluation: equal to runs of the tuned experiment, early for hopeless candidates, finite for diverged ones."""
+"""Evaluation: equal to runs of the tuned experiment; cuts and back-off from checks of the leader."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from dualwinch.controllers.paper_controller import paper_controller
-from dualwinch.simulation.batch.rollout import BatchResult, rollout
+from dualwinch.simulation.batch.rollout import rollout
+from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.scenario import Scenario
-from dualwinch.tuning.scoring.evaluation import Evaluator
-from dualwinch.tuning.scoring.ranking import Candidate, Evaluation, penalised_first
+from dualwinch.tuning.scoring.cutting_set import CUTS_AT_ONCE
+from dualwinch.tuning.scoring.evaluation import Evaluator, point_key
+from dualwinch.tuning.scoring.ranking import Candidate, penalised_first
 from dualwinch.tuning.scoring.training_set import prepare
-from dualwinch.tuning.selection_config import SelectionConfig
-from tests.studies import MakeProblem
+from tests.studies import FEW, MakeProblem
 from tests.tiers import all_but
 
-CONFIG = SelectionConfig()
-MOST_TRIED, FURTHER, STRESS = CONFIG.most_leaders, CONFIG.pool_size, CONFIG.hard_training
-BETA = "controller.nftsm.beta"
+BETA, PRELOAD = "controller.nftsm.beta", "controller.coordination.preload"
+
+
+def loads(evaluator: Evaluator, values: Sequence[float]) -> list[Candidate]:
+    """Candidates with these preloads."""
+    return [Candidate(evaluator.problem.start | {PRELOAD: value}, "method") for value in values]
 
 
 def test_an_evaluation_is_that_of_the_tuned_experiments(make_problem: MakeProblem) -> None:
     prepared = prepare(make_problem())
     problem = prepared.problem
     point = problem.start | {BETA: 0.3}
-    found = Evaluator(prepared, prune=False).evaluate([Candidate(point, "")])[0]
-    scenarios = [scenario for scenario in prepared.scenarios if isinstance(scenario, Scenario)]
-    settings = problem.space.settings(point)
-    tuned = [scenario.having(settings) for scenario in scenarios]
+    found = Evaluator(prepared).evaluate([Candidate(point, "")])[0]
+    scenarios = [scenario for scenario in (*prepared.scenarios, *prepared.hard) if isinstance(scenario, Scenario)]
+    tuned = [scenario.having(problem.space.settings(point)) for scenario in scenarios]
     singles = rollout([], [[]], tuned).metrics
-    typical = [not scenario.hard for scenario in scenarios]
-    assert typical == [True, False, True, False]
-    assert found.statistics["mean.mse"] == pytest.approx(singles["mse"][0, typical].mean(), rel=1e-12)
+    counted = [not scenario.hard for scenario in scenarios]
+    assert counted == [True] * 4 + [False] * 2
+    assert found.statistics["mean.mse"] == pytest.approx(singles["mse"][0, counted].mean(), rel=1e-12)
     assert found.statistics["worst.min_tension"] == pytest.approx(singles["min_tension"].min(), rel=1e-12)
-    assert found.outcomes == {"completed": 4}
+    assert found.outcomes == {"completed": 6}
 
 
 def test_the_start_is_evaluated_by_preparing(make_problem: MakeProblem) -> None:
-    prepared = prepare(make_problem())
-    evaluator = Evaluator(prepared, prune=False)
-    assert evaluator.start() == evaluator.evaluate([Candidate(prepared.problem.start, "start")])[0]
+    evaluator = Evaluator(prepare(make_problem()))
+    assert evaluator.start() == evaluator.evaluate([Candidate(evaluator.problem.start, "start")])[0]
 
 
 @pytest.mark.parametrize("kind", all_but(["fando-nftsm", "pid-cascade"], ["fando-nftsm", "adrc", "pid-cascade"]))
 def test_the_paper_is_its_own_controller_whatever_law_is_tuned(kind: str, make_problem: MakeProblem) -> None:
     settings = ["simulation.duration=0.1", f"controller.kind={kind}", "controller.nominal.mass=9e3"]
-    prepared = prepare(make_problem(settings=settings, space=["controller.coordination.preload"]))
+    prepared = prepare(make_problem(settings=settings, space=[PRELOAD]))
     problem = prepared.problem
     assert problem.experiment.controller.estimator.kind == "calibrating-kalman"
     theirs = problem.paper_experiment.controller
     assert replace(theirs, nominal=paper_controller().nominal) == paper_controller()
     assert theirs.nominal.mass == 9e3  # nominal values of the plant are no gains
-    chatter = prepared.paper.metrics["chatter"][0, [0, 2]].mean()  # the typical ones
+    chatter = prepared.paper.metrics["chatter"][0].mean()
     assert prepared.constraints[0].bound == pytest.approx(chatter)
-    assert chatter != pytest.approx(prepared.start.metrics["chatter"][0, [0, 2]].mean(), rel=0.1)
+    assert chatter != pytest.approx(prepared.start.metrics["chatter"][0, :4].mean(), rel=0.1)
     assert (problem.paper_point is not None) == (kind == "fando-nftsm")
 
 
-def test_hopeless_candidates_stop_after_the_first_scenarios_and_the_paper_never(make_problem: MakeProblem) -> None:
-    prepared = prepare(make_problem())
-    problem, evaluator = prepared.problem, Evaluator(prepared)
-    points = [problem.start | {"controller.coordination.preload": load} for load in range(1000, 2001, 100)]
-    candidates = [Candidate(point, "method") for point in points] + [Candidate(problem.start, "paper")]
+def test_the_better_half_of_a_batch_is_run_in_the_cuts_and_so_are_the_papers_gains(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem(options=replace(FEW, check_share=0.0))))
+    candidates = [*loads(evaluator, np.linspace(1000, 2400, 8).tolist()), Candidate(evaluator.problem.start, "paper")]
     found = evaluator.evaluate(candidates)
-    leaders = [trial for trial in found if trial.scenarios == 4 + FURTHER]
-    kept = sum(not trial.pruned for trial in found)
-    assert kept in (4, 5)  # one in three of twelve, and the paper's gains
-    assert len(leaders) == round(kept / 3)  # one in three of those
-    assert evaluator.rollouts == 2 * len(candidates) + 2 * kept + len(leaders) * FURTHER
     assert not found[-1].pruned
+    order = penalised_first(found)
+    whole = [trial for trial in found if not trial.pruned]
+    assert len(whole) in (4, 5)  # the paper's gains may be among the better half
+    assert {trial.scenarios for trial in whole} == {6}
+    assert not found[order[0]].pruned
     assert {trial.scenarios for trial in found if trial.pruned} == {2}
-    few = Evaluator(prepared).evaluate(candidates[:3])
-    assert sorted(trial.scenarios for trial in few) == [4, 4, 4 + FURTHER]  # too few to be pruned
-    whole = Evaluator(prepared, prune=False).evaluate(candidates)
-    assert not any(trial.pruned for trial in whole)
-    for early, late in zip(found, whole, strict=True):
-        assert early.scenarios != 4 or early.statistics == late.statistics  # bit for bit: common scenarios
+    assert evaluator.rollouts == 2 * len(candidates) + 4 * len(whole)
 
 
-@pytest.mark.parametrize(("failing", "met"), [(0, 3), (1, 3), (3, 6), (8, MOST_TRIED)])
-def test_who_leads_has_met_the_further_scenarios(
-    failing: int, met: int, make_problem: MakeProblem, monkeypatch: pytest.MonkeyPatch
+def test_draws_in_which_the_leader_violates_a_bound_become_cuts_and_the_bound_is_kept_off(
+    make_problem: MakeProblem,
 ) -> None:
-    prepared = prepare(make_problem())
-    start = prepared.problem.start
-    candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in np.linspace(0.5, 1.5, 8)]
-    evaluator = Evaluator(prepared)
-    common = evaluator.over(candidates, prepared.scenarios, training=True)
-    worst, judged = [candidates[index] for index in penalised_first(common)[:failing]], evaluator.evaluation
-
-    def unless_tried(
-        candidate: Candidate, result: BatchResult, scenarios: Sequence[Scenario], **words: Any
-    ) -> Evaluation:
-        found = judged(candidate, result, scenarios, **words)
-        return replace(found, violations={"x": 1.0}) if candidate in worst and len(scenarios) > 4 else found
-
-    monkeypatch.setattr(evaluator, "evaluation", unless_tried)
-    found = evaluator.evaluate(candidates)
-    assert sum(trial.scenarios == 4 + FURTHER for trial in found) == met
-    leads = found[penalised_first(found)[0]]
-    assert leads.scenarios == (4 if failing == len(candidates) else 4 + FURTHER)
-    assert leads.candidate == candidates[penalised_first(common)[min(failing, MOST_TRIED) % len(candidates)]]
-
-
-def test_candidates_that_exceed_a_bound_by_far_meet_no_further_scenarios(make_problem: MakeProblem) -> None:
-    evaluator = Evaluator(prepare(make_problem(constraints=["worst.peak_tension<=1000"])))
-    found = evaluator.evaluate([Candidate(evaluator.training.problem.start, "x")])
-    assert found[0].violation > CONFIG.hopeless
-    assert found[0].scenarios == 4
+    free = Evaluator(prepare(make_problem()))
+    (leader,) = loads(free, [1500])
+    draws = free.fresh("checks", 0, 100)
+    peaks = free.run([leader], draws.scenarios).metrics["peak_tension"][0]
+    trained = free.evaluate([leader])[0].statistics["worst.peak_tension"]
+    bound = (trained + peaks.max()) / 2
+    assert trained < bound < peaks.max(), "worse in fresh draws than in training"
+    evaluator = Evaluator(prepare(make_problem(constraints=[f"worst.peak_tension<={bound}"])))
+    (trial,) = evaluator.evaluate([leader])
+    assert trial.feasible
+    entry = evaluator.archive[point_key(leader)]
+    before = dict(evaluator.cutting.cuts)
+    runs = evaluator.run([leader], draws.scenarios)
+    evaluator.learn(entry, draws, runs, evaluator.training.constraints, lower=True)
+    added = [cut for number, cut in evaluator.cutting.cuts.items() if number not in before]
+    worst = np.argsort(-peaks)[: min(CUTS_AT_ONCE, int((peaks > bound).sum()))]
+    assert {cut.index for cut in added} == {draws.scenarios[index].index for index in worst}
+    assert all(cut.hard for cut in added)
+    assert entry.evaluation.statistics["worst.peak_tension"] == pytest.approx(peaks.max())
+    (label,) = evaluator.cutting.back_off
+    assert evaluator.cutting.back_off[label] == pytest.approx((peaks.max() - trained) / bound, rel=1e-9)
+    calmer, louder = evaluator.evaluate(loads(evaluator, [800, 2400]))
+    assert calmer.scenarios == 6 + len(added)
+    assert calmer.statistics["worst.peak_tension"] < louder.statistics["worst.peak_tension"]
 
 
-def test_every_so_often_the_one_that_leads_meets_all_hard_scenarios(make_problem: MakeProblem) -> None:
+def test_a_bound_that_holds_in_fresh_draws_lowers_its_back_off_and_one_of_a_certificate_only_raises_it(
+    make_problem: MakeProblem,
+) -> None:
+    cutting = Evaluator(prepare(make_problem())).cutting
+    cutting.learn_back_off({"peak": 0.01}, {"peak": -0.17}, lower=True)
+    assert cutting.back_off == {"peak": pytest.approx(0.18)}
+    cutting.learn_back_off({"peak": -0.01}, {"peak": -0.03}, lower=False)
+    assert cutting.back_off == {"peak": pytest.approx(0.18)}
+    cutting.learn_back_off({"peak": -0.01}, {"peak": -0.03}, lower=True)
+    assert cutting.back_off == {"peak": pytest.approx(0.02)}
+    cutting.learn_back_off({"peak": 0.01}, {"peak": 0.0}, lower=False)
+    assert cutting.back_off == {"peak": pytest.approx(0.02)}
+
+
+def test_the_number_of_cuts_is_bounded_and_those_with_the_most_slack_go(make_problem: MakeProblem) -> None:
     evaluator = Evaluator(prepare(make_problem()))
-    start = evaluator.training.problem.start
-    candidates = [Candidate(start | {BETA: share * float(start[BETA])}, "x") for share in (0.9, 1.0, 1.1)]
-    for call in range(1, 2 * CONFIG.pool_review + 1):
-        found = evaluator.evaluate(candidates)
-        most = max(trial.scenarios for trial in found)
-        assert most == 4 + (STRESS if call % CONFIG.pool_review == 0 else FURTHER)
-        assert found[penalised_first(found)[0]].scenarios == most
+    cutting, draws = evaluator.cutting, evaluator.fresh("checks", 0, 3).scenarios
+    for _ in range(3):
+        cutting.add_draws(draws, [0.1, 0.3, 0.2])
+    violations = {number: -float(number) for number in cutting.cuts}
+    cutting.drop_draws(violations)
+    assert len(cutting.cuts) == FEW.cuts
+    assert list(cutting.cuts) == list(range(4, 4 + FEW.cuts))
+
+
+def test_checks_take_at_most_their_share_of_the_rollouts(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem()))
+    random = np.random.default_rng(0)
+    counted = 0
+    for _ in range(12):
+        found = evaluator.evaluate(loads(evaluator, random.uniform(800, 2400, 8).tolist()))
+        counted += sum(trial.scenarios for trial in found)
+        assert evaluator.check_rollouts <= FEW.check_share * evaluator.rollouts
+    assert evaluator.check_rollouts >= FEW.chunk
+    assert evaluator.further_rollouts + counted == evaluator.rollouts
+
+
+def test_a_stopped_run_makes_no_leader(make_problem: MakeProblem) -> None:
+    evaluator = Evaluator(prepare(make_problem()))
+    evaluator.evaluate(loads(evaluator, [1500, 1600]))
+    leader = evaluator.leader()
+    assert leader is not None
+    run = leader.runs[0]
+    metrics = {name: np.full((1, 1), np.nan) for name in run.metrics}
+    leader.runs[0] = RunOutcomes(np.full((1, 1), "diverged"), np.zeros((1, 1)), metrics)
+    evaluator.refresh([leader])
+    second = evaluator.leader()
+    assert second is not None
+    assert second.candidate != leader.candidate

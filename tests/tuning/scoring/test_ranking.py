@@ -2,14 +2,18 @@
 
 from dataclasses import replace
 
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.tuning.constraints import constraints_from
 from dualwinch.tuning.scoring.ranking import (
     Candidate,
     Evaluation,
     feasibility_first,
     improves_on,
     pareto_front,
-    rarest_violations_first,
+    penalised_first,
 )
+
+BOUNDS = constraints_from(["worst.peak_tension<=6000", "mean.chatter<=1", "worst.disk_margin>=0.4"], Experiment())
 
 
 def reached(*objectives: float, beyond: float = 0.0, pruned: bool = False) -> Evaluation:
@@ -30,39 +34,30 @@ def test_the_front_is_what_no_other_feasible_one_beats() -> None:
 
 def test_better_than_the_start_is_what_breaks_no_more_and_has_a_smaller_objective() -> None:
     start = reached(1)
-    assert improves_on(reached(0.5), start)
-    assert not improves_on(reached(1), start)
-    assert not improves_on(reached(2), start)
-    assert not improves_on(reached(0.5, beyond=0.1), start)
-    assert not improves_on(reached(0.5, pruned=True), start)
+    assert improves_on(reached(0.5), start, BOUNDS)
+    assert not improves_on(reached(1), start, BOUNDS)
+    assert not improves_on(reached(2), start, BOUNDS)
+    assert not improves_on(reached(0.5, beyond=0.1), start, BOUNDS)
+    assert not improves_on(reached(0.5, pruned=True), start, BOUNDS)
     loud = reached(1, beyond=0.5)
-    assert improves_on(reached(2), loud)  # constraints come first
-    assert improves_on(reached(0.5, beyond=0.1), loud)
-    assert not improves_on(reached(2, beyond=0.1), loud)
-    assert not improves_on(reached(0.5, beyond=0.6), loud)
-    assert improves_on(reached(2, 1), reached(1, 2))
-    assert not improves_on(reached(2, 2), reached(1, 2))
+    assert improves_on(reached(2), loud, BOUNDS)  # constraints come first
+    assert improves_on(reached(0.5, beyond=0.1), loud, BOUNDS)
+    assert not improves_on(reached(2, beyond=0.1), loud, BOUNDS)
+    assert not improves_on(reached(0.5, beyond=0.6), loud, BOUNDS)
+    assert improves_on(reached(2, 1), reached(1, 2), BOUNDS)
+    assert not improves_on(reached(2, 2), reached(1, 2), BOUNDS)
 
 
 def test_better_than_the_start_is_also_what_violates_bounds_in_fewer_scenarios() -> None:
     rare, often = (replace(reached(1, beyond=0.5), violated=count) for count in (1, 9))
-    assert improves_on(replace(rare, objectives=(2,)), often)
-    assert not improves_on(often, rare)
+    assert improves_on(replace(rare, objectives=(2,)), often, BOUNDS)
+    assert not improves_on(often, rare, BOUNDS)
     for bound in ("mean.chatter <= 1 N", "worst.disk_margin >= 0.4"):
-        assert not improves_on(replace(rare, violations=rare.violations | {bound: 0.1}), often)
+        assert not improves_on(replace(rare, violations=rare.violations | {bound: 0.1}), often, BOUNDS)
 
 
-def test_rare_violations_are_weighed_against_the_objective() -> None:
-    evaluations = [reached(1), reached(2), reached(10)]
-    assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=50) == [1, 0, 2]  # factors e^2 and e^0.5
-    assert rarest_violations_first(evaluations, [0.04, 0.01, 0.0], penalty=500) == [2, 1, 0]
-    assert rarest_violations_first([reached(-1), reached(2)], [0.02, 0.01]) == [1, 0]
-
-
-def test_a_margin_that_is_lost_weighs_more_than_one_that_nearly_suffices() -> None:
-    """Neither violates a bound in any run."""
-    lost, near = (
-        replace(reached(cost), violations={"worst.disk_margin >= 0.3": short, "worst.peak_tension <= 8500 N": -0.1})
-        for cost, short in ((1, 1.0), (3, 0.02))
-    )
-    assert rarest_violations_first([lost, near], [0.0, 0.0]) == [1, 0]
+def test_a_penalty_weighs_violations_against_the_objective() -> None:
+    evaluations = [reached(1, beyond=0.04), reached(2, beyond=0.01), reached(10)]
+    assert penalised_first(evaluations, penalty=50) == [1, 0, 2]  # factors e^2 and e^0.5
+    assert penalised_first(evaluations, penalty=500) == [2, 1, 0]
+    assert penalised_first([reached(-1, beyond=0.02), reached(2, beyond=0.01)]) == [1, 0], "no logarithm: bounds first"

@@ -3,23 +3,19 @@
 import hashlib
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
 from dualwinch.cli import main
-from dualwinch.cli.progress import ProgressLine
-from dualwinch.cli.tune import StudyOptions, run_study
 from dualwinch.config.plugins import load_plugin
-from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
 from dualwinch.tuning.storage.parts import PartRecord, StudyName, in_words, part_record, part_records, recall
-from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.own_parts import DriftFree, StateFeedback
 from tests.spring_law import SPRING, changed
 
@@ -137,21 +133,6 @@ def test_a_part_without_a_source_cannot_be_noted() -> None:
     typed = namespace["Typed"]
     with pytest.raises(ConfigurationError, match=r"^nowhere\.Typed: has no source to identify it by; define"):
         part_record(typed)  # pyright: ignore[reportArgumentType]
-
-
-def test_other_processes_cannot_import_a_script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = tuning_problem(
-        case=4, settings=["simulation.duration=0.05"], space=["controller.nftsm.k"], constraints=[]
-    )
-    own = replace(problem, experiment=replace(problem.experiment, controller=Controller(law=StateFeedback())))
-    monkeypatch.setattr("dualwinch.tuning.storage.parts.part_record", lambda part: part_record(part) | {"script": True})
-    options = StudyOptions(workers=2, storage="postgresql+psycopg://me@127.0.0.1:9/none", out=tmp_path)
-    with ProgressLine() as line, pytest.raises(ConfigurationError) as caught:
-        run_study(own, options, line)
-    assert str(caught.value) == (
-        "--workers: other processes cannot import the position law 'state-feedback' of tests.own_parts, a script; "
-        "define it in a file of its own"
-    )
 
 
 def tuned(folder: Path, *words: str) -> str:

@@ -1,0 +1,142 @@
+"""The cutting set: draws and machines that a leader of the search failed in, and the back-off of the bounds.
+
+A cutting-set method with a pessimising oracle by sampling (Mutapcic and Boyd, Optimization Methods and Software 24,
+2009): candidates are optimised over few scenarios; the leader is run in fresh ones; those in which it violates a bound
+join the training set, and constraints with much slack are dropped again.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualwinch.analysis.margin_survey import VALUE, WorstMargin
+from dualwinch.analysis.resonance import RESONANCE
+from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.scenario import Scenario
+from dualwinch.tuning.scoring.training_set import TRAINING_MACHINES, TrainingSet, survey
+
+CUTS_AT_ONCE = 3
+"""Largest number of cuts by one check: the draws with the largest violations."""
+
+Loop = tuple[int, int, int]
+"""Numbers of a machine, an operating point and an amplitude."""
+
+
+class CuttingSet:
+    """Cuts, machines and back-off of a search.
+
+    Attributes:
+        draws: number of a random draw → the scenario, or the experiment.
+        cuts: number of a cut → its scenario.
+        back_off: label of a constraint → distance to keep from its bound, as a share of it: by how much the leader's
+            worst case in fresh draws or on fresh machines exceeded that in training.
+        survey: of the nominal machine, the drawn ones of the training set and those of cuts; ``None``: no margin is
+            bounded.
+        version: number of changes of `survey`.
+    """
+
+    def __init__(self, training: TrainingSet) -> None:
+        self._training = training
+        self.draws = dict(enumerate(training.scenarios))
+        self.cuts = dict(enumerate(training.hard, len(self.draws)))
+        self._number = len(self.draws) + len(self.cuts)
+        self.back_off: dict[str, float] = {}
+        self.survey, self.version = training.margins, 0
+        drawn = [each for each in training.scenarios[:TRAINING_MACHINES] if isinstance(each, Scenario)]
+        self._machines = dict(enumerate(drawn, 1))
+        self._slack: dict[int, float] = {}
+        self._loops: set[Loop] = set()
+
+    @property
+    def scenarios(self) -> dict[int, Experiment | Scenario]:
+        """The draws and the cuts."""
+        return self.draws | self.cuts
+
+    def add_draws(self, draws: Sequence[Scenario], violations: Sequence[float]) -> dict[int, int]:
+        """Add the draws with the largest violations; return the number of each new cut → its index in `draws`."""
+        order = np.argsort(-np.asarray(violations), kind="stable")[:CUTS_AT_ONCE].tolist()
+        numbers = dict(zip(range(self._number, self._number + len(order)), order, strict=True))
+        self.cuts |= {number: draws[index] for number, index in numbers.items()}
+        self._number += len(order)
+        return numbers
+
+    def drop_draws(self, violations: Mapping[int, float]) -> None:
+        """Drop the cuts with the most slack at the leader beyond the largest number of cuts."""
+        most = self._training.problem.options.cuts
+        order = sorted(self.cuts, key=lambda number: -violations.get(number, np.inf))
+        self.cuts = {number: self.cuts[number] for number in sorted(order[:most])}
+
+    def learn_back_off(self, fresh: Mapping[str, float], training: Mapping[str, float], *, lower: bool) -> None:
+        """Set the back-off of violated bounds to the leader's slack in training plus its excess in fresh scenarios.
+
+        Args:
+            fresh: label → violation in fresh scenarios.
+            training: label → violation in training, without back-off.
+            lower: whether a bound that holds in fresh scenarios may lower its back-off to the leader's, and a violated
+                one replaces it; else the back-off only rises.
+        """
+        for label, violation in fresh.items():
+            gap, before = max(violation - training[label], 0.0), self.back_off.get(label, 0.0)
+            if violation > 0:
+                self.back_off[label] = gap if lower else max(before, gap)
+            elif lower:
+                self.back_off[label] = min(before, gap)
+
+    def add_machine(self, machine: Scenario) -> None:
+        """Add a machine; beyond the largest number, the one with the most slack at the last leader goes."""
+        numbers, most = list(self._machines), TRAINING_MACHINES + self._training.problem.options.machines_checked
+        if len(numbers) >= most:
+            dropped = max(numbers, key=lambda number: self._slack.get(number, 0.0))
+            del self._machines[dropped]
+            self._loops = {loop for loop in self._loops if loop[0] != dropped}
+        self._machines[max(numbers, default=0) + 1] = machine
+        self.survey = survey(self._training.problem, list(self._machines.values()), self._training.workers)
+        self.version += 1
+
+    @property
+    def _numbers(self) -> list[int]:
+        """Number of each machine of the survey; the nominal one is 0."""
+        return [0, *self._machines]
+
+    @property
+    def active(self) -> NDArray[np.intp] | None:
+        """Indices of the active loops in the survey: those that were the least of a leader; ``None``: all."""
+        if self.survey is None or not self._loops:
+            return None
+        numbers = self._numbers
+        return np.array(
+            [
+                index
+                for index, (machine, *place) in enumerate(self.survey.loops.tolist())
+                if (numbers[machine], *place) in self._loops
+            ],
+            dtype=np.intp,
+        )
+
+    def learn_loops(self, parameters: Sequence[float], kinds: Sequence[str]) -> dict[str, WorstMargin]:
+        """The least margins of gains in all loops; the least loops become active, on new machines one of each kind."""
+        surveyed = self.survey
+        if surveyed is None:
+            return {}
+        margins = surveyed.worst([parameters], [RESONANCE])[0] if RESONANCE in kinds else {}
+        (of_loops,), numbers = surveyed.of_loops([parameters], kinds), self._numbers
+        machines = set(range(len(numbers))) - {numbers.index(number) for number, *_ in self._loops}
+        for kind in kinds:
+            if kind == RESONANCE:
+                continue
+            values = np.array([margins_of[kind].value for margins_of in of_loops])
+            margins |= {kind: min((margins_of[kind] for margins_of in of_loops), key=VALUE)}
+            least = {numbers[machine]: values[surveyed.loops[:, 0] == machine].min() for machine in range(len(numbers))}
+            self._slack |= {machine: float(value) for machine, value in least.items()}
+            places = {int(values.argmin())}
+            for machine in machines:
+                mine = np.flatnonzero(surveyed.loops[:, 0] == machine)
+                places.add(int(mine[values[mine].argmin()]))
+            self._loops |= self._named(places)
+        return margins
+
+    def _named(self, places: set[int]) -> set[Loop]:
+        """The loops at some indices of the survey."""
+        numbers, loops = self._numbers, self.survey.loops.tolist() if self.survey else []
+        return {(numbers[loops[place][0]], loops[place][1], loops[place][2]) for place in places}
