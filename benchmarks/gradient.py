@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.case import Case
+from benchmarks.convergence import rollout_time
 from benchmarks.document import markdown, put
-from benchmarks.peers import compiled
 from dualwinch import tuning_problem
 from dualwinch.simulation.batch.sensitivities import sensitivities
-from dualwinch.simulation.experiment import Simulation
+from dualwinch.simulation.loop.structure import parameters_of
+from dualwinch.simulation.paper import case
 from dualwinch.tuning.optimisers import Optimiser, optimiser
 from dualwinch.tuning.optimisers.gradient import GradientSearch
 from dualwinch.tuning.scoring.evaluation import Evaluator
@@ -73,11 +73,10 @@ class Improvements(TuningProgress):
 
 def cost_of_a_gradient() -> float:
     """Time of the gradient by all gains over that of a rollout, each as one call on one thread."""
-    default = Simulation()
-    run = Case(integrator=default.integrator, substeps=default.substeps)
-    values = [run.named_parameters[name] for name in GAINS]
-    gradient = _shortest(lambda: sensitivities(GAINS, [values], [run.experiment], stride=10, workers=1))
-    return gradient / _shortest(compiled.prepare_call(run))
+    experiment = case(4)
+    values = [parameters_of(experiment)[name] for name in GAINS]
+    gradient = _shortest(lambda: sensitivities(GAINS, [values], [experiment], stride=10, workers=1))
+    return gradient / (1e-3 * rollout_time(experiment, ROUNDS))
 
 
 def race(seed: int, gradient_cost: float) -> Race:
