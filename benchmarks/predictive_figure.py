@@ -1,6 +1,8 @@
-"""The figure of `benchmarks.predictive`."""
+"""The figure of docs/mpc.md: ``python -m benchmarks.predictive_figure docs/images/mpc.svg`` draws it."""
 
+import argparse
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +14,10 @@ from dualwinch.controllers.laws.predictive.mpc import Mpc
 from dualwinch.model.reference import Setpoint
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.page import new_page
+from dualwinch.simulation.plots.page import new_page, save
 from dualwinch.simulation.plots.style import BLUE, GREY, VERMILION
 from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 
 CORNER = 18.0
@@ -36,6 +39,12 @@ class Blind(Mpc):
     def step(self, state: Any, estimate: Any, setpoint: Setpoint, context: Any) -> Any:
         """One sample."""
         return super().step(state, estimate, Setpoint(setpoint.x, setpoint.v, setpoint.a), context)
+
+
+def hurried_start() -> Experiment:
+    """The reference sets off at once at 0.15 m/s: the force goes to its limit, stays there and leaves it."""
+    hurried = {"reference.kind": "uniform", "reference.speed": 0.15, "simulation.duration": 1.0}
+    return override(case(4, "mpc"), hurried | {"controller.estimator": "none"})
 
 
 def predictive_figure(hurried: Experiment) -> Figure:
@@ -72,3 +81,14 @@ def _with_law(hurried: Experiment, law: Adrc) -> Experiment:
 
 def _draw(axes: Axes, result: Result, column: str, factor: float, colour: str, label: str) -> None:
     axes.plot(result["t"], factor * np.asarray(result[column]), color=colour, label=label)
+
+
+def main() -> None:
+    """Draw the figure into a file."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.predictive_figure", description=__doc__)
+    parser.add_argument("file", type=Path, metavar="FILE", help=".svg, .png or .pdf")
+    save(predictive_figure(hurried_start()), parser.parse_args().file)
+
+
+if __name__ == "__main__":
+    main()

@@ -21,7 +21,7 @@ from dualwinch.toolboxes.race.scores import below_words, ratio_words, spaced
 
 Record = Mapping[str, Any]
 
-FIGURES = {"race.svg": "race.svg", "fronts.svg": "race-fronts.svg"}
+FIGURES = {"race.svg": "race.svg"}
 """Figure of a race → its name among those of the documents."""
 
 ENDS = ("estimate", "low", "high")

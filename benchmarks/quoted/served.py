@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.document import markdown
+from docs.generated.text import unit
 from dualwinch.codegen.compiler import find_compiler
 from dualwinch.config.experiment_file import load
 from dualwinch.export import export_c
@@ -22,7 +23,7 @@ from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
 from dualwinch.toolboxes.server.protocols import Modbus, served
-from dualwinch.toolboxes.server.registers import map_as_page
+from dualwinch.toolboxes.server.registers import registers as registers_of
 
 SITE = Path(__file__).parents[1] / "independent" / "searched.toml"
 MODBUS, SUPERVISED = 15502, 50.0
@@ -143,10 +144,14 @@ def share_within(timing: dict, most: float) -> float:
 
 
 def registers() -> str:
-    """The map of what clients read and write."""
+    """What clients read and write, with the first Modbus register of each."""
     plant = ServedPlant(case(4))
     plant.release()
-    return map_as_page(plant).rstrip()
+    rows = [
+        [str(register.modbus), f"`{register.name}`", unit(register.leaf.quantity.unit), register.leaf.quantity.meaning]
+        for register in registers_of(plant)
+    ]
+    return markdown(["Modbus", "name", "unit", "meaning"], rows).replace("|---|--:|--:|--:|", "|--:|---|---|---|")
 
 
 def outage() -> str:

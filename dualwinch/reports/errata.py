@@ -290,11 +290,7 @@ NOTES = (
             "plant.track.tilt",
         ),
         modules=("model/heavy_ropes.py", "model/winch.py", "model/friction.py", "model/vehicle.py"),
-        effect="Gains tuned on this plant leave an error of 0.030 mm on an independent one. With ropes of 2.36 kg/m, "
-        "ropes go slack for long on 12 of 12 machines and 2 are lost; with 30 kg m² more on the drums, all 12 are "
-        "lost; with sag on rollers every 1 m, a rope goes slack on 12. The paper's gains leave 0.323 mm, and 0.326 mm, "
-        "0.326 mm and 0.322 mm in these three cases; on drums of 220 kg m² they are lost.",
-        page="rig.md",
+        page="site.md",
     ),
     Note(
         "A15",
@@ -307,9 +303,7 @@ NOTES = (
         "length.",
         keys=("controller.winch_1.damping",),
         modules=("controllers/coordinations/winch_pid.py",),
-        effect="The paper's gains are lost on 12 of 12 machines with drums of 220 kg m², but on none with the heavy "
-        "winches of `site` and damping.",
-        page="rig.md",
+        page="site.md",
     ),
 )
 """Every entry, errata first."""
@@ -329,14 +323,17 @@ def places(note: Note) -> tuple[str, ...]:
 
 def errata_markdown() -> str:
     """The table as Markdown: the whole content of docs/errata.md."""
-    lines = ["# Errata and assumptions", "", INTRODUCTION]
+    sources = (
+        "The report of `dualwinch reproduce` has keys and source files of each, [the paper](paper.md) their effects."
+    )
+    lines = ["# Errata and assumptions", "", INTRODUCTION, sources, ""]
     for kind, heading in (("erratum", "Errata"), ("assumption", "Assumptions")):
         paper = "the paper prints" if kind == "erratum" else "the paper leaves open"
         lines += [
             f"## {heading}",
             "",
-            f"| | about | {paper} | dualwinch does | where |",
-            "|---|---|---|---|---|",
+            f"| | about | {paper} | dualwinch does |",
+            "|---|---|---|---|",
         ]
         for note in NOTES:
             if note.kind == kind:
@@ -344,8 +341,7 @@ def errata_markdown() -> str:
                     note.id,
                     note.subject,
                     note.paper,
-                    f"{note.here} {note.effect} ([where]({note.page}))" if note.page else note.here,
-                    ", ".join(f"`{place}`" for place in places(note)),
+                    " ".join(filter(None, (note.here, note.effect, f"([more]({note.page}))" if note.page else ""))),
                 )
                 lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         lines.append("")

@@ -12,6 +12,7 @@ Whole numbers up to 20 are free. Links, code and mathematics are not looked at.
 """
 
 import ast
+import json
 import re
 import tomllib
 from collections.abc import Iterator
@@ -146,9 +147,11 @@ def marks_of(source: Path) -> list[str]:
 
 
 def writes(command: str, mark: str) -> bool:
-    """Whether the sources of a command name a mark."""
+    """Whether the sources of a command, or the dated results that it renders, name a mark."""
     place = ROOT / command.replace(".", "/")
     sources = sorted(place.glob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
+    if any(mark in json.loads(file.read_text(encoding="utf-8"))["tables"] for file in place.glob("*.json")):
+        return True
     return any(re.fullmatch(pattern, mark) for file in sources if file.exists() for pattern in marks_of(file))
 
 

@@ -1,4 +1,4 @@
-"""Every example runs, tunes, compares and exports; the lesson shows the very code."""
+"""Every example runs, tunes, compares and exports; the lesson leads to each and shows the first one's code."""
 
 import importlib.util
 import inspect
@@ -58,11 +58,15 @@ def test_it_tunes_compares_and_writes_c(
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_its_part_is_short_and_in_the_lesson(path: Path) -> None:
+def test_its_part_is_short_and_the_lesson_leads_to_it(path: Path) -> None:
     source = inspect.getsource(part_of(loaded(path))).strip()
     assert len(source.splitlines()) <= LONGEST
-    blocks = re.findall(r"```python\n(.*?)```", LESSON, re.DOTALL)
-    assert any(source in block for block in blocks), "copy the class into docs/your-own-parts.md"
+    assert f"(../examples/{path.name})" in LESSON
+
+
+def test_the_lesson_shows_the_law_as_it_is() -> None:
+    source = inspect.getsource(part_of(loaded(ROOT / "examples" / "lqi_law.py"))).strip()
+    assert source in LESSON, "copy the class into docs/your-own-parts.md"
 
 
 @pytest.mark.slow
