@@ -115,7 +115,7 @@ def main() -> int:
             put(chosen.write, "growth", table)
         if chosen.plot:
             from benchmarks.growth_figure import growth_figure
-            from dualwinch.simulation.plots import save
+            from dualwinch.simulation.plots.page import save
 
             save(growth_figure(found), chosen.plot)
     except (DualwinchError, UnavailableError, OSError, ValueError) as error:

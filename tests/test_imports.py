@@ -1,8 +1,8 @@
 """What may import what, read from the sources: neither files nor sub-packages import in a circle, and folders import
 downwards only. A class name stands once.
 
-All imports count, also those inside functions and for type checkers alone. Not read is the stub of `dualwinch` itself,
-the list of all floors' names for users.
+All imports count, also those inside functions, for type checkers alone and by a string. Not read is the stub of
+`dualwinch` itself, the list of all floors' names for users.
 """
 
 import ast
@@ -60,6 +60,10 @@ def imports_of(module: str, source: str, *, package: bool) -> Iterator[Import]:
             origin = ".".join([*above, *([node.module] if node.module else [])])
             for alias in node.names:
                 yield Import(module, node.lineno, f"{origin}.{alias.name}")
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "__import__")):
+            for argument in node.args:
+                if isinstance(argument, ast.Constant) and str(argument.value).startswith("dualwinch"):
+                    yield Import(module, node.lineno, str(argument.value))
 
 
 @cache
@@ -192,6 +196,7 @@ def test_folders_are_imported_by_their_names_in_dualwinch() -> None:
         ("from .winch import Winch", "dualwinch.model.winch.Winch"),
         ("from ..codegen import cache", "dualwinch.codegen.cache"),
         ("import model.winch", "model.winch"),
+        ('importlib.import_module("dualwinch.plots")', "dualwinch.plots"),
     ],
 )
 def test_every_kind_of_import_is_found(line: str, name: str) -> None:

@@ -145,7 +145,7 @@ def write_race(out: Path, found: BenchmarkResult) -> list[str]:
     from dualwinch.codegen.files import write_whole
     from dualwinch.config.folders import make_folder
     from dualwinch.reports.tuning import write_race_report
-    from dualwinch.simulation.plots import save
+    from dualwinch.simulation.plots.page import save
 
     write_whole(out / "race.json", json_text(to_record(found)))
     save(found.plot(), out / "race.svg")

@@ -173,7 +173,7 @@ def write_stress(out: Path, found: RobustnessResult) -> list[str]:
     """
     from dualwinch.codegen.files import write_whole
     from dualwinch.reports.tuning import show_stress
-    from dualwinch.simulation.plots import save
+    from dualwinch.simulation.plots.page import save
 
     write_whole(out / "stress.json", json_text(to_record(found)))
     save(found.plot(), out / "stress.svg")
