@@ -40,8 +40,10 @@ from dualwinch.simulation.batch.authority import (
 )
 from dualwinch.simulation.batch.rollout import rollout
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, KILO, VERMILION, length_unit
+from dualwinch.simulation.plots.traces import largest, thin
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -290,12 +292,41 @@ class Preloads:
         return float((best - scheduled) / (best - getattr(self.optimum, self.measure)))
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Plot the sum of both tensions, the smaller of them, and the error over time (`dualwinch.plots.preloads`).
+        """Plot the sum of both tensions, the smaller of them, and the error over time.
 
         Args:
             ax: axes for the three; default: a figure of its own.
         """
-        return figures().preloads(self, ax=ax)
+        return preloads_figure(self, ax=ax)
+
+
+PRELOAD_COLOURS = {"as configured": GOLD, "constant": GREY, "best constant": VERMILION, "scheduled": BLUE}
+"""Run → colour."""
+
+
+def preloads_figure(result: Preloads, *, ax: GivenAxes = None) -> "Figure":
+    """Sum of both tensions, smaller tension, and error over time, for every preload; a panel each."""
+    experiment, best = result.scheduled.experiment, result.optimum
+    loads = ", ".join(f"{name} {run.metrics.continuous_load:.1f}" for name, run in result.runs.items())
+    words = f"Continuous load in N m: {loads}, optimum {best.continuous_load:.1f}"
+    with new_page(ax, 5.8, f"What preload costs: {scenario(experiment)}", words) as page:
+        total, smaller, _ = panels = page.panels(3, sharex=True, height_ratios=(1.3, 1, 1))
+        unit, name_of_unit = length_unit(max(largest(run["e"]) for run in result.runs.values()))
+        for name, run in result.runs.items():
+            constant = f", {run.experiment.controller.limits.preload:.0f} N" if run is not result.scheduled else ""
+            signals = (run["F1"] + run["F2"]) / KILO, np.minimum(run["F1"], run["F2"]) / KILO, run["e"] / unit
+            for axes, values in zip(panels, signals, strict=True):
+                axes.plot(*thin(run["t"], values), color=PRELOAD_COLOURS[name], linewidth=1.0, label=name + constant)
+        optimum = {"color": GREEN, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": "optimum"}
+        total.plot(best.t, best.preload / KILO, **optimum)
+        smaller.plot(best.t, np.minimum(best.F1, best.F2) / KILO, **optimum)
+        smaller.axhline(experiment.controller.limits.tension_min / KILO, color=INK, linewidth=0.7, linestyle=":")
+        labels = ("sum of tensions (kN)", "smaller tension (kN)", f"error $e$ ({name_of_unit})")
+        for axes, label in zip(panels, labels, strict=True):
+            axes.set_ylabel(label)
+        page.time_axes(panels, experiment, shaded=False)
+        page.legend()
+    return page.figure
 
 
 def preloads(

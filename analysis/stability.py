@@ -24,8 +24,10 @@ from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.model.scalar import Scalar
 from dualwinch.model.vehicle import inertia
 from dualwinch.simulation.experiment import Experiment
+from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.style import BLUE, GOLD, GREEN, GREY, INK, PURPLE, VERMILION, WINE, law_label, plain
+from dualwinch.simulation.plots.traces import peaks
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 
@@ -241,12 +243,70 @@ class Certificate:
         return self.certified and all(c.holds for c in self.conditions)
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Plot the Lyapunov function and its rate over the run (`dualwinch.plots.lyapunov`).
+        """Plot the Lyapunov function and its rate over the run.
 
         Args:
             ax: axes for these; default: a figure of its own.
         """
-        return figures().lyapunov(self, ax=ax)
+        return lyapunov(self, ax=ax)
+
+
+INTERVALS = 250
+"""Intervals of a run; each shows its largest value."""
+
+DECADES = 12.0
+"""Decades shown below the largest value."""
+
+TERMS = {
+    "surface": ("$s^2/2$", BLUE),
+    "auxiliary": ("$Z_a^2/2$", GOLD),
+    "estimate": (r"$M \tilde{d}^2/(2L)$", PURPLE),
+    "adaptation": (r"$\Delta L^2/(2K_f)$", WINE),
+}
+"""Term of V → its formula and colour."""
+
+
+def lyapunov(certificate: Certificate, *, ax: GivenAxes = None) -> "Figure":
+    """V with its terms, and positive and negative parts of dV/dt, on logarithmic axes.
+
+    Panels: V, and its rate.
+
+    Raises:
+        ConfigurationError: the run ended with its first sample.
+    """
+    if not certificate.rate.size:
+        raise ConfigurationError("V along a run needs at least two samples")
+    experiment, t = certificate.result.experiment, certificate.result["t"]
+    width, total = experiment.duration / INTERVALS, certificate.terms.total
+    holding = [condition.holds for condition in certificate.conditions]
+    words = f"{scenario(experiment).capitalize()}. V decreases over {100 * certificate.decreasing:.3g} % of the samples"
+    words += f"; {sum(holding)} of {len(holding)} conditions hold"
+    with new_page(ax, 5.4, f"{plain(law_label(experiment))}: the theorem's Lyapunov function", words) as page:
+        value, rate = panels = page.panels(2, sharex=True, height_ratios=(1.15, 1))
+        value.plot(*peaks(t, total, width), color=INK, linewidth=1.5, label="$V$", zorder=3)
+        for name, (formula, colour) in TERMS.items():
+            if np.any(values := getattr(certificate.terms, name)):
+                value.plot(*peaks(t, values, width), color=colour, linewidth=0.9, label=formula)
+        for sign, colour, label in ((1.0, VERMILION, "dV/dt > 0"), (-1.0, GREEN, "dV/dt < 0")):
+            part = np.where(sign * certificate.rate > 0, certificate.rate, 0.0)
+            rate.plot(*peaks(t[:-1], part, width), color=colour, linewidth=1.0, label=label)
+        _decades(value, total)
+        _decades(rate, certificate.rate)
+        value.set_ylabel("V and its terms")
+        value.set_title("V, largest value of every interval", color=GREY)
+        rate.set_ylabel("|dV/dt| (1/s)")
+        rate.set_title("rate of V, largest of every interval, by its sign", color=GREY)
+        page.time_axes(panels, experiment, shaded=False)
+        page.legend()
+    return page.figure
+
+
+def _decades(axes: "Axes", values: np.ndarray) -> None:
+    """A logarithmic axis down to `DECADES` below the largest value."""
+    highest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    axes.set_yscale("log")
+    if highest > 0:
+        axes.set_ylim(max(highest * 10**-DECADES, 1e-300), 3 * highest)
 
 
 def certify(experiment: Experiment, *, progress: Progress = no_progress) -> Certificate:

@@ -54,7 +54,7 @@ def main() -> None:
     if arguments.write:
         put(arguments.write, "tuned", text)
     if arguments.plot:
-        from dualwinch.simulation.plots import save
+        from dualwinch.simulation.plots.page import save
         from dualwinch.tuning.plots import front
 
         last = studies[-1]

@@ -7,7 +7,6 @@ Results of runs are given as one result, as several, which are labelled by their
 functions raise `ConfigurationError` where there is nothing to draw.
 """
 
-from dualwinch.analysis.plots.analyses import lyapunov, preloads
 from dualwinch.analysis.plots.linear import (
     amplitude_margins,
     closed_loop_poles,
@@ -15,19 +14,14 @@ from dualwinch.analysis.plots.linear import (
     modal_frequencies,
     pole_map,
 )
-from dualwinch.simulation.plots import (
-    commands,
-    comparison,
-    encode,
-    error,
-    fan_chart,
-    overview,
-    save,
-    steady_state_bars,
-    tensions,
-    trajectory,
-)
-from dualwinch.simulation.plots.ensembles import sweep_figure
+from dualwinch.analysis.preload import preloads_figure as preloads
+from dualwinch.analysis.stability import lyapunov
+from dualwinch.simulation.ensembles.comparison import comparison
+from dualwinch.simulation.ensembles.result import fan_chart
+from dualwinch.simulation.plots.page import encode, save
+from dualwinch.simulation.results.figures import commands, error, steady_state_bars, tensions, trajectory
+from dualwinch.simulation.results.result import overview
+from dualwinch.simulation.sweep import sweep_figure
 
 __all__ = [
     "amplitude_margins",

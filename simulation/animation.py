@@ -17,8 +17,18 @@ from dualwinch.codegen.files import write_whole
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import case_number, scenario
-from dualwinch.simulation.plots.runs import KILO, length_unit
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, ROPE_COLOURS, VERMILION, law_label, law_look
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GREY,
+    INK,
+    KILO,
+    LIGHT,
+    ROPE_COLOURS,
+    VERMILION,
+    law_label,
+    law_look,
+    length_unit,
+)
 from dualwinch.simulation.plots.traces import drawable, largest, thin
 from dualwinch.simulation.results.result import Result
 

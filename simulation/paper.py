@@ -19,7 +19,7 @@ from dualwinch.model.reference import Reference
 from dualwinch.model.ropes import RopeLaw
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import Metric
-from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.metrics.metrics import Metrics
 
 CASES = {
     1: "uniform speed, no disturbance",
@@ -105,26 +105,26 @@ COMPARED_CASE = 4
 """The case of Figure 21."""
 
 
-def steady_change(results: Mapping[str, Result]) -> dict[str, float] | None:
+def steady_change(metrics: Mapping[str, Metrics]) -> dict[str, float] | None:
     """Relative change of the steady-state errors due to the observer.
 
     Args:
-        results: controller → result, all of one case.
+        metrics: controller → figures of merit, all of one case.
 
     Returns:
         ``mae``, ``max_abs_error``, ``mse`` → (with observer − without) / without, so −0.76 is 76 % less; NaN where
         a run never reached its steady state. ``None`` if one of the two controllers is missing.
     """
-    if WITH_OBSERVER not in results or WITHOUT_OBSERVER not in results:
+    if WITH_OBSERVER not in metrics or WITHOUT_OBSERVER not in metrics:
         return None
-    new, old = results[WITH_OBSERVER].metrics, results[WITHOUT_OBSERVER].metrics
+    new, old = metrics[WITH_OBSERVER], metrics[WITHOUT_OBSERVER]
     pairs = {key: (getattr(new, f"steady_{key}"), getattr(old, f"steady_{key}")) for key in REDUCTIONS}
     return {key: after / before - 1 if before else float("nan") for key, (after, before) in pairs.items()}
 
 
-def reductions(runs: Mapping[tuple[int, str], Result]) -> dict[str, float] | None:
-    """Figure 21's reductions, from (case, controller) → result; ``None`` if Case 4 was not run with both."""
-    return steady_change({kind: result for (number, kind), result in runs.items() if number == COMPARED_CASE})
+def reductions(metrics: Mapping[tuple[int, str], Metrics]) -> dict[str, float] | None:
+    """Figure 21's reductions, from (case, controller) → figures of merit; ``None`` if Case 4 was not run with both."""
+    return steady_change({kind: merits for (number, kind), merits in metrics.items() if number == COMPARED_CASE})
 
 
 def percent(share: float, form: str = "+.1f") -> str:

@@ -1,24 +1,27 @@
 """Runs of an experiment over a grid of some of its values, and their figure."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualwinch.model.arguments import instance
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
-from dualwinch.model.quantities.quantity import Quantity, suggestion
+from dualwinch.model.quantities.quantity import Quantity, suggestion, unknown
+from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.batch.rollout import run_grid
 from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
+from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.style import BLUE, INK, LIGHT, VERMILION, law_label
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress, part
-from dualwinch.simulation.results import figures
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import current, leaf_of, override
 
@@ -94,8 +97,10 @@ class Sweep(RunOutcomes):
             UnknownNameError: an unknown figure of merit.
             ConfigurationError: more than two keys (`at` removes one), or none.
         """
-        return figures().sweep_figure(self, metric, ax=ax)
+        return sweep_figure(self, metric, ax=ax)
 
+
+Floats = NDArray[np.float64]
 
 PREPARING = 0.3
 """Share of the time that goes into making the experiments of a large sweep."""
@@ -179,3 +184,154 @@ def _point(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
             raise
         raise ConfigurationError(f"{', '.join(assignments)}: {message}") from error
     return made
+
+
+SPAN = 10
+"""Ratio of the largest to the smallest number below which the axis is linear."""
+
+LABELLED = 9
+"""Maximum number of values that each get a tick."""
+
+
+@dataclass(frozen=True)
+class SweptAxis:
+    """Axis of a swept key.
+
+    Attributes:
+        order: indices of the values along the axis.
+        positions: (n,) positions of the values in that order.
+        words: tick label of each value; empty for a numeric axis.
+        log: whether the axis is logarithmic.
+        categorical: whether the values are categories.
+    """
+
+    order: NDArray[np.int64]
+    positions: Floats
+    words: tuple[str, ...]
+    log: bool
+    categorical: bool = False
+
+    @property
+    def edges(self) -> Floats:
+        """(n + 1,) edges of the cells around the values."""
+        at = np.log(self.positions) if self.log else self.positions
+        if len(at) == 1:
+            half = 0.5 * (abs(at[0]) or 1.0)
+            inner, first, last = np.empty(0), at[0] - half, at[0] + half
+        else:
+            inner = (at[1:] + at[:-1]) / 2
+            first, last = 2 * at[0] - inner[0], 2 * at[-1] - inner[-1]
+        edges = np.concatenate(([first], inner, [last]))
+        return np.exp(edges) if self.log else edges
+
+    def draw(self, axes: "Axes", side: Literal["x", "y"], label: str) -> None:
+        """Set scale, ticks and label of one of a panel's axes."""
+        axes.set(**{f"{side}label": label} | ({f"{side}scale": "log"} if self.log else {}))
+        axis = axes.xaxis if side == "x" else axes.yaxis
+        if self.words:
+            from matplotlib.ticker import NullLocator
+
+            axis.set_ticks(self.positions.tolist(), self.words)
+            axis.set_minor_locator(NullLocator())
+
+
+def swept_axis(values: Sequence[Any]) -> SweptAxis:
+    """The axis of a key's values."""
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+        words = tuple("–" if value is None else str(value).lower() for value in values)
+        order = np.arange(len(values))
+        return SweptAxis(order, order.astype(float), words, log=False, categorical=True)
+    order = np.argsort(values)
+    positions = np.array(values, float)[order]
+    words = tuple(f"{value:.4g}" for value in positions) if len(positions) <= LABELLED else ()
+    return SweptAxis(order, positions, words, log=grows_by_factors(positions))
+
+
+def grows_by_factors(ascending: Floats) -> bool:
+    """Whether the ratios between successive numbers are more even than the differences."""
+    if len(ascending) < 3 or ascending[0] <= 0 or ascending[-1] < SPAN * ascending[0]:
+        return False
+    factors, differences = np.diff(np.log(ascending)), np.diff(ascending)
+    return bool(np.ptp(factors) / factors.mean() < np.ptp(differences) / differences.mean())
+
+
+def spans_decades(values: Floats) -> bool:
+    """Whether values, possibly with NaN, span so many decades that only a logarithmic scale shows them."""
+    finite = values[np.isfinite(values)]
+    return bool(finite.size and finite.min() > 0 and finite.max() >= 3 * SPAN * finite.min())
+
+
+MARKS = {"diverged": "x", "left_track": ">", "not_run": "."}
+"""Outcome of an incomplete run → marker."""
+
+WRITTEN = 60
+"""Maximum number of cells with their values written in them."""
+
+
+def sweep_figure(result: Sweep, metric: str, *, ax: GivenAxes = None) -> "Figure":
+    """Draw a sweep; see `Sweep.plot`.
+
+    Raises:
+        UnknownNameError: an unknown figure of merit.
+        ConfigurationError: more than two keys, or none.
+    """
+    if metric not in result.metrics:
+        raise UnknownNameError(unknown("metric", metric, result.metrics))
+    if len(result.keys) not in {1, 2}:
+        raise ConfigurationError(f"a sweep of {len(result.keys)} keys cannot be drawn; at(key, value) removes one")
+    along = [swept_axis(values) for values in result.values]
+    values, outcomes = result.metrics[metric], result.outcomes
+    for dimension, axis in enumerate(along):
+        values, outcomes = values.take(axis.order, dimension), outcomes.take(axis.order, dimension)
+    title = f"{metric} over {' and '.join(key.rsplit('.', 1)[-1] for key in result.keys)}"
+    law = "" if "controller.kind" in result.keys else f"{law_label(result.experiment)}; "
+    with new_page(ax, 2.6 + 0.6 * len(along), title, law + scenario(result.experiment)) as page:
+        (axes,) = page.panels()
+        draw = _line if len(along) == 1 else _map
+        draw(axes, along, values, _named(metric, result.merits[metric]))
+        for outcome, marker in MARKS.items():
+            ended = np.nonzero(outcomes == outcome)
+            x, *y = (axis.positions[indices] for axis, indices in zip(along, ended, strict=True))
+            below = (np.full(len(x), 0.04), axes.get_xaxis_transform())
+            y, transform = (y[0], axes.transData) if y else below
+            label = outcome.replace("_", " ") if len(x) else None
+            marked = {"marker": marker, "linestyle": "none", "color": VERMILION, "label": label}
+            axes.plot(x, y, **marked, transform=transform, clip_on=len(along) > 1)
+        axes.set_title(readable(result.merits[metric].meaning))
+        for key, axis, side in zip(result.keys, along, ("x", "y"), strict=False):
+            axis.draw(axes, side, _named(key, result.quantities[key]))
+        page.legend()
+    return page.figure
+
+
+def _line(axes: "Axes", along: list[SweptAxis], values: Floats, name: str) -> None:
+    (axis,) = along
+    line = "none" if axis.categorical else "-"
+    axes.plot(axis.positions, values, marker="o", markersize=4, linestyle=line, color=BLUE)
+    axes.set(ylabel=name, yscale="log" if spans_decades(values) else "linear")
+    if axis.categorical:
+        axes.set_xlim(-0.5, len(axis.positions) - 0.5)
+
+
+def _map(axes: "Axes", along: list[SweptAxis], values: Floats, name: str) -> None:
+    from matplotlib.colors import LogNorm, Normalize
+
+    across, up = along
+    axes.grid(visible=False)
+    axes.set(facecolor=LIGHT, xlim=across.edges[[0, -1]], ylim=up.edges[[0, -1]])
+    if not np.isfinite(values).any():
+        return
+    scale = (LogNorm if spans_decades(values) else Normalize)(np.nanmin(values), np.nanmax(values))
+    cells = axes.pcolormesh(across.edges, up.edges, values.T, norm=scale, cmap="viridis")
+    bar = axes.figure.colorbar(cells, ax=axes, label=name)
+    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]  # the stub has no Spine here
+    if values.size <= WRITTEN:
+        for i, j in zip(*np.nonzero(np.isfinite(values)), strict=True):
+            colour = "white" if scale(values[i, j]) < 0.6 else INK
+            centred = {"ha": "center", "va": "center", "color": colour, "size": 7}
+            axes.text(float(across.positions[i]), float(up.positions[j]), f"{values[i, j]:.3g}", **centred)
+
+
+def _named(words: str, quantity: Quantity) -> str:
+    unit = readable_unit(quantity.unit)
+    return f"{words} ({unit})" if unit else words

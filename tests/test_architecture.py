@@ -182,15 +182,6 @@ def listed() -> dict[str, str]:
     return meanings
 
 
-UNTIL_RESULTS_HOLD_THEIR_FIGURES = {"dualwinch.simulation.results"}
-"""A module that still imports figures by a string: its figures are to stand beside it, then this goes."""
-
-
-def read_imports() -> list[Import]:
-    """All imports but those by a string that are to go."""
-    return [each for each in imports() if not (each.by_string and each.module in UNTIL_RESULTS_HOLD_THEIR_FIGURES)]
-
-
 def test_all_modules_are_read() -> None:
     names = set(modules())
     assert {"dualwinch", "dualwinch.cli.app", "dualwinch.codegen.sampled", "dualwinch.model.linear", LIST} <= names
@@ -200,17 +191,17 @@ def test_all_modules_are_read() -> None:
 
 
 def test_imports_point_down() -> None:
-    assert not [str(each) for each in read_imports() if upward(each)]
+    assert not [str(each) for each in imports() if upward(each)]
 
 
 def test_no_module_is_imported_by_a_string() -> None:
     """Entry points are loaded by their names, which are not the kernel's."""
-    assert not [str(each) for each in read_imports() if each.by_string]
+    assert not [str(each) for each in imports() if each.by_string]
 
 
 def test_files_do_not_import_in_a_circle() -> None:
     dependencies: dict[str, set[str]] = {module: set() for module in modules()}
-    for each in read_imports():
+    for each in imports():
         goal = target(each.name)
         if goal and goal != each.module:
             dependencies[each.module].add(goal)
@@ -219,7 +210,7 @@ def test_files_do_not_import_in_a_circle() -> None:
 
 def test_sub_packages_do_not_import_in_a_circle() -> None:
     dependencies: dict[str, set[str]] = {sub_package(module): set() for module in modules()}
-    for each in read_imports():
+    for each in imports():
         goal = target(each.name)
         if goal and sub_package(goal) != sub_package(each.module):
             dependencies[sub_package(each.module)].add(sub_package(goal))
@@ -228,7 +219,7 @@ def test_sub_packages_do_not_import_in_a_circle() -> None:
 
 
 def test_a_toolbox_imports_itself_and_the_list_alone() -> None:
-    assert not [str(each) for each in read_imports() if past_the_list(each)]
+    assert not [str(each) for each in imports() if past_the_list(each)]
 
 
 def test_the_list_is_short_and_says_what_each_name_is() -> None:

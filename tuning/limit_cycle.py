@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from dualwinch.analysis.describing_function import AmplitudePoint, amplitude_sweep
 from dualwinch.analysis.remarks import NOT_COMPUTABLE
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots.runs import length_unit
+from dualwinch.simulation.plots.style import length_unit
 
 
 @dataclass(frozen=True)

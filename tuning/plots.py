@@ -18,8 +18,7 @@ from dualwinch.simulation.ensembles.result import Statistic, statistic_from
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.plots.page import GivenAxes, new_page
-from dualwinch.simulation.plots.runs import draw_limits
-from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION
+from dualwinch.simulation.plots.style import BLUE, GREY, INK, LIGHT, SKY, VERMILION, draw_limits
 from dualwinch.simulation.scenario import Scenario
 from dualwinch.tuning.constraints import Constraint
 from dualwinch.tuning.problem import TEST, TuningProblem

@@ -157,7 +157,7 @@ def _write_metrics(
             for (number, kind), result in runs.items()
         ],
         "figure": FIGURE_21,
-        "reductions": reductions(runs) or {},
+        "reductions": reductions({key: run.metrics for key, run in runs.items()}) or {},
         "paper_reductions": REDUCTIONS,
         "other_observers": [{"gain": gain, "change": change} for gain, change in observers.items()],
         "claims": list(map(asdict, found)),
@@ -220,7 +220,7 @@ def tables(runs: Runs, variants: Variants) -> list[FigureTable]:
 
     named = {(number, CONTROLLERS[kind]): result for (number, kind), result in runs.items()}
     tables = [runs_table("Tracking error", named, TRACKING), runs_table("Ropes and limits", named, ROPE_METRICS)]
-    if change := reductions(runs):
+    if change := reductions({key: run.metrics for key, run in runs.items()}):
         title = "Figure 21: effect of the observer\n(Case 4, steady state)"
         merits = metric_quantities()
         columns = [

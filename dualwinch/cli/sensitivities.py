@@ -81,7 +81,7 @@ def sensitivities(
         FORMATS[out.suffix.lower()].write(content_of(record, base, derivatives), out)
         wrote(out)
     if plot:
-        from dualwinch.analysis.plots.analyses import effects_figure
+        from dualwinch.simulation.batch.sensitivities import effects_figure
 
         write_figure(plot, lambda: effects_figure(base, changes(record, derivatives), derivatives.quantities))
 

@@ -127,7 +127,7 @@ def _observer_in_case_3(runs: Runs) -> Iterator[Claim]:
 
 
 def _figure_21(runs: Runs, observer_gains: Mapping[float, float]) -> Iterator[Claim]:
-    change = reductions(runs)
+    change = reductions({key: run.metrics for key, run in runs.items()})
     if change is not None:
         here = ", ".join(percent(change[name]) for name in ("mae", "max_abs_error", "mse"))
         gains = ", ".join(

@@ -14,8 +14,8 @@ from dualwinch.reports.page import data_uri, number_text, write_page
 from dualwinch.simulation.metrics.metric import MetricQuantity
 from dualwinch.simulation.metrics.metrics import metric_quantities
 from dualwinch.simulation.paper import CASES, CONTENTS, CONTROLLERS, FIGURES, REDUCTIONS, percent, reductions
-from dualwinch.simulation.plots.runs import COMPARABLE
 from dualwinch.simulation.plots.traces import largest, within
+from dualwinch.simulation.results.figures import COMPARABLE
 from dualwinch.simulation.results.result import Result
 
 PAPER_DOI = "https://doi.org/10.3390/jmse13061120"
@@ -83,7 +83,7 @@ def write_report(
     Raises:
         OSError: the file cannot be written.
     """
-    change, merits = reductions(runs), metric_quantities()
+    change, merits = reductions({key: run.metrics for key, run in runs.items()}), metric_quantities()
     cards = [
         {"name": merits[metric].label, "here": percent(change[metric]), "paper": percent(paper, "+g")}
         for metric, paper in (REDUCTIONS if change else {}).items()
@@ -122,7 +122,7 @@ def summary(runs: Mapping[tuple[int, str], Result]) -> str:
     cases = f"Case{'s' * (len(numbers) > 1)} {_listing([str(number) for number in numbers])}"
     plural = "s" * (len(runs) != 1)
     opening = f"{len(runs)} simulated run{plural} of the paper's {cases}, under {_listing(kinds)}."
-    change = reductions(runs)
+    change = reductions({key: run.metrics for key, run in runs.items()})
     if change is None:
         return opening + " The reductions of Figure 21 need Case 4 with FANDO-NFTSM and NFTSM."
     merits = metric_quantities()

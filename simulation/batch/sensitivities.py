@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Setpoint
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Mark, Quantity, unknown
+from dualwinch.model.quantities.tables import readable, readable_unit
 from dualwinch.model.quantities.tree import leaves, with_leaves
 from dualwinch.simulation.batch.rollout import ParameterScenarioGrid, fill_on_workers
 from dualwinch.simulation.batch.scenarios import Scenarios, by_structure, check_shape, experiment_of
@@ -27,10 +28,16 @@ from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_s
 from dualwinch.simulation.loop.structure import described_parameters, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
+from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.style import GREY, PALETTE, law_label, looks
+from dualwinch.simulation.plots.traces import thin
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
 from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, not_run
 from dualwinch.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
@@ -429,3 +436,34 @@ def _gradients(
     samples = final[names.index("sample")] * completed
     reached = dict(zip(names, final.tolist(), strict=True))
     return built_in | slopes_of(own, reached, dict(zip(names, tangents, strict=True)), samples)
+
+
+READABLE = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+"""Unit of a column → unit of its changes in figures, and factor to it."""
+
+
+def effects_figure(
+    experiment: Experiment,
+    changes: Mapping[str, Mapping[str, Floats]],
+    quantities: Mapping[str, Quantity],
+    *,
+    ax: GivenAxes = None,
+) -> "Figure":
+    """First-order changes of columns of a run (column → label → (samples,)), one panel per column."""
+    t: Floats = np.arange(experiment.samples, dtype=np.float64) * experiment.simulation.sample_time
+    styles = looks(next(iter(changes.values())), PALETTE[::-1])
+    height, words = 1.2 + 1.6 * len(changes) + 0.09 * len(styles), f"{law_label(experiment)}; {scenario(experiment)}"
+    with new_page(ax, height, "Changes to first order", words) as page:
+        panels = page.panels(len(changes), sharex=True)
+        for axes, (column, lines) in zip(panels, changes.items(), strict=True):
+            axes.axhline(0.0, color=GREY, linewidth=0.7)
+            unit, scale = READABLE.get(quantities[column].unit, (readable_unit(quantities[column].unit), 1.0))
+            for label, values in lines.items():
+                axes.plot(*thin(t, scale * values), **styles[label], label=label)
+            axes.set(
+                ylabel=f"change of {column} ({unit})" if unit else f"change of {column}",
+                title=readable(quantities[column].meaning),
+            )
+        page.time_axes(panels, experiment, shaded=False)
+        page.legend()
+    return page.figure

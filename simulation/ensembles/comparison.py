@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,23 @@ from dualwinch.simulation.batch.workers import Workers
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.ensembles.result import EnsembleResult, Statistic
 from dualwinch.simulation.ensembles.run import run_side_by_side
+from dualwinch.simulation.metrics.metrics import in_words, metric_quantities
+from dualwinch.simulation.plots.page import GivenAxes, new_page
+from dualwinch.simulation.plots.style import (
+    BLUE,
+    GOLD,
+    GREEN,
+    GREY,
+    PURPLE,
+    SKY,
+    VERMILION,
+    WINE,
+    logarithmic,
+    looks,
+    plain,
+)
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.progress import Progress, no_progress
-from dualwinch.simulation.results import figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,12 +125,12 @@ class Comparison:
         return "\n".join(lines)
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Plot distributions of error and chatter, and ratios of means (`simulation.plots.comparison`).
+        """Plot distributions of error and chatter, and ratios of means.
 
         Args:
             ax: axes for error, chatter and ratios; default: a figure of its own.
         """
-        return figures().comparison(self, ax=ax)
+        return comparison(self, ax=ax)
 
     @property
     def partial(self) -> bool:
@@ -251,3 +265,57 @@ def _with_controller(ensemble: Ensemble, name: str, controller: Controller) -> E
     except ConfigurationError as error:
         raise ConfigurationError(f"{name}: {error}") from error
     return replace(ensemble, experiment=experiment)
+
+
+CONTROLLER_COLOURS = (GREY, BLUE, VERMILION, GREEN, PURPLE, GOLD, WINE, SKY)
+"""Colours of controllers, the baseline first; reused with other dashes."""
+
+PANELS = ("mse", "chatter")
+"""Figures of merit whose distributions over the scenarios are shown."""
+
+
+def comparison(result: Comparison, *, ax: GivenAxes = None) -> "Figure":
+    """Cumulative distributions of error and chatter, and ratios to the first controller with confidence intervals.
+
+    Panels: error, chatter, ratios.
+    """
+    styles = looks(result.contenders, CONTROLLER_COLOURS)
+    others = list(result.contenders)[1:]
+    ratios_height = 0.5 + len(COMPARED) * (0.12 + 0.13 * len(others)) if others else 0.0
+    words = f"{len(result)} scenarios of “{plain(result.ensemble.name)}”, seed {result.seed}, the same for all"
+    rows, layout = [[*PANELS]], {}
+    if others:
+        rows, layout = [[*PANELS], ["ratios"] * len(PANELS)], {"height_ratios": (2.2, ratios_height)}
+    with new_page(ax, 3.0 + ratios_height, "Controllers in the same scenarios", words) as page:
+        panels = page.mosaic(rows, **layout)
+        for axes, metric in zip(panels, PANELS, strict=False):
+            quantity = metric_quantities()[metric]
+            for name, contender in result.contenders.items():
+                values = np.sort(quantity.scale * contender.of_completed(metric))
+                shares = np.arange(1, len(values) + 1) / len(values)
+                axes.step(values, shares, where="post", **styles[name], label=plain(name))
+            logarithmic(axes, (1, 2, 5))
+            axes.set(ylim=(0, 1), title=in_words(metric), xlabel=quantity.axis)
+        panels[0].set_ylabel("share of scenarios")
+        for axes in panels[len(PANELS) :]:
+            _ratios(axes, result, styles)
+        page.legend()
+    return page.figure
+
+
+def _ratios(axes: "Axes", result: Comparison, styles: Mapping[str, dict[str, Any]]) -> None:
+    first, *others = result.contenders
+    for index, name in enumerate(others):
+        offset, colour = 0.6 * (index + 0.5) / len(others) - 0.3, styles[name]["color"]
+        for row, pair in enumerate(result.paired(name).values()):
+            ratio = pair.ratio_of_means
+            axes.plot((ratio.low, ratio.high), (row + offset,) * 2, color=colour, linewidth=2.2, alpha=0.55)
+            axes.plot(ratio.estimate, row + offset, "o", color=colour, markersize=4)
+    axes.axvline(1, color=GREY, linewidth=0.8, zorder=1)
+    logarithmic(axes, (1, 2, 5))
+    axes.set_yticks(range(len(COMPARED)), [name.replace("_", " ") for name in COMPARED])
+    axes.set(
+        ylim=(len(COMPARED) - 0.5, -0.5),
+        xlabel=f"over {plain(first)}; smaller is better",
+        title=f"ratio of means with {100 * CONFIDENCE:g} % interval",
+    )

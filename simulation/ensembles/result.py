@@ -19,7 +19,18 @@ from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.ensembles.ensemble import Ensemble
 from dualwinch.simulation.metrics.metric import Metric, MetricQuantity
 from dualwinch.simulation.metrics.metrics import BUILT_IN, in_words, metric_quantities
-from dualwinch.simulation.results import figures
+from dualwinch.simulation.plots.page import GivenAxes, new_page, steady_patch
+from dualwinch.simulation.plots.style import (
+    INK,
+    KILO,
+    aside,
+    draw_limits,
+    law_label,
+    law_look,
+    length_unit,
+    plain,
+    zero_line,
+)
 from dualwinch.simulation.results.file_formats import MIXED, FileContent, format_of
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.settings import known_keys
@@ -200,7 +211,7 @@ class EnsembleResult(RunOutcomes):
         }
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Plot errors and tensions of the scenarios over time, as a fan chart (`simulation.plots.fan_chart`).
+        """Plot errors and tensions of the scenarios over time, as a fan chart.
 
         Args:
             ax: axes for the error and for the tensions of rope 1 and rope 2; default: a figure of its own.
@@ -208,7 +219,7 @@ class EnsembleResult(RunOutcomes):
         Raises:
             ConfigurationError: no traces were kept (``traces=True``), or no scenario completed.
         """
-        return figures().fan_chart(self, ax=ax)
+        return fan_chart(self, ax=ax)
 
     @property
     def controller(self) -> Controller:
@@ -234,6 +245,74 @@ class EnsembleResult(RunOutcomes):
             "slack_scenarios": int(slack.sum()),
             "outcomes": self.outcome_counts,
         }
+
+
+BANDS = ((0.05, 0.95, 0.28), (0.25, 0.75, 0.5))
+"""Lower and upper quantile of a band, and its opacity."""
+
+ALL_SHADE = 0.12
+"""Opacity of the band from the smallest to the largest value."""
+
+
+SEEN = {"50 %": 0.68, "90 %": 0.37, "all scenarios": ALL_SHADE}
+"""Apparent opacity of the overlapping bands, for the legend."""
+
+
+def fan_chart(result: EnsembleResult, *, ax: GivenAxes = None) -> "Figure":
+    """Error and rope tensions over time: median, central 50 % and 90 %, and range of all scenarios.
+
+    Panels: the error, and the tensions of rope 1 and rope 2.
+
+    Raises:
+        ConfigurationError: no traces were kept, or no scenario completed.
+    """
+    if result.traces is None:
+        raise ConfigurationError("a fan chart needs traces of scenarios that ran to their end: there are none")
+    experiment = result.ensemble.experiment
+    colour, _ = law_look(experiment)
+    with new_page(ax, 6.4, *_headings(result)) as page:
+        error, *ropes = panels = page.panels(3, sharex=True, height_ratios=(1.45, 1, 1))
+        unit, name = length_unit(result.statistic("worst.max_abs_error"))
+        _fan(error, result.traces, "e", unit, colour)
+        zero_line(error)
+        error.set(ylabel=rf"error $e = x - x_\mathrm{{ref}}$ ({name})", title="tracking error")
+        rms = np.sqrt(result.statistic("mean.mse")) / unit
+        median, most, worst = (result.statistic(f"{kind}.max_abs_error") / unit for kind in ("median", "p95", "worst"))
+        words = f"RMS {rms:.3g} {name} · largest |e|: median {median:.3g}, 95 % {most:.3g}, worst {worst:.3g} {name}"
+        aside(error, words)
+        for rope, axes in enumerate(ropes, start=1):
+            _fan(axes, result.traces, f"F{rope}", KILO, colour)
+            draw_limits(axes, experiment)
+            axes.set(ylabel=f"tension $F_{rope}$ (kN)", title=f"rope {rope}")
+        median, highest = (result.statistic(f"{kind}.peak_tension") / KILO for kind in ("median", "worst"))
+        mean, longest = (100 * result.statistic(f"{kind}.slack_share") for kind in ("mean", "worst"))
+        words = f"both ropes: peak median {median:.3g}, worst {highest:.3g} kN"
+        aside(ropes[0], words + f" · slack in {mean:.2g} % of the time, worst {longest:.2g} %")
+        page.time_axes(panels, experiment)
+        page.legend(steady_patch())
+    return page.figure
+
+
+def _headings(result: EnsembleResult) -> tuple[str, str]:
+    counts = result.outcome_counts
+    others = [f"{count} {outcome.replace('_', ' ')}" for outcome, count in counts.items() if outcome != "completed"]
+    title = f"{plain(law_label(result.ensemble.experiment))} in the ensemble “{plain(result.ensemble.name)}”"
+    words = f"{counts.get('completed', 0)} scenarios, seed {result.seed}"
+    return title, words + (f"; not drawn: {', '.join(others)}" if others else "; every one ran to its end")
+
+
+def _fan(axes: "Axes", traces: Traces, column: str, unit: float, colour: str) -> None:
+    def band(low: NDArray[Any], high: NDArray[Any], alpha: float) -> None:
+        axes.fill_between(traces.t, low / unit, high / unit, color=colour, alpha=alpha, linewidth=0)
+
+    (median,) = traces.quantiles(column, (0.5,)) / unit
+    axes.plot(traces.t, median, color=INK, linewidth=0.9, label="median")
+    for label, alpha in SEEN.items():
+        axes.fill_between([], [], color=colour, alpha=alpha, linewidth=0, label=label)
+    band(traces.lowest[column], traces.highest[column], ALL_SHADE)
+    for low, high, darkness in BANDS:
+        below, above = traces.quantiles(column, (low, high))
+        band(below, above, darkness)
 
 
 def content_of(result: EnsembleResult, notes: Mapping[str, str]) -> FileContent:

@@ -5,14 +5,9 @@ from contextlib import contextmanager
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from dualwinch.codegen.files import atomic
@@ -20,6 +15,12 @@ from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import CASES, case
 from dualwinch.simulation.plots.style import GREY, LIGHT, SHADE, house_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 
 def case_number(experiment: Experiment) -> int | None:
@@ -56,10 +57,7 @@ WIDTH = 7.0
 LEGEND_WIDTH, LEGEND_HANDLE = 105, 7
 """Width of a legend below a figure in characters, and that of its line samples."""
 
-STEADY_PATCH = Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
-"""Legend entry of the shaded steady-state window."""
-
-GivenAxes: TypeAlias = Axes | Sequence[Axes] | NDArray[Any] | None
+GivenAxes: TypeAlias = "Axes | Sequence[Axes] | NDArray[Any] | None"
 """Argument `ax` of a figure: axes for its panels, in their order; with fewer axes, only the first panels are drawn.
 ``None``: a figure of its own."""
 
@@ -84,7 +82,10 @@ def new_page(ax: GivenAxes, height: float, title: str, subtitle: str, gap: float
         page.figure.align_ylabels([axes for axes in page.drawn if axes.get_ylabel()])
 
 
-def _new_figure(height: float, title: str, subtitle: str, gap: float) -> Figure:
+def _new_figure(height: float, title: str, subtitle: str, gap: float) -> "Figure":
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     engine = ConstrainedLayoutEngine(w_pad=0.06, h_pad=gap, hspace=0.04, wspace=0.03)
     figure = Figure(figsize=(WIDTH, height), layout=engine)
     left = 0.06 / WIDTH
@@ -95,7 +96,10 @@ def _new_figure(height: float, title: str, subtitle: str, gap: float) -> Figure:
     return figure
 
 
-def _page_of(ax: Axes | Sequence[Axes] | NDArray[Any]) -> "Page":
+def _page_of(ax: "Axes | Sequence[Axes] | NDArray[Any]") -> "Page":
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
     given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
     if not given or not all(isinstance(axes, Axes) for axes in given):
         raise ConfigurationError("ax: must be matplotlib axes, or a list or array of them")
@@ -111,11 +115,11 @@ class Page:
         drawn: the visible panels: all, or the caller's axes.
     """
 
-    def __init__(self, figure: Figure, given: list[Axes] | None = None) -> None:
+    def __init__(self, figure: "Figure", given: "list[Axes] | None" = None) -> None:
         self.figure, self._given = figure, given
         self.drawn: list[Axes] = given or []
 
-    def panels(self, rows: int = 1, columns: int = 1, order: Literal["C", "F"] = "F", **layout: Any) -> list[Axes]:
+    def panels(self, rows: int = 1, columns: int = 1, order: Literal["C", "F"] = "F", **layout: Any) -> "list[Axes]":
         """The panels of a grid, column by column (`order` "C": row by row); `layout` as for `Figure.subplots`.
 
         Panels without axes of the caller are drawn into a figure that is discarded.
@@ -125,7 +129,7 @@ class Page:
             return self.drawn
         return self._with_others(rows * columns)
 
-    def mosaic(self, names: list[list[str]], **layout: Any) -> list[Axes]:
+    def mosaic(self, names: list[list[str]], **layout: Any) -> "list[Axes]":
         """The panels of a mosaic in the order of their names; `layout` as for `Figure.subplot_mosaic`."""
         known = list(dict.fromkeys(name for row in names for name in row))
         if self._given is None:
@@ -135,13 +139,15 @@ class Page:
             return self.drawn
         return self._with_others(len(known))
 
-    def _with_others(self, count: int) -> list[Axes]:
+    def _with_others(self, count: int) -> "list[Axes]":
+        from matplotlib.figure import Figure
+
         missing = count - len(self.drawn)
         if missing < 0:
             raise ConfigurationError(f"ax: {len(self.drawn)} axes were given; there are {count} panels")
         return [*self.drawn, *(Figure().subplots() for _ in range(missing))]
 
-    def time_axes(self, panels: Sequence[Axes], experiment: Experiment, *, shaded: bool = True) -> None:
+    def time_axes(self, panels: "Sequence[Axes]", experiment: Experiment, *, shaded: bool = True) -> None:
         """Limit stacked panels to the run's duration in s, shade its steady state, and label their time axis."""
         start, end = experiment.steady_window
         for axes in panels:
@@ -150,12 +156,12 @@ class Page:
             axes.set_xlim(0, experiment.duration)
         self.name_x(panels, "time (s)")
 
-    def name_x(self, panels: Sequence[Axes], name: str) -> None:
+    def name_x(self, panels: "Sequence[Axes]", name: str) -> None:
         """Label the horizontal axis of stacked panels: only the lowest, or each of a caller's axes."""
         for axes in panels if self._given else panels[-1:]:
             axes.set_xlabel(name)
 
-    def legend(self, *others: Line2D | Patch) -> None:
+    def legend(self, *others: "Line2D | Patch") -> None:
         """One legend for all panels, with `others` last: below them, or inside the first of a caller's axes."""
         found: dict[str, Any] = {}
         for axes in self.drawn:
@@ -172,6 +178,13 @@ class Page:
             self.figure.legend(handles=handles, ncols=columns, **placed)
 
 
+def steady_patch() -> "Patch":
+    """Legend entry of the shaded steady-state window."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=SHADE, edgecolor=LIGHT, linewidth=1.0, label="steady state")
+
+
 RESOLUTION = 200
 """Dots per inch of a PNG."""
 
@@ -179,7 +192,7 @@ METADATA = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"Creati
 """Suffix → metadata left out of the file, as they vary with date or machine."""
 
 
-def encode(figure: Figure, suffix: str) -> bytes:
+def encode(figure: "Figure", suffix: str) -> bytes:
     """A figure as the content of a file.
 
     Args:
@@ -198,7 +211,7 @@ def encode(figure: Figure, suffix: str) -> bytes:
     return stream.getvalue()
 
 
-def save(figure: Figure, path: str | PathLike[str]) -> None:
+def save(figure: "Figure", path: str | PathLike[str]) -> None:
     """Write a figure to a file, which appears whole or not at all.
 
     Args:

@@ -1,27 +1,31 @@
-"""The house style of every figure: colours, line styles, sizes, axes."""
+"""The house style of every figure: colours, line styles, sizes, units, axes.
+
+Matplotlib is loaded when the first figure is drawn.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import cycle
-from typing import Any, TypeAlias
-
-import matplotlib as mpl
-from cycler import cycler
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from matplotlib.typing import LineStyleType
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dualwinch.codegen.text import one_line
 from dualwinch.simulation.experiment import Experiment
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.typing import LineStyleType
 
 BLUE, VERMILION, GREEN, GOLD, WINE = "#0072B2", "#D55E00", "#009E73", "#A87900", "#882255"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
 INK, GREY, LIGHT, SHADE = "#1A1A1A", "#6B6B6B", "#D9D9D9", "#F0F0F0"
 
-Look: TypeAlias = tuple[str, LineStyleType]
+Look: TypeAlias = "tuple[str, LineStyleType]"
 """Colour and line style."""
 
-DASHES: tuple[LineStyleType, ...] = (
+PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
+"""Colours of runs whose law's colour is already used; colours that belong to no law come first."""
+
+DASHES: "tuple[LineStyleType, ...]" = (
     "-",
     (0, (5, 2)),
     (0, (5, 1.5, 1, 1.5)),
@@ -47,7 +51,7 @@ STYLE = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.prop_cycle": cycler(color=[BLUE, VERMILION, GREEN, GOLD, WINE]),
+    "axes.prop_cycle": f"cycler(color={[BLUE, VERMILION, GREEN, GOLD, WINE]})",
     "axes.formatter.useoffset": False,
     "axes.formatter.min_exponent": 3,  # logarithmic axes show 6, not 6 x 10^0
     "grid.color": LIGHT,
@@ -74,6 +78,8 @@ STYLE = {
 @contextmanager
 def house_style() -> Iterator[None]:
     """Matplotlib's defaults with `STYLE`, regardless of the user's settings."""
+    import matplotlib as mpl
+
     with mpl.rc_context():
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
@@ -105,12 +111,12 @@ def looks(names: Iterable[str], colours: Sequence[str]) -> dict[str, dict[str, A
     return dict(zip(names, cycle(styles), strict=False))
 
 
-def aside(axes: Axes, words: str) -> None:
+def aside(axes: "Axes", words: str) -> None:
     """Write a small remark above a panel, on the right."""
     axes.set_title(words, loc="right", fontsize=7.5, color=GREY)
 
 
-def zero_line(axes: Axes) -> None:
+def zero_line(axes: "Axes") -> None:
     """Draw a thin line at zero, behind the signals."""
     axes.axhline(0, color=GREY, linewidth=0.6, zorder=1)
 
@@ -119,10 +125,35 @@ FEW_DECADES = 300
 """Ratio of an axis's ends up to which numbers between powers of ten fit."""
 
 
-def logarithmic(axes: Axes, between: tuple[int, ...]) -> None:
+def logarithmic(axes: "Axes", between: tuple[int, ...]) -> None:
     """Make the x axis logarithmic with plain numbers at powers of ten and, if it is short, multiples `between` them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     axes.set_xscale("log")
     low, high = axes.get_xlim()
     axes.xaxis.set_major_locator(LogLocator(subs=between if high < FEW_DECADES * low else (1,)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+KILO = 1e3
+
+PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
+"""Units of length for errors, the largest first."""
+
+
+def length_unit(largest: float) -> tuple[float, str]:
+    """Size in m and name of the unit that shows a length in m with few digits."""
+    return next((prefix for prefix in PREFIXES if largest >= prefix[0]), PREFIXES[-1])
+
+
+LIMIT = {"color": INK, "linestyle": (0, (2, 2)), "linewidth": 0.8, "zorder": 1.5}
+"""Line style of a limit."""
+
+
+def draw_limits(axes: "Axes", experiment: Experiment, *, label: str | None = "limits") -> None:
+    """Draw the limits of the tension commands in kN; `label` begins their legend entry."""
+    limits = experiment.controller.limits
+    low, high = limits.tension_min / KILO, limits.tension_max / KILO
+    axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} kN")
+    axes.axhline(high, **LIMIT)

@@ -1,4 +1,4 @@
-"""The result of a run: named columns with units, figures of merit, outcome; resampling and conversions."""
+"""The result of a run: named columns with units, figures of merit, outcome; resampling, conversions, its figure."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualwinch.controllers.estimators.kalman import KalmanGains
 from dualwinch.model.errors import ConfigurationError, MissingExtraError, UnknownNameError
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity, unknown
@@ -16,7 +17,23 @@ from dualwinch.model.quantities.tables import page, readable, readable_unit, sec
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.structure import is_automatic, solver_of
 from dualwinch.simulation.metrics.metrics import BUILT_IN, Metrics
-from dualwinch.simulation.results import figures
+from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
+from dualwinch.simulation.plots.style import (
+    GREY,
+    INK,
+    KILO,
+    LIMIT,
+    ROPE_COLOURS,
+    SKY,
+    Look,
+    draw_limits,
+    law_label,
+    law_look,
+    length_unit,
+    plain,
+    zero_line,
+)
+from dualwinch.simulation.plots.traces import largest, thin
 from dualwinch.simulation.rows import CONTINUOUS
 
 if TYPE_CHECKING:
@@ -24,6 +41,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 
 Floats = NDArray[np.float64]
@@ -134,7 +152,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         return replace(self, columns=columns | {"t": chosen})
 
     def plot(self, *, ax: "Axes | Sequence[Axes] | None" = None) -> "Figure":
-        """Plot an overview of the run: trajectory, error, tensions, force and estimate (`simulation.plots.overview`).
+        """Plot an overview of the run: trajectory, error, tensions, force and estimate.
 
         Args:
             ax: axes for these; default: a figure of its own.
@@ -142,7 +160,7 @@ class Result(Mapping[str, NDArray[np.float64]]):
         Raises:
             ConfigurationError: the run kept no rows.
         """
-        return figures().overview(self, ax=ax)
+        return overview(self, ax=ax)
 
     def to_pandas(self) -> "pd.DataFrame":
         """The rows as a `pandas.DataFrame` with index ``t``.
@@ -277,3 +295,147 @@ def _extra(name: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         raise MissingExtraError(name, name) from None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A run with its label and line style, the same in every panel."""
+
+    label: str
+    result: Result
+    colour: str
+    dashes: "LineStyleType"
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the run."""
+        return self.result.experiment
+
+    @property
+    def title(self) -> str:
+        """Its name in legends, with outcome and time if it ended early."""
+        if self.result.outcome == "completed":
+            return self.label
+        return f"{self.label} ({self.result.outcome.replace('_', ' ')} at {self.result.end_time:.3g} s)"
+
+    def draw(self, axes: "Axes", column: str, unit: float = 1.0, rows: slice = slice(None), **style: Any) -> None:
+        """Draw a column over time, divided by `unit`."""
+        self.line(axes, self.result["t"][rows], self.result[column][rows] / unit, **style)
+
+    def line(self, axes: "Axes", t: Floats, values: Floats, **style: Any) -> None:
+        """Draw a line of the run: times and values (rows,)."""
+        axes.plot(*thin(t, values), **{"color": self.colour, "linestyle": self.dashes, "label": self.title} | style)
+
+
+def curve_of(result: Result, look: Look, label: str) -> Curve:
+    """The curve of a run, with colour, line style and label.
+
+    Raises:
+        ConfigurationError: the run kept no rows.
+    """
+    if not len(result["t"]):
+        raise ConfigurationError(f"the result of {label} keeps no rows: simulate with stride >= 1")
+    return Curve(plain(label), result, *look)
+
+
+REFERENCE = {"color": INK, "linestyle": ":", "linewidth": 1.0, "label": "reference"}
+"""Line style of a reference."""
+
+FORCE_REACH = 1.25
+"""Range of the force panel over the limits; commands beyond are stated in words."""
+
+
+def overview(result: Result, *, ax: GivenAxes = None) -> "Figure":
+    """Overview of a run.
+
+    Panels: trajectory, error, tensions with commands, force and, if estimated, disturbance.
+
+    Raises:
+        ConfigurationError: the run kept no rows.
+    """
+    run = curve_of(result, (law_look(result.experiment)[0], "-"), law_label(result.experiment))
+    draw = [
+        _trajectory_panel,
+        _error_panel,
+        _tensions_panel,
+        _force_panel,
+        *([_disturbance_panel] if _disturbance_estimates(run) else []),
+    ]
+    placement = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
+    with new_page(ax, 0.75 + 1.45 * len(draw), run.title, scenario(run.experiment).capitalize()) as page:
+        panels = page.panels(len(draw), sharex=True)
+        for axes, panel in zip(panels, draw, strict=True):
+            panel(axes, run)
+            axes.locator_params(axis="y", nbins=5)
+            axes.legend(**placement, ncols=4, handlelength=1.8, columnspacing=1.2)
+        page.time_axes(panels, run.experiment)
+    return page.figure
+
+
+def _trajectory_panel(axes: "Axes", run: Curve) -> None:
+    run.draw(axes, "x", label="vehicle")
+    run.draw(axes, "x_ref", **REFERENCE)
+    axes.set(ylabel="position $x$ (m)", title="trajectory")
+
+
+def _error_panel(axes: "Axes", run: Curve) -> None:
+    unit, name = length_unit(largest(run.result["e"]))
+    run.draw(axes, "e", unit, label=r"$x - x_\mathrm{ref}$")
+    zero_line(axes)
+    axes.set(ylabel=f"error $e$ ({name})", title="tracking error")
+    steady = run.result.metrics.steady_mae
+    if np.isfinite(steady):
+        unit, name = length_unit(steady)
+        axes.set_title(f"tracking error · mean |e| in the steady state (shaded): {steady / unit:.3g} {name}")
+
+
+def _tensions_panel(axes: "Axes", run: Curve) -> None:
+    for rope, colour in enumerate(ROPE_COLOURS, start=1):
+        run.draw(axes, f"F{rope}_cmd", KILO, color=colour, alpha=0.25, linewidth=4, label=f"command {rope}")
+        run.draw(axes, f"F{rope}", KILO, color=colour, linewidth=1.0, label=f"rope {rope}")
+    draw_limits(axes, run.experiment, label=None)
+    lowest, highest = run.result.metrics.min_tension / KILO, run.result.metrics.peak_tension / KILO
+    words = f" · {lowest:.3g} to {highest:.3g} kN" if np.isfinite(highest) else ""
+    axes.set(ylabel="tension (kN)", title=f"rope tensions{words}")
+
+
+def _force_panel(axes: "Axes", run: Curve) -> None:
+    limit = float(run.experiment.controller.limits.force) / KILO
+    run.draw(axes, "u", KILO, color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
+    run.draw(axes, "u_sat", KILO, label="given, sat $u$")
+    words = "force"
+    if largest(run.result["u"]) > limit * KILO:
+        share = 100 * run.result.metrics.saturated_share
+        words += f" · beyond ±{limit:g} kN" + (f" in {share:.3g} % of the run" if np.isfinite(share) else "")
+        for edge in (-limit, limit):
+            axes.axhline(edge, **LIMIT)
+        bottom, top = axes.get_ylim()
+        axes.set_ylim(max(bottom, -FORCE_REACH * limit), min(top, FORCE_REACH * limit))
+    axes.set(ylabel="force (kN)", title=words)
+
+
+def _disturbance_estimates(run: Curve) -> dict[str, Floats]:
+    """Name → estimate of the disturbance in m/s² that the controller compensates: the whole, then a part of it.
+
+    The position law compensates the share of the Kalman filter's estimate that the filter passes on, and its own
+    estimate of the rest.
+    """
+    result, law = run.result, r"law's $\hat{d}$"
+    gains = getattr(run.experiment.controller.estimator, "kalman", None)
+    share = gains.compensation if isinstance(gains, KalmanGains) and "d_est" in result else 0.0
+    if not share:
+        return {"estimate": result["d_hat"]} if "d_hat" in result else {}
+    known = share * result["d_est"]
+    if "d_hat" not in result:
+        return {"estimate of the filter, compensated": known}
+    return {f"whole estimate: filter's share and {law}": known + result["d_hat"], f"{law} alone": result["d_hat"]}
+
+
+def _disturbance_panel(axes: "Axes", run: Curve) -> None:
+    estimates = _disturbance_estimates(run)
+    above = {"zorder": 2.2} if len(estimates) > 1 else {}
+    styles = above, {"color": SKY, "linewidth": 0.8, "zorder": 1.9}
+    for (name, values), style in zip(estimates.items(), styles, strict=False):
+        run.line(axes, run.result["t"], values * 1e3, label=name, **style)
+    run.draw(axes, "d_true", 1e-3, color=INK, linestyle=":", linewidth=1.0, label="true")
+    axes.set(ylabel="$d$ (mm/s²)", title="disturbance acceleration")

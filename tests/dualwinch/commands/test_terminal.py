@@ -12,9 +12,9 @@ from dualwinch.cli.app import main
 from dualwinch.cli.output import FigureColumn, FigureTable
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.controllers.paper_controller import paper_controller
+from dualwinch.plots import comparison, trajectory
 from dualwinch.simulation.ensembles.comparison import compare
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots import comparison, trajectory
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate
 

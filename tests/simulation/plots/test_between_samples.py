@@ -11,7 +11,7 @@ from dualwinch.model.actuators import Motor
 from dualwinch.model.plant import DisturbanceInputs, PlantState, Torques, derivative, tensions
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.traces import POINTS_A_SAMPLE, between_samples
+from dualwinch.simulation.results.between_samples import POINTS_A_SAMPLE, between_samples
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.simulate import simulate
 

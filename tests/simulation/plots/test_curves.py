@@ -12,8 +12,8 @@ from dualwinch.controllers.laws.adrc import Adrc
 from dualwinch.controllers.registry import POSITION_LAWS
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.runs import PALETTE, curves
-from dualwinch.simulation.plots.style import BLUE, DASHES, VERMILION
+from dualwinch.simulation.plots.style import BLUE, DASHES, PALETTE, VERMILION
+from dualwinch.simulation.results.figures import curves
 from dualwinch.simulation.results.result import Result
 from dualwinch.simulation.settings import override
 from dualwinch.simulation.simulate import simulate

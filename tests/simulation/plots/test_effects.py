@@ -3,8 +3,8 @@
 import numpy as np
 
 import dualwinch as dw
-from dualwinch.analysis.plots.analyses import effects_figure
 from dualwinch.model.quantities.quantity import Quantity
+from dualwinch.simulation.batch.sensitivities import effects_figure
 
 
 def test_every_number_has_a_line_of_its_own_in_every_panel() -> None:

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from dualwinch.model.errors import ConfigurationError, UnknownNameError
 from dualwinch.model.quantities.quantity import Quantity
 from dualwinch.simulation.paper import case
-from dualwinch.simulation.plots.ensembles import swept_axis
 from dualwinch.simulation.plots.page import encode
-from dualwinch.simulation.sweep import Sweep
+from dualwinch.simulation.sweep import Sweep, swept_axis
 
 GAIN, LAW = "controller.observer.l0", "controller.kind"
 QUANTITIES = {GAIN: Quantity("1/s", "gain"), LAW: Quantity("", "law")}

@@ -10,8 +10,8 @@ import pytest
 import dualwinch as dw
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.reference import Reference
+from dualwinch.plots import overview
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.plots import overview
 from dualwinch.simulation.results.file_formats import load_result, save
 from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings, approach
 from dualwinch.toolboxes.stepper.stepper import Stepper

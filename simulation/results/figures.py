@@ -1,8 +1,10 @@
-"""Figures of runs: the paper's Figures 5 to 20 over time, Figure 21 of steady-state errors, overview of one run."""
+"""Figures of several runs: the paper's Figures 5 to 20 over time, and Figure 21 of steady-state errors.
+
+They draw one result, several, which are labelled by their position laws, or results by label.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,9 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
-from matplotlib.typing import LineStyleType
 
-from dualwinch.controllers.estimators.kalman import KalmanGains
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.metrics.metrics import metric_quantities
@@ -26,64 +26,27 @@ from dualwinch.simulation.paper import (
     percent,
     steady_change,
 )
-from dualwinch.simulation.plots.page import STEADY_PATCH, GivenAxes, case_number, new_page, scenario
+from dualwinch.simulation.plots.page import GivenAxes, case_number, new_page, scenario, steady_patch
 from dualwinch.simulation.plots.style import (
-    BLUE,
     DASHES,
-    GOLD,
-    GREEN,
     GREY,
     INK,
-    PURPLE,
-    ROPE_COLOURS,
-    SKY,
-    VERMILION,
-    WINE,
+    KILO,
+    PALETTE,
     Look,
     aside,
+    draw_limits,
     law_label,
     law_look,
-    plain,
+    length_unit,
     zero_line,
 )
-from dualwinch.simulation.plots.traces import Floats, between_samples, drawable, largest, peaks, thin, within
-from dualwinch.simulation.results.result import Result
+from dualwinch.simulation.plots.traces import Floats, drawable, largest, peaks, within
+from dualwinch.simulation.results.between_samples import between_samples
+from dualwinch.simulation.results.result import REFERENCE, Curve, Result, curve_of
 
 Runs: TypeAlias = Mapping[Any, Result] | Iterable[Result] | Result
 """Label → run, runs labelled by their position laws, or one run."""
-
-PALETTE = (GOLD, WINE, GREY, PURPLE, SKY, GREEN, VERMILION, BLUE)
-"""Colours of runs whose law's colour is already used; colours that belong to no law come first."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A run with its label and line style, the same in every panel."""
-
-    label: str
-    result: Result
-    colour: str
-    dashes: LineStyleType
-
-    @property
-    def experiment(self) -> Experiment:
-        """The experiment of the run."""
-        return self.result.experiment
-
-    @property
-    def title(self) -> str:
-        """Its name in legends, with outcome and time if it ended early."""
-        if self.result.outcome == "completed":
-            return self.label
-        return f"{self.label} ({self.result.outcome.replace('_', ' ')} at {self.result.end_time:.3g} s)"
-
-    def draw(self, axes: Axes, column: str, unit: float = 1.0, rows: slice = slice(None), **style: Any) -> None:
-        """Draw a column over time, divided by `unit`."""
-        self.line(axes, self.result["t"][rows], self.result[column][rows] / unit, **style)
-
-    def line(self, axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
-        """Draw a line of the run: times and values (rows,)."""
-        axes.plot(*thin(t, values), **{"color": self.colour, "linestyle": self.dashes, "label": self.title} | style)
 
 
 def curves(runs: Runs) -> list[Curve]:
@@ -101,13 +64,13 @@ def curves(runs: Runs) -> list[Curve]:
     for label, result in labelled:
         if not isinstance(result, Result):
             raise ConfigurationError(f"{label}: a figure draws results of simulate, not {type(result).__name__}")
-        if not len(result["t"]):
-            raise ConfigurationError(f"the result of {label} keeps no rows: simulate with stride >= 1")
     looks = _looks([law_look(result.experiment) for _, result in labelled])
-    return [
-        Curve(_named(label, result), result, colour, dashes)
-        for (label, result), (colour, dashes) in zip(labelled, looks, strict=True)
-    ]
+    return [curve_of(result, look, _name(label, result)) for (label, result), look in zip(labelled, looks, strict=True)]
+
+
+def _name(label: str, result: Result) -> str:
+    """The label of a run, or the name of its law if the label is the law's `kind`."""
+    return law_label(result.experiment) if label == result.experiment.controller.law.kind else label
 
 
 def _labelled(runs: Runs) -> list[tuple[str, Result]]:
@@ -123,10 +86,6 @@ def _labelled(runs: Runs) -> list[tuple[str, Result]]:
         seen[name] += 1
         labels.append(f"{name} ({seen[name]})" if count[name] > 1 else name)
     return list(zip(labels, given, strict=True))
-
-
-def _named(label: str, result: Result) -> str:
-    return plain(law_label(result.experiment) if label == result.experiment.controller.law.kind else label)
 
 
 def _looks(own: Sequence[Look]) -> list[Look]:
@@ -150,9 +109,6 @@ def _looks(own: Sequence[Look]) -> list[Look]:
     return looks
 
 
-PREFIXES = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"))
-"""Units of length for errors, the largest first."""
-
 COMPARABLE = 10.0
 """Errors up to this multiple of the smallest one share a panel; larger ones are stated in words."""
 
@@ -161,14 +117,6 @@ ZOOM = 0.4
 
 INTERVALS = 200
 """Number of intervals of a run, each drawn with its largest |e| in the logarithmic panel."""
-
-REFERENCE = {"color": INK, "linestyle": ":", "linewidth": 1.0, "label": "reference"}
-"""Line style of a reference."""
-
-
-def length_unit(largest: float) -> tuple[float, str]:
-    """Size in m and name of the unit that shows a length in m with few digits."""
-    return next((prefix for prefix in PREFIXES if largest >= prefix[0]), PREFIXES[-1])
 
 
 def longest(runs: Iterable[Curve]) -> Experiment:
@@ -204,7 +152,7 @@ def trajectory(results: Runs, *, ax: GivenAxes = None) -> Figure:
         end = min(runs[0].experiment.steady_window[1], runs[0].experiment.duration)
         _zoom(position, lines, (max(end - ZOOM, 0.0), end))
         page.time_axes(panels, longest(runs))
-        page.legend(STEADY_PATCH)
+        page.legend(steady_patch())
     return page.figure
 
 
@@ -248,7 +196,7 @@ def error(results: Runs, *, ax: GivenAxes = None) -> Figure:
         _steady_error(steady, runs)
         page.time_axes([whole], experiment)
         page.time_axes([decades], experiment)
-        page.legend(STEADY_PATCH)
+        page.legend(steady_patch())
     return page.figure
 
 
@@ -277,8 +225,6 @@ def _steady_error(axes: Axes, runs: Sequence[Curve]) -> None:
     axes.set_facecolor("#FAFAFA")
     axes.set(title="steady-state window", xlabel="time (s)", ylabel=f"error $e$ ({name})")
 
-
-KILO = 1e3
 
 START_UP = 0.06
 """Enlarged part of a uniform reference's start in s, where the speed step makes the ropes ring."""
@@ -322,18 +268,6 @@ def enlarged(experiment: Experiment) -> tuple[float, float, float, str]:
     return joint + BRAKING[0], joint + BRAKING[1], joint, "braking begins"
 
 
-LIMIT = {"color": INK, "linestyle": (0, (2, 2)), "linewidth": 0.8, "zorder": 1.5}
-"""Line style of a limit."""
-
-
-def draw_limits(axes: Axes, experiment: Experiment, *, label: str | None = "limits") -> None:
-    """Draw the limits of the tension commands in kN; `label` begins their legend entry."""
-    limits = experiment.controller.limits
-    low, high = limits.tension_min / KILO, limits.tension_max / KILO
-    axes.axhline(low, **LIMIT, label=label and f"{label} {low:g} and {high:g} kN")
-    axes.axhline(high, **LIMIT)
-
-
 def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
     """Tensions or their commands, over the whole run and enlarged."""
     experiment, kind = runs[0].experiment, "_cmd" if content == "commands" else ""
@@ -354,7 +288,7 @@ def _two_ropes(runs: Sequence[Curve], content: str, ax: GivenAxes) -> Figure:
         if zoomed:
             panels[2].set_title(event + ", enlarged")
             page.name_x(panels[2:], f"time after {origin:g} s (ms)" if origin else "time (ms)")
-        page.legend(STEADY_PATCH)
+        page.legend(steady_patch())
     return page.figure
 
 
@@ -400,106 +334,6 @@ def _moment(seconds: float) -> str:
     return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
 
 
-FORCE_REACH = 1.25
-"""Range of the force panel over the limits; commands beyond are stated in words."""
-
-
-def overview(result: Result, *, ax: GivenAxes = None) -> Figure:
-    """Overview of a run.
-
-    Panels: trajectory, error, tensions with commands, force and, if estimated, disturbance.
-
-    Raises:
-        ConfigurationError: the run kept no rows.
-    """
-    run = replace(curves(result)[0], dashes="-")
-    draw = [
-        _trajectory_panel,
-        _error_panel,
-        _tensions_panel,
-        _force_panel,
-        *([_disturbance_panel] if _disturbance_estimates(run) else []),
-    ]
-    placement = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
-    with new_page(ax, 0.75 + 1.45 * len(draw), run.title, scenario(run.experiment).capitalize()) as page:
-        panels = page.panels(len(draw), sharex=True)
-        for axes, panel in zip(panels, draw, strict=True):
-            panel(axes, run)
-            axes.locator_params(axis="y", nbins=5)
-            axes.legend(**placement, ncols=4, handlelength=1.8, columnspacing=1.2)
-        page.time_axes(panels, run.experiment)
-    return page.figure
-
-
-def _trajectory_panel(axes: Axes, run: Curve) -> None:
-    run.draw(axes, "x", label="vehicle")
-    run.draw(axes, "x_ref", **REFERENCE)
-    axes.set(ylabel="position $x$ (m)", title="trajectory")
-
-
-def _error_panel(axes: Axes, run: Curve) -> None:
-    unit, name = length_unit(largest(run.result["e"]))
-    run.draw(axes, "e", unit, label=r"$x - x_\mathrm{ref}$")
-    zero_line(axes)
-    axes.set(ylabel=f"error $e$ ({name})", title="tracking error")
-    steady = run.result.metrics.steady_mae
-    if np.isfinite(steady):
-        unit, name = length_unit(steady)
-        axes.set_title(f"tracking error · mean |e| in the steady state (shaded): {steady / unit:.3g} {name}")
-
-
-def _tensions_panel(axes: Axes, run: Curve) -> None:
-    for rope, colour in enumerate(ROPE_COLOURS, start=1):
-        run.draw(axes, f"F{rope}_cmd", KILO, color=colour, alpha=0.25, linewidth=4, label=f"command {rope}")
-        run.draw(axes, f"F{rope}", KILO, color=colour, linewidth=1.0, label=f"rope {rope}")
-    draw_limits(axes, run.experiment, label=None)
-    lowest, highest = run.result.metrics.min_tension / KILO, run.result.metrics.peak_tension / KILO
-    words = f" · {lowest:.3g} to {highest:.3g} kN" if np.isfinite(highest) else ""
-    axes.set(ylabel="tension (kN)", title=f"rope tensions{words}")
-
-
-def _force_panel(axes: Axes, run: Curve) -> None:
-    limit = float(run.experiment.controller.limits.force) / KILO
-    run.draw(axes, "u", KILO, color=GREY, linestyle="--", linewidth=1.0, label="asked for, $u$")
-    run.draw(axes, "u_sat", KILO, label="given, sat $u$")
-    words = "force"
-    if largest(run.result["u"]) > limit * KILO:
-        share = 100 * run.result.metrics.saturated_share
-        words += f" · beyond ±{limit:g} kN" + (f" in {share:.3g} % of the run" if np.isfinite(share) else "")
-        for edge in (-limit, limit):
-            axes.axhline(edge, **LIMIT)
-        bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, -FORCE_REACH * limit), min(top, FORCE_REACH * limit))
-    axes.set(ylabel="force (kN)", title=words)
-
-
-def _disturbance_estimates(run: Curve) -> dict[str, Floats]:
-    """Name → estimate of the disturbance in m/s² that the controller compensates: the whole, then a part of it.
-
-    The position law compensates the share of the Kalman filter's estimate that the filter passes on, and its own
-    estimate of the rest.
-    """
-    result, law = run.result, r"law's $\hat{d}$"
-    gains = getattr(run.experiment.controller.estimator, "kalman", None)
-    share = gains.compensation if isinstance(gains, KalmanGains) and "d_est" in result else 0.0
-    if not share:
-        return {"estimate": result["d_hat"]} if "d_hat" in result else {}
-    known = share * result["d_est"]
-    if "d_hat" not in result:
-        return {"estimate of the filter, compensated": known}
-    return {f"whole estimate: filter's share and {law}": known + result["d_hat"], f"{law} alone": result["d_hat"]}
-
-
-def _disturbance_panel(axes: Axes, run: Curve) -> None:
-    estimates = _disturbance_estimates(run)
-    above = {"zorder": 2.2} if len(estimates) > 1 else {}
-    styles = above, {"color": SKY, "linewidth": 0.8, "zorder": 1.9}
-    for (name, values), style in zip(estimates.items(), styles, strict=False):
-        run.line(axes, run.result["t"], values * 1e3, label=name, **style)
-    run.draw(axes, "d_true", 1e-3, color=INK, linestyle=":", linewidth=1.0, label="true")
-    axes.set(ylabel="$d$ (mm/s²)", title="disturbance acceleration")
-
-
 PAPER_COLOUR = "#BDBDBD"
 
 BAR_ROOM = 0.2
@@ -516,7 +350,7 @@ def steady_state_bars(results: Runs, *, ax: GivenAxes = None) -> Figure:
         ConfigurationError: one of the two is missing.
     """
     by_law = {run.experiment.controller.law.kind: run for run in reversed(curves(results))}
-    change = steady_change({kind: run.result for kind, run in by_law.items()})
+    change = steady_change({kind: run.result.metrics for kind, run in by_law.items()})
     if change is None:
         raise ConfigurationError(f"Figure 21 compares {WITH_OBSERVER} with {WITHOUT_OBSERVER}: both are needed")
     pair = [by_law[kind] for kind in (WITHOUT_OBSERVER, WITH_OBSERVER)]
