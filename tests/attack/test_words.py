@@ -24,7 +24,6 @@ BASES: dict[str, tuple[str, ...]] = {
     "race": ("--law", "nftsm", "--rollouts", "2", "--scenarios", "1", "--test-scenarios", "2", *SHORT),
     "stress": ("good.toml", "--scenarios", "1"),
     "identify": ("log.csv", "--fit", "plant.vehicle.mass"),
-    "worker": ("--storage", "postgresql://u:secret@127.0.0.1:9/d"),
     "certify": SHORT,
     "export c": ("--out", "o"),
     "export fmu": ("--out", "o.fmu"),
@@ -46,7 +45,7 @@ def test_any_words(name: str, attack: int, folder: Path, monkeypatch: pytest.Mon
         raise DualwinchError("solves nothing here")
 
     # the only long work that needs no compiler, and a server
-    for work in ("simulation.analysis.preload.preloads", "cli.lab.page_of", "cli.show.page_of"):
+    for work in ("analysis.preload.preloads", "toolboxes.lab.cli.lab.page_of", "toolboxes.lab.cli.show.page_of"):
         monkeypatch.setattr(f"dualwinch.{work}", refuse)
 
     @settings(max_examples=EXAMPLES * attack, suppress_health_check=SLOW)

@@ -165,7 +165,7 @@ def test_without_it_the_kind_is_unknown_and_what_to_do_is_told(
 
 @pytest.mark.parametrize(
     "command",
-    [["simulate"], ["linearise"], ["compare"], ["tune"], ["worker"], ["config"], ["certify"]]
+    [["simulate"], ["linearise"], ["compare"], ["tune"], ["config"], ["certify"]]
     + [["export", what] for what in ("c", "fmu", "mex", "casadi")],
 )
 def test_every_command_takes_plugins(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
