@@ -151,6 +151,7 @@ class SampleCertificate:
             "machines": self.machines,
             "machines_below": self.machines_below,
             "machine_share": self.machine_share if self.machines else None,
+            "machine_share_satisfied": 1 - self.machine_share if self.machines else None,
             "violated_means": dict(self.means),
             "supported": self.supported,
             "supported_probability": 1 - self.supported,
