@@ -77,7 +77,7 @@ def amplitude_sweep(
         experiment: plant, gains, sample time and delay.
         x: position in m; default: mid-track.
         v: speed in m/s.
-        opening: where the loop is opened (see `simulation.analysis.linear_loop.linear_open_loop`).
+        opening: where the loop is opened (see `analysis.linear_loop.linear_open_loop`).
         amplitudes: of e2 in m/s, > 0.
 
     Raises:

@@ -101,7 +101,7 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
         v: speed in m/s.
 
     Raises:
-        ConfigurationError: no steady motion there (`simulation.analysis.operating_points.loop_operating_point`).
+        ConfigurationError: no steady motion there (`analysis.operating_points.loop_operating_point`).
     """
     point = loop_operating_point(experiment, x, v)
     loop = point.loop

@@ -50,7 +50,7 @@ class WorstMargin:
     """The smallest margin of some machines, and where it occurs.
 
     Attributes:
-        value: as in `simulation.analysis.margins.Margins`; 0 if a loop is unstable or has no steady motion, infinite
+        value: as in `analysis.margins.Margins`; 0 if a loop is unstable or has no steady motion, infinite
             if no such change makes any loop unstable.
         machine: index of the machine.
         x, v: position in m and speed in m/s of the operating point.

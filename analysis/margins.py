@@ -119,7 +119,7 @@ def margins(loop: LinearSystem) -> Margins:
 
     Args:
         loop: discrete, with one input and one output, or two of each, e.g. from
-            `simulation.analysis.linear_loop.linear_open_loop`, or a ``StateSpace`` of python-control.
+            `analysis.linear_loop.linear_open_loop`, or a ``StateSpace`` of python-control.
 
     Raises:
         ConfigurationError: a continuous system, more inputs or outputs, no state-space system, or elements that are

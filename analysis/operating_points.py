@@ -1,6 +1,6 @@
 """Operating points: the plant's, and steady motion of the closed loop without disturbances and sensor errors.
 
-`simulation.analysis.steady_motion` solves for the latter.
+`analysis.steady_motion` solves for the latter.
 """
 
 from dataclasses import dataclass, replace

@@ -87,7 +87,7 @@ def resonance_gains(
     nominal: Plant | None = None,
     amplitudes: Sequence[float] = AMPLITUDES,
 ) -> list[ResonanceGain]:
-    """Loop gains at the resonances of both drums on their ropes, by the rule of `simulation.analysis.resonance`.
+    """Loop gains at the resonances of both drums on their ropes, by the rule of `analysis.resonance`.
 
     Args:
         experiment: plant and gains.

@@ -75,7 +75,7 @@ def starting_gains(ensemble: Ensemble) -> dict[str, float]:
     Where ropes have mass, gears are elastic or winches are heavy: damping of the drums that matches the wave impedance
     of the ropes and leads the lag of the drives (`controllers.coordinations.winch_pid`), a higher preload, and the
     filter's estimate of the disturbance and of its rate in place of the law's observer. The observer's gain enters the
-    loop gain at the drums' resonance (`simulation.analysis.resonance`); the filter, driven by measured tensions, sees
+    loop gain at the drums' resonance (`analysis.resonance`); the filter, driven by measured tensions, sees
     no disturbance there. The law is stiffer, by a thinner boundary layer, and smoother: below the speed error where its
     odd powers are smoothed, damping is proportional to speed. Unsmoothed powers damp small motions so much that an
     error of half a millimetre takes a second to decay. The remaining values are the noise of the position sensor, with

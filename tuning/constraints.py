@@ -33,7 +33,7 @@ MARGINS = {
     "disk_margin": ("disk", Quantity("1", "largest disk of simultaneous gain and phase changes; from 2 on any gain")),
     "resonance_margin": (RESONANCE, Quantity("1", "largest factor on the loop gain at the drums' resonance, by rule")),
 }
-"""Name of a margin → its kind (`simulation.analysis.margins.MARGIN_KINDS`, or `RESONANCE`), unit and meaning."""
+"""Name of a margin → its kind (`analysis.margins.MARGIN_KINDS`, or `RESONANCE`), unit and meaning."""
 
 MOST_PHASE = 180.0
 """Largest phase margin in degrees that a constraint may ask for."""
@@ -54,7 +54,7 @@ class MarginStatistic:
 
     @property
     def margin(self) -> str:
-        """Kind of margin, a key of `simulation.analysis.margin_survey.MarginSurvey`."""
+        """Kind of margin, a key of `analysis.margin_survey.MarginSurvey`."""
         return MARGINS[self.metric][0]
 
     @property

@@ -358,7 +358,7 @@ def closed_loop_poles(systems: Sequence[LinearSystem], swept: str | None = None,
 def amplitude_margins(points: Sequence[AmplitudePoint], *, ax: GivenAxes = None) -> Figure:
     """Margins against the amplitude of the speed error, with the Jacobian's at the left end; gaps where unstable.
 
-    For the points of `simulation.analysis.describing_function.amplitude_sweep`. Panels: gain margins, delay margin.
+    For the points of `analysis.describing_function.amplitude_sweep`. Panels: gain margins, delay margin.
     """
     system, margins = points[0].system, [point.margins for point in points]
     amplitude = 1e3 * np.array([point.amplitude for point in points])

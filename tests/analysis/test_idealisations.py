@@ -92,7 +92,7 @@ def test_gain_of_a_linear_law_is_that_of_the_exact_linear_loop() -> None:
 
 @pytest.mark.parametrize(("l0", "kind"), [(5.0, "fando-nftsm"), (50.0, "fando-nftsm"), (5.0, "nftsm")])
 def test_gain_of_a_sliding_mode_law_is_the_rules_feedback_over_the_frequency(l0: float, kind: str) -> None:
-    """Observer gain and describing function in closed form (`simulation.analysis.resonance`), winches without PID."""
+    """Observer gain and describing function in closed form (`analysis.resonance`), winches without PID."""
     law = {"controller.observer.l0": l0} if kind == "fando-nftsm" else {}
     pid = {f"controller.winch_{number}.{gain}": 0.0 for number in (1, 2) for gain in ("kp", "ki")}
     experiment, omega = dw.override(dw.case(4, kind), law | pid), 122.0
