@@ -18,11 +18,15 @@ from dualwinch.analysis.margins import Margins, margins
 from dualwinch.analysis.stability import sliding_mode
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.system import LinearSystem
+from dualwinch.model.plant import Plant
 from dualwinch.simulation.experiment import Experiment
 
 Floats = NDArray[np.float64]
 
-AMPLITUDES = tuple(float(amplitude) for amplitude in np.geomspace(1e-7, 1e-1, 25))
+LARGEST_SPEED_ERROR = 0.3
+"""Largest amplitude of the speed error in m/s of default ranges: what a push leaves while the force is at its limit."""
+
+AMPLITUDES = (*np.geomspace(1e-7, 1e-1, 25).tolist(), LARGEST_SPEED_ERROR)
 """Default amplitudes of the speed error in m/s."""
 
 PROBES = (1e-3, 1e-2, 1e-1)
@@ -82,40 +86,72 @@ def amplitude_sweep(
 
     Raises:
         ConfigurationError: a law without odd powers, an amplitude that is not positive, or no steady motion.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [f"{point.margins.gain:.3g}" for point in dw.amplitude_sweep(dw.case(4), amplitudes=(1e-5, 1e-3))]
+        ['6.4', '92.2']
     """
-    gains = sliding_mode(experiment, "has no odd power of the speed error; must be").nftsm
     for amplitude in amplitudes:
         if not 0 < amplitude < np.inf:
             raise ConfigurationError(f"amplitude = {amplitude:g}: must be a finite number > 0 m/s")
-    ratio = gains.p / gains.q
-    template, parts = _parts(experiment, x, v, opening)
-    points = []
+    loop, points = LoopByAmplitude.of(experiment, x, v, opening), []
     for amplitude in amplitudes:
-        terminal, surface = (float(describing_gain(amplitude, each, gains.smoothing)) for each in (2 - ratio, ratio))
-        weights = np.array([1.0, terminal, surface])
-        matrices = {name: np.tensordot(weights, part, axes=1) for name, part in parts.items()}
-        system = without_idle_states(replace(template, **matrices))
-        points.append(AmplitudePoint(amplitude, terminal, surface, system, margins(system)))
+        system = loop.at(amplitude)
+        points.append(AmplitudePoint(amplitude, *loop.slopes(amplitude), system, margins(system)))
     return points
 
 
-def _parts(experiment: Experiment, x: float | None, v: float, opening: str) -> tuple[LinearSystem, dict[str, Floats]]:
-    """A system as template, and matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
+@dataclass(frozen=True)
+class LoopByAmplitude:
+    """An opened loop as a function of the amplitude of the speed error.
 
     The force is linear in both slopes and the rest is linear in the force, so that three linearisations determine the
-    three parts exactly. The smoothing sets both slopes: eps^(1−p/q) and eps^(p/q−1).
+    constant part of the matrices and the parts that each of the slopes contributes.
+
+    Attributes:
+        template: the system at one of the linearisations.
+        parts: matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
+        ratio: p/q of the law.
+        smoothing: in m/s.
     """
-    law = sliding_mode(experiment)
-    gains = law.nftsm
-    power = gains.p / gains.q - 1
-    systems = []
-    for smoothing in PROBES:
-        probed = replace(law, nftsm=replace(gains, smoothing=smoothing))
-        controller = replace(experiment.controller, law=probed)
-        systems.append(whole_open_loop(replace(experiment, controller=controller), x, v, opening))
-    slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
-    shares = np.linalg.inv(slopes)
-    return systems[0], {
-        name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
-        for name in ("A", "B", "C", "D")
-    }
+
+    template: LinearSystem
+    parts: dict[str, Floats]
+    ratio: float
+    smoothing: float
+
+    @classmethod
+    def of(
+        cls, experiment: Experiment, x: float | None, v: float, opening: str, nominal: Plant | None = None
+    ) -> "LoopByAmplitude":
+        """The loop of an experiment; arguments as in `analysis.linear_loop.linear_open_loop`.
+
+        Raises:
+            ConfigurationError: a law without odd powers, an unknown opening, or no steady motion.
+        """
+        law = sliding_mode(experiment, "has no odd power of the speed error; must be")
+        gains, power, systems = law.nftsm, law.nftsm.p / law.nftsm.q - 1, []
+        for smoothing in PROBES:
+            probe = replace(law, nftsm=replace(gains, smoothing=smoothing))
+            controller = replace(experiment.controller, law=probe)
+            systems.append(whole_open_loop(replace(experiment, controller=controller), x, v, opening, nominal))
+        slopes = np.array([[1.0, smoothing**-power, smoothing**power] for smoothing in PROBES])
+        shares = np.linalg.inv(slopes)
+        parts = {
+            name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
+            for name in ("A", "B", "C", "D")
+        }
+        return cls(systems[0], parts, gains.p / gains.q, gains.smoothing)
+
+    def slopes(self, amplitude: float) -> tuple[float, float]:
+        """Describing functions of sig(e2, 2 − p/q) and sig(e2, p/q), as in `AmplitudePoint`."""
+        exponents = 2 - self.ratio, self.ratio
+        terminal, surface = (float(describing_gain(amplitude, each, self.smoothing)) for each in exponents)
+        return terminal, surface
+
+    def at(self, amplitude: float) -> LinearSystem:
+        """The opened loop at an amplitude in m/s, without idle states."""
+        weights = np.array([1.0, *self.slopes(amplitude)])
+        matrices = {name: np.tensordot(weights, part, axes=1) for name, part in self.parts.items()}
+        return without_idle_states(replace(self.template, **matrices))

@@ -182,6 +182,11 @@ def idealisations(experiment: Experiment, limits: IdealisationLimits | None = No
 
     Raises:
         ConfigurationError: the experiment's values are inconsistent.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [effect.name for effect in dw.idealisations(dw.case(4))]
+        ['winch inertia', 'sag', 'stiffness under sag']
     """
     instance("experiment", experiment, Experiment)
     limits, plant = limits or IdealisationLimits(), experiment.plant

@@ -24,7 +24,8 @@ from dualwinch.analysis.steady_motion import PLANT, neighbours, without_round_of
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.linear.linearisation import linearise_at
-from dualwinch.model.linear.properties import states_that_matter
+from dualwinch.model.linear.modes import Mode, modes
+from dualwinch.model.linear.properties import is_stable, states_that_matter
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.description import describe_parts
@@ -81,6 +82,12 @@ def linearise(
 
     Raises:
         ConfigurationError: no such operating point, a slack rope, or a sample time that is not positive.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> system = dw.linearise(dw.case(4), x=25)
+        >>> system.states
+        ('x', 'v', 'theta_1', 'omega_1', 'theta_2', 'omega_2')
     """
     for name in outside.keys() - set(OUTSIDE):
         raise ConfigurationError(unknown("argument", name, OUTSIDE, "; the plant is that of the experiment"))
@@ -102,6 +109,12 @@ def linear_closed_loop(experiment: Experiment, x: float | None = None, v: float 
 
     Raises:
         ConfigurationError: no steady motion there (`analysis.operating_points.loop_operating_point`).
+
+    Example:
+        >>> import dualwinch as dw
+        >>> loop = dw.linear_closed_loop(dw.case(4))
+        >>> bool(abs(loop.poles()).max() < 1)
+        True
     """
     point = loop_operating_point(experiment, x, v)
     loop = point.loop
@@ -134,6 +147,12 @@ def linear_open_loop(
 
     Raises:
         ConfigurationError: an unknown opening, or no steady motion there.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> loop = dw.linear_open_loop(dw.case(4), opening="tau_1")
+        >>> loop.inputs, loop.outputs, loop.dt
+        (('tau_1_in',), ('tau_1_out',), 0.001)
     """
     return without_idle_states(whole_open_loop(experiment, x, v, opening, nominal))
 
@@ -165,6 +184,25 @@ def loop_opened_at(point: LoopOperatingPoint, opening: str) -> LinearSystem:
     inputs, outputs = ([f"{signal}_{end}" for signal in signals] for end in ("in", "out"))
     unit = point.loop.quantities[LOOP_OPENINGS[signals[0]]].unit
     return _named(point, matrices, point.kept, inputs, outputs, dict.fromkeys([*inputs, *outputs], unit))
+
+
+def closed(loop: LinearSystem) -> LinearSystem:
+    """The closed loop 1/(1 + L) of an opened loop L from `linear_open_loop`, with the same names.
+
+    Raises:
+        numpy.linalg.LinAlgError: it is not well posed, as 1 + D is singular.
+    """
+    through = np.linalg.inv(np.eye(len(loop.D)) + loop.D)
+    A, B = loop.A - loop.B @ through @ loop.C, loop.B @ through
+    return replace(loop, A=A, B=B, C=through @ loop.C, D=loop.D @ through)
+
+
+def fastest_growing(system: LinearSystem, plant: Plant) -> Mode | None:
+    """The fastest growing mode of a system, named as in `model.linear.modes`; None: none grows."""
+    if is_stable(system):
+        return None
+    growing = [mode for mode in modes(system, plant) if mode.grows]
+    return max(growing, key=lambda mode: mode.rate.real, default=None)
 
 
 @built_once

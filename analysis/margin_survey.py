@@ -4,16 +4,15 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from operator import attrgetter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from dualwinch.analysis.describing_function import describing_gain
-from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, complementary, least_margins
+from dualwinch.analysis.margins import BOTH, MARGIN_KINDS, comparable, complementary, least_margins
 from dualwinch.analysis.operating_points import in_calm, still_plant, with_taut_ropes
-from dualwinch.analysis.resonance import RESONANCE, resonance_terms
+from dualwinch.analysis.resonance import LARGE_SIGNAL, MARGIN_AMPLITUDES, resonance_terms
 from dualwinch.analysis.steady_motion import loop_operating_points, open_sample
 from dualwinch.model.linear.operating_point import resistance
 from dualwinch.model.plant import DisturbanceInputs
@@ -39,7 +38,6 @@ TOGETHER = 48
 ODD_POWERS = "controller.nftsm.p", "controller.nftsm.q", "controller.nftsm.smoothing"
 """Keys of the sliding-mode law's odd powers of the speed error."""
 
-VALUE = attrgetter("value")
 
 UNSTABLE, UNSTEADY = "unstable", "no steady motion"
 """Reasons for a margin of 0."""
@@ -68,6 +66,11 @@ class WorstMargin:
     frequency: float = math.nan
     reason: str = ""
     amplitude: float = 0.0
+
+
+def comparable_value(margin: WorstMargin) -> float:
+    """The value by which margins are compared (`margins.comparable`)."""
+    return float(comparable(margin.value))
 
 
 def survey_points(experiment: Experiment) -> list[tuple[float, float]]:
@@ -156,7 +159,7 @@ class MarginSurvey:
 
         Args:
             values: (n, names).
-            kinds: of `margins.MARGIN_KINDS` and `resonance.RESONANCE`; the latter needs no compiler.
+            kinds: of `margins.MARGIN_KINDS` and `resonance.MARGIN_AMPLITUDES`; the latter need no compiler.
             loops: indices into `self.loops`; default: all.
 
         Returns:
@@ -168,9 +171,9 @@ class MarginSurvey:
         """
         chosen = np.arange(len(self.loops)) if loops is None else loops
         found = [of_row[0] for of_row in self._least(values, kinds, chosen, np.zeros(len(chosen), np.intp))]
-        if RESONANCE in kinds:
-            for of_row, resonances in zip(found, self._resonances(values), strict=True):
-                of_row[RESONANCE] = min(resonances, key=VALUE)
+        for kind in MARGIN_AMPLITUDES.keys() & set(kinds):
+            for of_row, resonances in zip(found, self._resonances(values, kind), strict=True):
+                of_row[kind] = min(resonances, key=comparable_value)
         return found
 
     def each(
@@ -180,16 +183,16 @@ class MarginSurvey:
         chosen = np.arange(len(self.loops)) if loops is None else loops
         machines, group = np.unique(self.loops[chosen, 0], return_inverse=True)
         found = self._least(values, kinds, chosen, group)
-        if RESONANCE in kinds:
-            for of_row, resonances in zip(found, self._resonances(values), strict=True):
+        for kind in MARGIN_AMPLITUDES.keys() & set(kinds):
+            for of_row, resonances in zip(found, self._resonances(values, kind), strict=True):
                 for of_machine, machine in zip(of_row, machines, strict=True):
-                    of_machine[RESONANCE] = resonances[machine]
+                    of_machine[kind] = resonances[machine]
         return found
 
     def of_loops(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices | None = None
     ) -> list[list[dict[str, WorstMargin]]]:
-        """The margins of single loops, for each of the n sets; arguments as in `worst`, but without `RESONANCE`.
+        """The margins of single loops, for each of the n sets; arguments as in `worst`, but of `MARGIN_KINDS` only.
 
         Margins far above the smallest are only read off a frequency grid.
         """
@@ -199,12 +202,15 @@ class MarginSurvey:
     def _least(
         self, values: ArrayLike, kinds: Collection[str], loops: Indices, group: Indices, *, roughly: bool = False
     ) -> list[list[dict[str, WorstMargin]]]:
-        """Kind → smallest margin of each group of loops, for each of the n sets; without `RESONANCE`.
+        """Kind of `MARGIN_KINDS` → smallest margin of each group of loops, for each of the n sets.
 
         `group` is the index of the group of each loop, from 0. Roughly: margins far above the smallest of all groups
         are only read off a frequency grid.
         """
-        given, of_loops = np.atleast_2d(np.asarray(values, float)), [kind for kind in kinds if kind != RESONANCE]
+        given, of_loops = (
+            np.atleast_2d(np.asarray(values, float)),
+            [kind for kind in kinds if kind not in MARGIN_AMPLITUDES],
+        )
         found = [[dict[str, WorstMargin]() for _ in range(int(group.max()) + 1)] for _ in given]
         if not of_loops:
             return found
@@ -217,22 +223,25 @@ class MarginSurvey:
         parts = _in_chunks(work, places, self._threads)
         for row, number, worst in parts:
             for kind, one in worst.items():
-                found[row][number][kind] = min(found[row][number].get(kind, one), one, key=VALUE)
+                found[row][number][kind] = min(found[row][number].get(kind, one), one, key=comparable_value)
         return found
 
-    def _resonances(self, values: ArrayLike) -> list[list[WorstMargin]]:
-        """Margins of the drum resonances of all machines, at the worst amplitude, for each of the n sets."""
+    def _resonances(self, values: ArrayLike, kind: str) -> list[list[WorstMargin]]:
+        """Margins of the drum resonances of all machines, at the worst amplitude of a kind, for each of the n sets."""
         given, count = np.atleast_2d(np.asarray(values, float)), len(self.machines)
         machines = np.tile(np.arange(count), len(given))
         parameters = self._parameters_with(np.repeat(given, count, axis=0), machines)
         middle = parameters[:, self._length] / 2
-        terms = resonance_terms(self._structure, parameters, middle)
+        amplitudes = MARGIN_AMPLITUDES[kind]
+        terms = resonance_terms(self._structure, parameters, middle, amplitudes)
         terms = terms.reshape(len(machines), -1, terms.shape[-1])
-        worst, found = terms[..., -1].argmax(axis=1), []
+        worst, found = comparable(terms[..., -1]).argmax(axis=1), []
         for number, (index, x) in enumerate(zip(worst.tolist(), middle.tolist(), strict=True)):
             frequency, *_, gain = terms[number, index].tolist()
             opening, omega = f"tau_{1 + index % 2}", 2 * math.pi * frequency
-            found.append(WorstMargin(1 / gain if gain else math.inf, int(machines[number]), x, 0.0, opening, omega))
+            margin, machine = 1 / gain if gain else math.inf, int(machines[number])
+            amplitude = amplitudes[index // 2] if kind == LARGE_SIGNAL else 0.0
+            found.append(WorstMargin(margin, machine, x, 0.0, opening, omega, amplitude=amplitude))
         return [found[first : first + count] for first in range(0, len(found), count)]
 
     def _parameters_with(self, values: Floats, machines: NDArray[np.intp]) -> Floats:

@@ -65,6 +65,12 @@ def operating_point(
     Raises:
         ConfigurationError: a point off the track, a rope at its shortest length, or a speed, preload or limit out of
             range.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> point = dw.operating_point(dw.case(4), x=25, v=1.8)
+        >>> f"{point.F1:.0f} N and {point.F2:.0f} N"
+        '3606 N and 200 N'
     """
     x, limits = position_in(experiment, x), experiment.controller.limits
     return of_plant(

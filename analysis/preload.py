@@ -130,6 +130,12 @@ def optimal_preload(
     Raises:
         ConfigurationError: a value is out of its range.
         DualwinchError: no tensions within the limits produce the motion, or the solver found none.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> optimum = dw.optimal_preload(dw.case(2), "load", every=1000)
+        >>> f"{optimum.continuous_load:.1f} N m"
+        '39.9 N m'
     """
     _check(experiment, minimise, error, torque_rate, every)
     step = every * experiment.simulation.sample_time

@@ -2,18 +2,22 @@
 
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dualwinch.analysis.describing_function import amplitude_sweep
-from dualwinch.analysis.linear_loop import linear_closed_loop, loop_opened_at, without_idle_states
+from dualwinch.analysis.large_signal import large_signal_stability
+from dualwinch.analysis.linear_loop import fastest_growing, linear_closed_loop, loop_opened_at, without_idle_states
 from dualwinch.analysis.margins import margins
 from dualwinch.analysis.operating_points import loop_operating_point
-from dualwinch.analysis.resonance import matched_damping, resonance_gains
+from dualwinch.analysis.resonance import MARGIN_AMPLITUDES, RESONANCE, largest_gain, matched_damping, resonance_gains
 from dualwinch.codegen.source.expressions import elements_read
 from dualwinch.model.errors import ConfigurationError, DualwinchError
+from dualwinch.model.linear.modes import Mode
+from dualwinch.model.plant import is_distributed
 from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.tree import leaves
 from dualwinch.simulation.experiment import Experiment
@@ -253,6 +257,8 @@ def _remarks(
     looked_at = chatters or not completed or experiment.plant != Experiment().plant
     unstable = list(loop_remarks(experiment)) if loop and looked_at else []
     yield from unstable
+    if loop and looked_at and not unstable:
+        yield from large_signal_remarks(experiment)
     if worst["slack_share"] > 0:
         advice = "" if unstable else ": increase the preload or reduce the speed"
         yield f"a rope is slack in {100 * worst['slack_share']:.3g} % of the samples{where}{advice}"
@@ -275,24 +281,44 @@ def loop_remarks(experiment: Experiment) -> Iterator[str]:
 
     Uses `linear_closed_loop` and `resonance_gains`, as `dualwinch linearise --loop closed` does.
     """
-    middle = experiment.plant.track.length / 2
+    middle, mode = experiment.plant.track.length / 2, None
     where = f"(dualwinch linearise --loop closed --x {middle:g})"
+    with suppress(*NOT_COMPUTABLE):  # no steady state to linearise at
+        mode = fastest_growing(linear_closed_loop(experiment, middle), experiment.plant)
+    if mode is not None:
+        yield f"unstable at small amplitudes: at rest at {middle:g} m deviations {in_words(mode)} {where}"
     try:
-        radius = float(np.abs(linear_closed_loop(experiment, middle).poles()).max(initial=0.0))
-    except NOT_COMPUTABLE:
-        radius = 0.0  # no steady state to linearise at
-    if radius > 1:
-        rate = np.log(radius) / experiment.simulation.sample_time
-        yield f"unstable at small amplitudes: at rest at {middle:g} m deviations grow by {rate:.3g} 1/s {where}"
-    try:
-        worst = max(resonance_gains(experiment), key=lambda each: each.gain)
+        gains = resonance_gains(experiment, amplitudes=MARGIN_AMPLITUDES[RESONANCE])
     except NOT_COMPUTABLE:
         return  # the rule does not apply to this law
+    worst = largest_gain(gains)
     if worst.verdict == "fails":
         yield (
             f"drum {worst.winch} may oscillate on its rope at {worst.frequency:.3g} Hz: the loop gain at this "
             f"resonance is {worst.gain:.3g}, must be at most 1{_damping_advice(experiment, worst.winch)} {where}"
         )
+
+
+def in_words(mode: Mode) -> str:
+    """Growth and name of an unstable mode."""
+    frequency = f" at {mode.natural_frequency / (2 * np.pi):.3g} Hz" if mode.rate.imag else ""
+    return f"grow by {mode.rate.real:.3g} 1/s{frequency}, {mode.label}"
+
+
+def large_signal_remarks(experiment: Experiment) -> Iterator[str]:
+    """The speed error up to which the loop is stable, where it has a limit or ropes have mass (`large_signal`)."""
+    middle = experiment.plant.track.length / 2
+    try:
+        stability = large_signal_stability(experiment)
+    except NOT_COMPUTABLE:
+        return  # no steady motion, or a law without odd powers, whose loop is the same at all amplitudes
+    if not stability.throughout or is_distributed(experiment.plant):
+        yield f"{stability} (dualwinch linearise --loop open --x {middle:g})"
+
+
+def loop_notes(experiment: Experiment) -> list[str]:
+    """Remarks on a loop: that it is unstable at small amplitudes, else up to which speed error it is stable."""
+    return [*loop_remarks(experiment)] or [*large_signal_remarks(experiment)]
 
 
 def _damping_advice(experiment: Experiment, winch: int) -> str:

@@ -25,7 +25,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.analysis.describing_function import describing_gain
+from dualwinch.analysis.describing_function import LARGEST_SPEED_ERROR, describing_gain
+from dualwinch.analysis.margins import comparable
 from dualwinch.analysis.stability import sliding_mode
 from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
@@ -45,11 +46,18 @@ from dualwinch.simulation.loop.structure import parameters_of, structure_of, sym
 
 Floats = NDArray[np.float64]
 
-AMPLITUDES = (1e-4, 1e-3, 1e-2)
+AMPLITUDES = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, LARGEST_SPEED_ERROR)
 """Default amplitudes of the speed error in m/s."""
 
-RESONANCE = "resonance"
-"""Name of its margin: the factor on the loop gain at the resonance that makes it 1."""
+RULE_AMPLITUDES = tuple(np.geomspace(1e-4, LARGEST_SPEED_ERROR, 25).tolist())
+"""Amplitudes of the speed error in m/s at which large-signal stability is examined."""
+
+RESONANCE, LARGE_SIGNAL = "resonance", "large_signal"
+"""Names of its margins, the factor on the loop gain at the resonance that makes it 1: at small speed errors, and at all
+up to the largest."""
+
+MARGIN_AMPLITUDES = {RESONANCE: AMPLITUDES[:3], LARGE_SIGNAL: RULE_AMPLITUDES}
+"""Name of a margin → amplitudes of the speed error in m/s of which it is the smallest."""
 
 THRESHOLD, OF_ONE_DRUM = 1.0, 2.0
 """Largest loop gains: with both drums oscillating alike, and with only one."""
@@ -97,6 +105,12 @@ def resonance_gains(
 
     Raises:
         ConfigurationError: a law without odd powers of the speed error.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> drum, _ = dw.resonance_gains(dw.case(4), amplitudes=[0.01])
+        >>> f"{drum.gain:.3f} at {drum.frequency:.0f} Hz: {drum.verdict}"
+        '0.031 at 113 Hz: holds'
     """
     sliding_mode(experiment, "the rule applies to laws with odd powers of the speed error; must be")
     values = parameters_of(experiment, nominal)
@@ -107,6 +121,11 @@ def resonance_gains(
         for amplitude, of_amplitude in zip(amplitudes, terms[0], strict=True)
         for number, of_winch in enumerate(of_amplitude, start=1)
     ]
+
+
+def largest_gain(gains: Sequence[ResonanceGain]) -> ResonanceGain:
+    """The drum with the largest loop gain; the first of those that only rounding distinguishes."""
+    return max(gains, key=lambda drum: float(comparable(drum.gain)))
 
 
 def matched_damping(experiment: Experiment, winch: int) -> float:

@@ -318,6 +318,12 @@ def certify(experiment: Experiment, *, progress: Progress = no_progress) -> Cert
 
     Raises:
         ConfigurationError: another position law, or an observer without a constant gain (V divides by it).
+
+    Example:
+        >>> import dualwinch as dw
+        >>> certificate = dw.certify(dw.override(dw.case(4), {"simulation.duration": 1.0}))
+        >>> [condition.name for condition in certificate.conditions if not condition.holds and not condition.basis]
+        ['weight of Z_a in the surface', 'weight of Z_a in the force']
     """
     law = sliding_mode(experiment, "the theorem applies to")
     if isinstance(law, FandoNftsm) and law.observer.l0 <= 0:
@@ -387,6 +393,12 @@ def nearby_gains(certificate: Certificate, *, progress: Progress = no_progress) 
     Args:
         certificate: from which to start.
         progress: called after every run with the completed fraction of the longest possible search.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> certificate = dw.certify(dw.override(dw.case(4), {"simulation.duration": 1.0}))
+        >>> sorted(dw.nearby_gains(certificate).changes)
+        ['controller.auxiliary.gamma', 'controller.auxiliary.gamma_force']
     """
     instance("certificate", certificate, Certificate, hint=" (certify makes one)")
     experiment = certificate.result.experiment

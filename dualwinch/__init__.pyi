@@ -4,6 +4,8 @@ from .analysis.describing_function import AmplitudePoint as AmplitudePoint
 from .analysis.describing_function import amplitude_sweep as amplitude_sweep
 from .analysis.idealisations import Idealisation as Idealisation
 from .analysis.idealisations import idealisations as idealisations
+from .analysis.large_signal import LargeSignalStability as LargeSignalStability
+from .analysis.large_signal import large_signal_stability as large_signal_stability
 from .analysis.linear_loop import linear_closed_loop as linear_closed_loop
 from .analysis.linear_loop import linear_open_loop as linear_open_loop
 from .analysis.linear_loop import linearise as linearise

@@ -267,26 +267,37 @@ def _point_columns(*names: str, point: OperatingPoint | None = None) -> list[Fig
     ]
 
 
-PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+PRINTED_AMPLITUDES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)
 """Printed amplitudes of the speed error in m/s."""
 
 MARGIN_COLUMNS = (
     FigureColumn("gain"),
-    FigureColumn("gain_frequency", "Hz", "at Hz"),
+    FigureColumn("gain_frequency", "Hz", "at Hz", form=".3g"),
     FigureColumn("least_gain", heading="least gain"),
     FigureColumn("phase", "deg", "phase °"),
-    FigureColumn("phase_frequency", "Hz", "at Hz"),
+    FigureColumn("phase_frequency", "Hz", "at Hz", form=".3g"),
     FigureColumn("delay", "s", "delay ms", 1e3),
     FigureColumn("disk"),
-    FigureColumn("stable", "", "", words={True: "", False: "UNSTABLE"}),
 )
 """Columns of `Margins`, printed and written."""
 
+STABILITY_COLUMNS = (
+    FigureColumn("stable", "", "", words={True: "", False: "UNSTABLE"}),
+    FigureColumn("growing_mode", "", form=""),
+)
+"""Columns behind them: whether the closed loop is stable, and the mode that grows."""
 
-def _margin_row(found: Margins) -> list[float | bool]:
-    """The row of `MARGIN_COLUMNS`; margins of an unstable loop are meaningless, and NaN."""
-    values = [getattr(found, each.name) / (2 * math.pi if each.unit == "Hz" else 1) for each in MARGIN_COLUMNS[:-1]]
-    return [*(values if found.stable else [math.nan] * len(values)), found.stable]
+
+def _margin_row(loop: LinearSystem, found: Margins, plant: Plant) -> list[float | bool | str]:
+    """The row of `MARGIN_COLUMNS` and `STABILITY_COLUMNS`; margins of an unstable loop are meaningless, and NaN."""
+    from dualwinch.analysis.linear_loop import closed, fastest_growing
+    from dualwinch.analysis.remarks import in_words
+
+    if found.stable:
+        values = [getattr(found, each.name) / (2 * math.pi if each.unit == "Hz" else 1) for each in MARGIN_COLUMNS]
+        return [*values, True, ""]
+    mode = fastest_growing(closed(loop), plant)
+    return [*[math.nan] * len(MARGIN_COLUMNS), False, f"deviations {in_words(mode)}" if mode else ""]
 
 
 def print_open(
@@ -307,23 +318,35 @@ def print_open(
         returned = " and ".join(LOOP_OPENINGS[signal] for signal in OPENED_SIGNALS[opening])
         console.print(f"no loop gain: {returned} rests on its limit or does not respond here")
     rows = [
-        [*([getattr(point, swept)] if swept else []), *_margin_row(margins(system))]
+        [*([getattr(point, swept)] if swept else []), *_margin_row(system, margins(system), experiment.plant)]
         for point, system in zip(points, systems, strict=True)
     ]
     point_columns = _point_columns(swept) if swept else []
-    tables = [FigureTable("margins", (*point_columns, *MARGIN_COLUMNS), rows)]
+    tables = [FigureTable("margins", (*point_columns, *MARGIN_COLUMNS, *STABILITY_COLUMNS), rows)]
     console.print(tables[0].render())
+    _print_growing(tables[0])
     for words in contact(systems[0].operating_point, experiment.plant):
         console.print(words)
     if swept is None and isinstance(experiment.controller.law, SLIDING_MODE) and systems[0].B.any():
         ((x, v, preload),) = points
         varied = amplitude_sweep(_with_preload(experiment, preload), x, v, opening, PRINTED_AMPLITUDES)
         amplitude = FigureColumn("amplitude", "m/s", "e2 m/s", form="g")
-        rows = [[each.amplitude, *_margin_row(each.margins)] for each in varied]
-        tables.append(FigureTable("margins_by_amplitude", (amplitude, *MARGIN_COLUMNS), rows))
+        rows = [[each.amplitude, *_margin_row(each.system, each.margins, experiment.plant)] for each in varied]
+        columns = amplitude, *MARGIN_COLUMNS, *STABILITY_COLUMNS
+        tables.append(FigureTable("margins_by_amplitude", columns, rows))
         console.print(styled("bold", "by amplitude of the speed error", " (describing functions)"))
         console.print(tables[1].render())
+        _print_growing(tables[1])
     return tables
+
+
+def _print_growing(table: FigureTable) -> None:
+    """Name the growing mode of each unstable loop of a table whose last column has it."""
+    for row in table.rows:
+        if row[-1]:
+            unit = table.columns[0].unit
+            where = "" if table.columns[0] is MARGIN_COLUMNS[0] else f"at {table.columns[0].name} = {row[0]:g} {unit}: "
+            terminal().print(f"{where}{row[-1]}", highlight=False)
 
 
 def resonance_tables(experiment: Experiment, x: float | None = None) -> list[FigureTable]:
@@ -349,11 +372,28 @@ def resonance_tables(experiment: Experiment, x: float | None = None) -> list[Fig
     return [
         FigureTable("resonance", (*columns, FigureColumn("verdict", "", "")), rows),
         FigureTable("resonance_limits", [FigureColumn(name) for name in limits], [list(limits.values())]),
+        *_large_signal_table(experiment),
     ]
+
+
+def _large_signal_table(experiment: Experiment) -> list[FigureTable]:
+    """Large-signal stability at rest at mid-track; empty without steady motion there."""
+    from dualwinch.analysis.large_signal import LargeSignalStability, large_signal_stability
+    from dualwinch.model.errors import ConfigurationError
+    from dualwinch.model.quantities.description import describe
+
+    try:
+        stability = large_signal_stability(experiment)
+    except ConfigurationError:
+        return []
+    columns = [FigureColumn.of(name, leaf.quantity) for name, leaf in describe(LargeSignalStability).items()]
+    return [FigureTable("large_signal", columns, [list(vars(stability).values())])]
 
 
 def print_resonance(tables: Sequence[FigureTable]) -> None:
     """Print `resonance_tables`."""
+    from dualwinch.analysis.large_signal import LargeSignalStability
+
     if not tables:
         return
     console, (threshold, of_one, low, high) = terminal(), tables[1].rows[0]
@@ -363,6 +403,8 @@ def print_resonance(tables: Sequence[FigureTable]) -> None:
         f"at most {threshold:g} where both drums swing alike, in the middle of the track, {of_one:g} where one does; "
         f"from {low:g} to {high:g} look at the eigenvalues"
     )
+    for table in tables[2:]:
+        console.print(str(LargeSignalStability(*table.rows[0])))
 
 
 def print_closed_sweep(
@@ -400,7 +442,7 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
     import numpy as np
 
     from dualwinch.model.linear.modes import modes, plant_prefix
-    from dualwinch.model.linear.properties import dc_gains
+    from dualwinch.model.linear.properties import dc_gains, is_stable
     from dualwinch.model.quantities.tree import numbers
 
     console, small = terminal(), len(system.states) <= PRINTED_STATES
@@ -429,10 +471,10 @@ def print_point(system: LinearSystem, point: OperatingPoint, plant: Plant, *, cl
         console.print(tables[-1].render())
         tables += _print_structure(system)
     if closed:
-        radius = float(np.abs(system.poles()).max())
-        console.print(f"spectral radius over a sample {radius:.9g}: {'stable' if radius < 1 else 'UNSTABLE'}")
+        radius, stable = float(np.abs(system.poles()).max()), is_stable(system)
+        console.print(f"spectral radius over a sample {radius:.9g}: {'stable' if stable else 'UNSTABLE'}")
         columns = [FigureColumn("spectral_radius"), FigureColumn("stable", "")]
-        tables.append(FigureTable("stability", columns, [(radius, radius < 1)]))
+        tables.append(FigureTable("stability", columns, [(radius, stable)]))
     return tables
 
 
@@ -543,15 +585,12 @@ def _mode_columns(dt: float | None, *, closed: bool = False) -> tuple[FigureColu
 UNSTABLE = "unstable"
 """Remark on an unstable mode of the closed loop."""
 
-LEAST_GROWTH = 1e-6
-"""Growth rate in 1/s above which a mode is unstable; smaller ones are within the eigenvalues' accuracy."""
-
 
 def listed(found: Sequence[Mode], *, closed: bool) -> list[Mode]:
     """Modes in the order of the tables, unstable ones of a closed loop first; equal names get numbers."""
     from dualwinch.model.linear.modes import numbered
 
-    each = sorted(found, key=lambda mode: closed and mode.rate.real <= LEAST_GROWTH)
+    each = sorted(found, key=lambda mode: closed and not mode.grows)
     labels = numbered([mode.label for mode in each])
     return [replace(mode, label=label) for mode, label in zip(each, labels, strict=True)]
 
@@ -560,7 +599,7 @@ def _mode_row(mode: Mode, *, closed: bool = False) -> tuple[Any, ...]:
     value, frequency = mode.eigenvalue, mode.natural_frequency / (2 * math.pi)
     words = f"{measured(value.real)} ± {measured(abs(value.imag))}j" if value.imag else measured(value.real)
     pace = frequency, mode.damping, mode.time_constant, mode.sample_rate
-    deadbeat, unstable = math.isinf(frequency), closed and mode.rate.real > LEAST_GROWTH
+    deadbeat, unstable = math.isinf(frequency), closed and mode.grows
     remark = UNSTABLE if unstable else "deadbeat" if deadbeat else ""
     return mode.label, words, value.real, value.imag, *pace, deadbeat, unstable, remark
 

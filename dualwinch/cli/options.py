@@ -192,13 +192,13 @@ class ExperimentOptions:
         return experiment
 
     def exported(self, block: str | None = None) -> Experiment:
-        """The experiment; print a note where its controller, made for another machine, makes the loop unstable."""
-        from dualwinch.analysis.remarks import in_full, loop_remarks
+        """The experiment; for another machine than the paper's, print notes on the stability of the loop."""
+        from dualwinch.analysis.remarks import in_full, loop_notes
         from dualwinch.simulation.experiment import Experiment
 
         experiment = self.experiment()
         if block != "plant" and experiment.plant != Experiment().plant:
-            for words in loop_remarks(experiment):
+            for words in loop_notes(experiment):
                 print_note(in_full(words, self.typed), stderr=True)
         return experiment
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dualwinch.model.arguments import instance
 from dualwinch.model.heavy_ropes import end_mass, lumped_mass, rope_on_drum, transverse_mass
 from dualwinch.model.linear.operating_point import PRELOAD
+from dualwinch.model.linear.properties import eigenvalue_errors
 from dualwinch.model.linear.system import LinearSystem
 from dualwinch.model.plant import Plant, PlantState, Side, blank_state
 from dualwinch.model.quantities.description import Leaf, describe, describe_parts
@@ -291,6 +292,7 @@ class Mode:
     Attributes:
         eigenvalue: eigenvalue of A in 1/s, or per sample for a discrete system.
         rate: the same in 1/s; for a discrete system ``log(eigenvalue) / dt`` (minus infinity below `DEADBEAT`).
+        error: bound on the rounding error of the rate in 1/s.
         participation: state → participation factor; these sum to one and do not depend on units.
         shape: state → complex amplitude, in the states' units.
         label: in words, e.g. "rope 2 – drum 2".
@@ -298,9 +300,15 @@ class Mode:
 
     eigenvalue: complex
     rate: complex
+    error: float
     participation: Mapping[str, float]
     shape: Mapping[str, complex]
     label: str
+
+    @property
+    def grows(self) -> bool:
+        """Whether the mode is unstable: its growth is more than a rounding error."""
+        return self.rate.real > self.error
 
     @property
     def natural_frequency(self) -> float:
@@ -346,14 +354,16 @@ def numbered(labels: Sequence[str]) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """All eigenvalues of a system (n), with right eigenvectors (columns) and left ones (rows of the inverse).
+    """All eigenvalues of a system (n), with eigenvectors and bounds on their rounding errors (n).
 
+    Right eigenvectors are columns, left ones rows of the inverse.
     A chain of integrators has only one eigenvector; a basis of its invariant subspace replaces it.
     """
 
     eigenvalues: Complex
     right: Complex
     left: Complex
+    errors: NDArray[np.float64]
 
 
 def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
@@ -362,6 +372,15 @@ def modes(system: LinearSystem, plant: Plant | None = None) -> tuple[Mode, ...]:
     Args:
         system: any linear system; if its states include the plant's six, modes are labelled by their shape.
         plant: the plant that was linearised, for the labels (default: the paper's).
+
+    Example:
+        >>> import dualwinch as dw
+        >>> for mode in dw.modes(dw.linearise(dw.case(4), x=25)):
+        ...     print(f"{mode.label}: {mode.natural_frequency / (2 * 3.141593):.3g} Hz, damping {mode.damping:.2g}")
+        rigid drift: position: 0 Hz, damping 0
+        rigid drift: speed: 0.779 Hz, damping 1
+        both drums opposed: 113 Hz, damping 0.25
+        both drums together: 113 Hz, damping 0.25
     """
     instance("system", system, LinearSystem, hint=" (linearise makes one)")
     spectrum = spectra([system], plant or Plant())[0]
@@ -379,9 +398,10 @@ def mode(system: LinearSystem, spectrum: Spectrum, k: int, plant: Plant) -> Mode
     shares = np.abs(spectrum.left[k] * spectrum.right[:, k])
     participation = dict(zip(system.states, (shares / shares.sum()).tolist(), strict=True))
     shape = dict(zip(system.states, spectrum.right[:, k].tolist(), strict=True))
-    return Mode(
-        eigenvalue, _rate(eigenvalue, system.dt), participation, shape, label(system, participation, shape, plant)
-    )
+    rate, error = _rate(eigenvalue, system.dt), float(spectrum.errors[k])
+    if system.dt is not None:
+        error /= max(abs(eigenvalue), DEADBEAT) * system.dt
+    return Mode(eigenvalue, rate, error, participation, shape, label(system, participation, shape, plant))
 
 
 def spectra(systems: Sequence[LinearSystem], plant: Plant) -> list[Spectrum]:
@@ -398,7 +418,8 @@ def spectra(systems: Sequence[LinearSystem], plant: Plant) -> list[Spectrum]:
             matrices[k] - steady[k] * np.eye(len(matrices[k])), still[k].sum(), memory
         )
     left = np.linalg.pinv(vectors, rcond=1e-300)
-    return [Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left, strict=True)]
+    errors = eigenvalue_errors(matrices, vectors, left.astype(np.complex128))
+    return [Spectrum(*entry) for entry in zip(eigenvalues.astype(np.complex128), vectors, left, errors, strict=True)]
 
 
 def _basis_of_still(A: NDArray[np.float64], count: int, memory: tuple[int, list[int]] | None) -> Complex:
@@ -510,7 +531,7 @@ def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> 
 
     found = spectra(systems, plant or Plant())
     orders = [np.arange(len(found[0].eigenvalues))]
-    known = Spectrum(found[0].eigenvalues, found[0].right.copy(), found[0].left.copy())
+    known = replace(found[0], right=found[0].right.copy(), left=found[0].left.copy())
     for spectrum in found[1:]:
         overlap = np.abs(known.left @ spectrum.right) * np.abs(spectrum.left @ known.right).T
         distance = np.abs(known.eigenvalues[:, None] - spectrum.eigenvalues)
@@ -523,6 +544,7 @@ def track_modes(systems: Sequence[LinearSystem], plant: Plant | None = None) -> 
             spectrum.eigenvalues[order],
             np.where(clear, spectrum.right[:, order], known.right),
             np.where(clear[:, None], spectrum.left[order], known.left),
+            spectrum.errors[order],
         )
     tracks = []
     for branch in np.array(orders).T:

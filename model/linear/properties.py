@@ -1,4 +1,4 @@
-"""Controllability and observability, transmission zeros and DC gains of a linear system.
+"""Stability, controllability and observability, transmission zeros and DC gains of a linear system.
 
 Controllability and observability are tested mode by mode (Popov, Belevitch and Hautus). All measures are taken in
 balanced states (diagonal scaling), with inputs and outputs scaled to unit size, so that the choice of units does not
@@ -18,6 +18,12 @@ from numpy.typing import NDArray
 from dualwinch.model.linear.system import LinearSystem
 
 Array = NDArray[np.float64]
+
+BALANCING_ROUNDS = 6
+"""Rounds of balancing many matrices: scales of physical units are found within three or four."""
+
+BACKWARD_ERROR = 10
+"""Relative error of a matrix in units of n eps, with its size n."""
 
 LOST = 1e-11
 """Relative distance below which a mode is uncontrollable or unobservable: round-off."""
@@ -53,6 +59,67 @@ def balanced(system: LinearSystem) -> Balanced:
 def _lengths(rows: Array) -> Array:
     lengths = np.linalg.norm(rows, axis=1)
     return np.where(lengths > 0, lengths, 1.0)
+
+
+def balancing_scales(A: Array) -> Array:
+    """Scales of states (s, n), powers of two, that balance rows and columns of matrices A (s, n, n).
+
+    By Parlett and Reinsch, Numer. Math. 13, 1969: ``A / scale[:, None] * scale`` is balanced.
+    """
+    scale = np.ones(A.shape[:2])
+    off = np.abs(A) * (1 - np.eye(A.shape[1]))
+    for _ in range(BALANCING_ROUNDS):
+        scaled = off / scale[:, :, None] * scale[:, None, :]
+        rows, columns = scaled.sum(axis=2), scaled.sum(axis=1)
+        both = (rows > 0) & (columns > 0)
+        ratio = np.sqrt(np.where(both, rows, 1.0) / np.where(both, columns, 1.0))
+        scale *= 2.0 ** np.round(np.log2(ratio))
+    return scale
+
+
+def eigenvalue_errors(A: Array, right: NDArray[np.complex128], left: NDArray[np.complex128]) -> Array:
+    """Bounds on the rounding errors of the eigenvalues (s, n) of matrices A (s, n, n).
+
+    The first-order bound of a backward stable method, ``p(n) eps ‖A‖ ‖x‖ ‖y‖/|y* x|``, with right eigenvectors x
+    (columns), left ones y* (rows) and the Frobenius norm, all in balanced states (Anderson et al., *LAPACK Users'
+    Guide*, 1999, Section 4.8). p(n) is `BACKWARD_ERROR` n, as the elements of A are rounded results too. Rounding
+    splits a double eigenvalue into two whose distance is about |y* x|, and the bound then has that size.
+    """
+    scale = balancing_scales(A)
+    size = np.linalg.norm(A / scale[:, :, None] * scale[:, None], axis=(1, 2))
+    columns = np.linalg.norm(right / scale[:, :, None], axis=1)
+    rows = np.linalg.norm(left * scale[:, None], axis=2)
+    cosines = np.abs(np.einsum("sij,sji->si", left, right)) / np.maximum(columns * rows, np.finfo(float).tiny)
+    rounding = BACKWARD_ERROR * A.shape[1] * np.finfo(float).eps * size[:, None]
+    return rounding / np.maximum(cosines, np.finfo(float).tiny)
+
+
+def has_growth(A: Array, dt: float | None) -> bool:
+    """Whether a mode of ``dx/dt = A x``, or ``x[k+1] = A x[k]`` with a sample time, grows beyond rounding errors.
+
+    A mode whose eigenvalue lies on the limit of stability within its rounding error (`eigenvalue_errors`), such as an
+    integrator, does not grow.
+    """
+    from scipy.linalg import eig
+
+    if not np.isfinite(A).all():
+        return True
+    if not (_excess(np.linalg.eigvals(A).astype(np.complex128), dt) > 0).any():
+        return False
+    decomposition: Any = eig(A, left=True)
+    values, left, right = decomposition
+    errors = eigenvalue_errors(A[None], right[None], left.conj().T[None])[0]
+    return bool((_excess(values, dt) > errors).any())
+
+
+def _excess(poles: NDArray[np.complex128], dt: float | None) -> Array:
+    """How far poles are beyond the limit of stability."""
+    return poles.real if dt is None else np.abs(poles) - 1
+
+
+def is_stable(system: LinearSystem) -> bool:
+    """Whether no mode of a system grows (`has_growth`)."""
+    return not has_growth(system.A, system.dt)
 
 
 def mode_controllability(system: LinearSystem, inputs: Sequence[str] | None = None) -> Array:

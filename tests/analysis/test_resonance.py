@@ -49,12 +49,12 @@ def test_frequency_is_that_of_the_drum_on_its_rope() -> None:
     omega = math.sqrt(80e9 * 4.52e-4 / 30.5 / (150 / 0.8**2))
     assert found[0].frequency == pytest.approx(omega / (2 * math.pi))
     assert {each.amplitude for each in found} == set(AMPLITUDES)
-    assert [each.winch for each in found] == [1, 2, 1, 2, 1, 2]
+    assert [each.winch for each in found] == [1, 2] * len(AMPLITUDES)
 
 
 def test_small_errors_see_a_steeper_law_and_large_ones_the_whole_observer() -> None:
     paper = override(case(4), both(winch__inertia=150.0))
-    small, medium, large = (each for each in resonance_gains(paper) if each.winch == 1)
+    small, medium, large = (each for each in resonance_gains(paper, amplitudes=AMPLITUDES[:3]) if each.winch == 1)
     assert small.gain > medium.gain
     assert large.feedback - 0.9 > law_of(paper).observer.l0 + 0.5 * law_of(paper).observer.kf
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.analysis.margin_survey import VALUE, WorstMargin
+from dualwinch.analysis.margin_survey import WorstMargin, comparable_value
 from dualwinch.analysis.resonance import RESONANCE
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.scenario import Scenario
@@ -126,7 +126,7 @@ class CuttingSet:
             if kind == RESONANCE:
                 continue
             values = np.array([margins_of[kind].value for margins_of in of_loops])
-            margins |= {kind: min((margins_of[kind] for margins_of in of_loops), key=VALUE)}
+            margins |= {kind: min((margins_of[kind] for margins_of in of_loops), key=comparable_value)}
             least = {numbers[machine]: values[surveyed.loops[:, 0] == machine].min() for machine in range(len(numbers))}
             self._slack |= {machine: float(value) for machine, value in least.items()}
             places = {int(values.argmin())}

@@ -22,7 +22,9 @@ def test_the_report_says_what_fails_and_the_file_holds_the_same(
     held = json.loads(out.read_text())
     assert held["certified"] is False
     assert held["conditions"][0]["left"] == 0.5
-    assert rule.count("holds") == len(held["resonance"]["rows"]) == 6
+    assert rule.count("holds") == len(held["resonance"]["rows"]) == 12
+    assert "stable up to speed errors of 30 cm/s" in rule
+    assert held["large_signal"]["rows"][0]["amplitude"] == 0.3
     assert held["resonance"]["units"]["mass"] == "kg"
     assert held["nearby_gains"]["changes"]["controller.auxiliary.gamma"]["tried"] == 12000
     assert f"V decreases over {100 * held['decreasing_share']:.4g} %" in said

@@ -57,13 +57,15 @@ def test_an_unstable_loop_has_its_verdict_and_no_margins(tmp_path: Path, capsys:
     out = tmp_path / "loop.json"
     shaken = ["linearise", "--loop", "open", "--v", "0.5", "--set", "controller.nftsm.smoothing=1e-7"]
     main([*shaken, "--out", str(out)])
-    (printed,) = {
-        line for line in capsys.readouterr().out.partition("by amplitude")[0].splitlines() if "UNSTABLE" in line
-    }
+    lines = capsys.readouterr().out.partition("by amplitude")[0].splitlines()
+    (printed,) = {line for line in lines if "UNSTABLE" in line}
     assert printed.split() == [*"–––––––", "UNSTABLE"]
     figures = json.loads(out.read_text())["figures"]
     (row,) = figures["margins"]["rows"]
     assert not row.pop("stable")
+    growing = row.pop("growing_mode")
+    assert growing in lines
+    assert re.fullmatch(r"deviations grow by \S+ 1/s at \S+ Hz, both drums together", growing)
     assert set(row.values()) == {None}
     by_amplitude = figures["margins_by_amplitude"]["rows"]
     assert {row["stable"] for row in by_amplitude} == {True, False}

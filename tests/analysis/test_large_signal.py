@@ -1,0 +1,71 @@
+"""Large-signal stability: the first amplitude at which the rule or an eigenvalue of the loop crosses its limit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dualwinch as dw
+from dualwinch.analysis.margin_survey import MarginSurvey
+from dualwinch.analysis.remarks import large_signal_remarks
+from dualwinch.analysis.resonance import LARGE_SIGNAL, RESONANCE
+from dualwinch.model.errors import ConfigurationError
+
+TUNED = dw.load(Path(__file__).parents[2] / "benchmarks/independent/tuned_in_site.toml")
+STEEP = dw.override(
+    dw.case(4),
+    {
+        "controller.nftsm.beta": 0.13,
+        "controller.nftsm.eta": 0.94,
+        "controller.nftsm.k": 13.6,
+        "controller.nftsm.phi": 0.01,
+        "controller.observer.l0": 28.0,
+    },
+)
+
+
+def test_drums_limit_the_speed_error_of_the_tuned_gains_where_the_rule_is_one() -> None:
+    stability = dw.large_signal_stability(TUNED)
+    below, above = (
+        max(drum.gain for drum in dw.resonance_gains(TUNED, amplitudes=[factor * stability.amplitude]))
+        for factor in (0.99, 1.01)
+    )
+    assert below < 1 < above
+    assert stability.amplitude == pytest.approx(0.0768, abs=5e-4)
+    assert stability.frequency == pytest.approx(dw.resonance_gains(TUNED)[0].frequency)
+    (words,) = large_signal_remarks(TUNED)
+    assert words.startswith(
+        "stable up to speed errors of 7.68 cm/s; beyond, oscillation of drum 1 on its rope at 10.4 "
+    )
+
+
+def test_eigenvalues_limit_it_where_the_loop_loses_stability_first() -> None:
+    stability = dw.large_signal_stability(STEEP)
+    below, above = (
+        dw.amplitude_sweep(STEEP, amplitudes=[factor * stability.amplitude])[0].margins.stable
+        for factor in (0.99, 1.01)
+    )
+    assert (below, above) == (True, False)
+    assert 1e-4 < stability.amplitude < 0.01
+
+
+def test_the_papers_loop_is_stable_throughout() -> None:
+    stability = dw.large_signal_stability(dw.case(4), largest=0.2)
+    assert stability.throughout
+    assert (stability.amplitude, stability.largest) == (0.2, 0.2)
+    assert np.isnan(stability.frequency)
+    assert not list(large_signal_remarks(dw.case(4))), "its ropes have no mass"
+
+
+def test_a_survey_has_the_margin_over_all_speed_errors_beside_that_of_small_ones() -> None:
+    (worst,) = MarginSurvey([TUNED]).worst([[]], [RESONANCE, LARGE_SIGNAL])
+    gains = [drum.gain for drum in dw.resonance_gains(TUNED, amplitudes=(1e-2, 0.3)) if drum.winch == 1]
+    assert (worst[RESONANCE].value, worst[LARGE_SIGNAL].value) == pytest.approx((1 / gains[0], 1 / gains[1]))
+    assert worst[LARGE_SIGNAL].amplitude == pytest.approx(0.3)
+
+
+def test_a_range_below_its_smallest_amplitude_and_other_laws_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r"^largest = 1e-05: must be a finite number > 0.0001 m/s"):
+        dw.large_signal_stability(TUNED, largest=1e-5)
+    with pytest.raises(ConfigurationError, match="has no odd power"):
+        dw.large_signal_stability(dw.override(dw.case(4), {"controller.kind": "adrc"}))
