@@ -1,6 +1,6 @@
 """What toolboxes add to the kernel, found by entry points: the kernel imports no toolbox.
 
-A toolbox registers in `pyproject.toml`, in one of three groups. An installation's metadata may list toolboxes whose
+A toolbox registers in `pyproject.toml`, in one of four groups. An installation's metadata may list toolboxes whose
 folders have been removed since; these are left out.
 """
 
@@ -16,6 +16,9 @@ COMMANDS = "dualwinch.commands"
 
 EXPORTS = "dualwinch.exports"
 """Group of the sub-commands of ``dualwinch export``: name and function."""
+
+EXECUTORS = "dualwinch.executors"
+"""Group of the executors: functions of the address of workers and of a printer of lines, which yield an executor."""
 
 FUNCTIONS = "dualwinch.functions"
 """Group of the functions that a toolbox offers to commands of the kernel and of other toolboxes."""
@@ -33,7 +36,7 @@ def extension(group: str, name: str, option: str) -> Any:
     """An object that a toolbox registers.
 
     Args:
-        group: `COMMANDS`, `EXPORTS` or `FUNCTIONS`.
+        group: `COMMANDS`, `EXPORTS`, `EXECUTORS` or `FUNCTIONS`.
         name: its name there.
         option: of the command line or of a function, which needs it; the message begins with it.
 

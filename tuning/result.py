@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from dualwinch.analysis.limit_cycle import LimitCycle, limit_cycle
 from dualwinch.analysis.remarks import amplitude_remarks, delay_remarks, loop_remarks
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.paper_controller import adapted
@@ -19,7 +20,6 @@ from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.plots.page import GivenAxes
 from dualwinch.tuning.baseline import SWINGING, assumptions, swings, undamped
 from dualwinch.tuning.constraints import LATE
-from dualwinch.tuning.limit_cycle import LimitCycle, limit_cycle
 from dualwinch.tuning.options import TuningOptions, default_method
 from dualwinch.tuning.plots import history, short
 from dualwinch.tuning.problem import AMPLITUDES, TuningProblem

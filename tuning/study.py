@@ -14,9 +14,6 @@ from dualwinch.tuning.scoring.progress import NO_PROGRESS, SearchStatus, TuningP
 from dualwinch.tuning.scoring.ranking import Candidate
 from dualwinch.tuning.storage.store import StudyStorage
 
-BATCH = 16
-"""Candidates in a batch: one per vector lane."""
-
 
 @dataclass(frozen=True)
 class SearchBudget:
@@ -32,15 +29,15 @@ class SearchBudget:
     until: float | None = None
     rollouts: int | None = None
 
-    def batch(self, trials: int, rollouts: int, scenarios: int) -> int:
+    def batch(self, trials: int, rollouts: int, problem: TuningProblem) -> int:
         """Number of candidates in the next batch, after so many trials and rollouts; 0: the budget is spent."""
         if self.until is not None and clock.now() >= self.until:
             return 0
-        limits = [BATCH]
+        limits = [problem.options.generation]
         if self.trials is not None:
             limits.append(self.trials - trials)
         if self.rollouts is not None:
-            limits.append(math.ceil((self.rollouts - rollouts) / scenarios))
+            limits.append(math.ceil((self.rollouts - rollouts) / problem.scenarios))
         return max(0, min(limits))
 
 
@@ -85,7 +82,7 @@ def search(
     further = evaluator.further_rollouts
     origins = {trial.candidate.origin for trial in stored}
     waiting = [candidate for candidate in first_candidates(problem) if candidate.origin not in origins]
-    while size := budget.batch(trials, rollouts, problem.scenarios):
+    while size := budget.batch(trials, rollouts, problem):
         candidates, waiting = waiting[:size], waiting[size:]
         if size > len(candidates):
             candidates += [Candidate(point, method) for point in optimiser.ask(size - len(candidates))]

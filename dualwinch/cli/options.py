@@ -7,9 +7,8 @@ import shlex
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -18,11 +17,13 @@ from cyclopts import Parameter, Token
 
 from dualwinch.cli.output import FIGURE_SUFFIXES, check_file, print_note
 from dualwinch.cli.progress import ProgressLine
+from dualwinch.extensions import EXECUTORS, extension
 
 if TYPE_CHECKING:
     from dualwinch.simulation.batch.workers import Workers
     from dualwinch.simulation.ensembles.ensemble import Ensemble
     from dualwinch.simulation.experiment import Experiment
+    from dualwinch.tuning.options import TuningOptions
 
 MOST_DIGITS = 18
 """Most digits of a whole number on the command line."""
@@ -91,6 +92,13 @@ def own_default(source: str | Callable[[], Any], argument: str = "") -> Any:
 
     value = getattr(dualwinch, source) if isinstance(source, str) else source()
     return signature(value).parameters[argument].default if argument else value
+
+
+def tuning_options() -> type[TuningOptions]:
+    """The class with the defaults of the tuning method, for `own_default` and `default_of`."""
+    from dualwinch.tuning.options import TuningOptions
+
+    return TuningOptions
 
 
 def default_of(source: str | Callable[[], Any], argument: str = "", words: str = "{}") -> Parameter:
@@ -451,27 +459,6 @@ def share_from(text: str | None, option: str, usual: float, *, zero: bool = Fals
     return share
 
 
-EXECUTORS = "dualwinch.executors"
-"""Group of entry points: functions of the address of workers and of a printer of lines, which yield an executor."""
-
-
-def connected(cluster: str, say: Callable[[str], object]) -> AbstractContextManager[Executor]:
-    """The executor of a cluster, by the toolbox that offers it.
-
-    Raises:
-        ConfigurationError: no toolbox offers one.
-    """
-    from dualwinch.model.errors import ConfigurationError
-
-    for entry in entry_points(group=EXECUTORS, name="cluster"):
-        try:
-            return entry.load()(cluster, say)
-        except ModuleNotFoundError as error:
-            if not error.name or error.name not in entry.module:
-                raise
-    raise ConfigurationError("--cluster: needs the toolbox `cluster`, which is not installed")
-
-
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
@@ -491,7 +478,7 @@ class WorkerOptions:
         """The executor of the cluster, announced on a line; None without a cluster: threads of this machine.
 
         Raises:
-            ConfigurationError: `cluster` is neither an address nor a function.
+            ConfigurationError: `cluster` is neither an address nor a function, or the toolbox is not installed.
             DualwinchError: Dask is not installed, or no scheduler answers.
         """
         from dualwinch.codegen.compiler import EXACT
@@ -501,7 +488,7 @@ class WorkerOptions:
             if self.cluster is None:
                 yield None
                 return
-            with connected(self.cluster, line.say) as executor:
+            with extension(EXECUTORS, "cluster", "--cluster")(self.cluster, line.say) as executor:
                 yield executor
         finally:
             EXACT.reset(before)

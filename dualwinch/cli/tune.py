@@ -27,6 +27,7 @@ from dualwinch.cli.options import (
     own_default,
     seconds_from,
     share_from,
+    tuning_options,
     use_parts,
 )
 from dualwinch.cli.output import (
@@ -43,7 +44,6 @@ from dualwinch.cli.progress import ProgressLine
 from dualwinch.extensions import COMMANDS, FUNCTIONS, extension
 
 if TYPE_CHECKING:
-    from dualwinch.tuning.options import TuningOptions
     from dualwinch.tuning.problem import TuningProblem
     from dualwinch.tuning.result import TuningResult
 
@@ -56,13 +56,6 @@ def default_trials() -> int:
     from dualwinch.tuning.options import TRIALS
 
     return TRIALS
-
-
-def tuning_options() -> type[TuningOptions]:
-    """The class with the defaults of the method's parameters."""
-    from dualwinch.tuning.options import TuningOptions
-
-    return TuningOptions
 
 
 def usual_methods(_: object) -> str:

@@ -305,15 +305,6 @@ def sensitivities_portion(
     return found
 
 
-def compile_ahead(names: Sequence[str], values: Sequence[float], scenario: Experiment | Scenario) -> None:
-    """Compile the code of `sensitivities` for scenarios like this one, so that its first call takes no longer.
-
-    Raises:
-        ConfigurationError, DualwinchError: as in `sensitivities`.
-    """
-    _compiled(TangentSeeds(names, [values], [scenario]), ())
-
-
 def _compiled(seeds: TangentSeeds, columns: tuple[str, ...]) -> Sensitivity:
     """The compiled run with tangents of some columns."""
     pairs = seeds.pairs

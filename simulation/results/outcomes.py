@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualwinch.codegen.drivers.outcome import Outcome
-from dualwinch.simulation.results.file_formats import plain
 
 WORDS = {
     Outcome.COMPLETED: "completed",
@@ -93,25 +92,6 @@ class RunOutcomes:
                     values[at] = given[key]
             else:
                 found[at] = given
-
-    def to_record(self) -> dict[str, Any]:
-        """A dictionary for JSON (`file_formats.plain`)."""
-        return {
-            "outcomes": self.outcomes.tolist(),
-            "counts": self.outcome_counts,
-            "end_times": plain(self.end_times),
-            "metrics": plain(self.metrics),
-        }
-
-
-def outcomes_from(record: Mapping[str, Any]) -> RunOutcomes:
-    """Runs from a record of `RunOutcomes.to_record`; missing end times are NaN."""
-    outcomes = np.array(record["outcomes"], dtype=np.str_)
-    return RunOutcomes(
-        outcomes=outcomes,
-        end_times=np.array(record.get("end_times", np.full(outcomes.shape, np.nan)), float),
-        metrics={name: np.array(values, float) for name, values in record["metrics"].items()},
-    )
 
 
 def not_run(shape: Sequence[int], metrics: Iterable[str]) -> RunOutcomes:

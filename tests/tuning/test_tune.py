@@ -52,7 +52,6 @@ from dualwinch.tuning.scoring.scorer import FAILED
 from dualwinch.tuning.scoring.test_set import SelectionResult
 from dualwinch.tuning.scoring.training_set import TrainingSet, prepare
 from dualwinch.tuning.space import Point
-from dualwinch.tuning.study import BATCH
 from dualwinch.tuning.tune import trials_of, tune
 from dualwinch.tuning.tuning_problem import tuning_problem
 from tests.studies import FEW, MakeProblem
@@ -208,7 +207,10 @@ def test_a_time_is_that_of_the_search_and_little_comes_on_top(
     monkeypatch.setattr(scorer, "run_pairs", run_pairs)
     problem = make_problem(options=TuningOptions())
     tuned = tune(problem, seconds=seconds)
-    batch = pace * BATCH * (len(tuned.training.scenarios) + len(tuned.training.hard)) + pace * 64
+    batch = (
+        pace * tuned.training.problem.options.generation * (len(tuned.training.scenarios) + len(tuned.training.hard))
+        + pace * 64
+    )
     assert seconds <= tuned.cost.searching <= seconds + batch
     assert tuned.cost.searching + tuned.cost.judging <= 36.0
     assert tuned.cost.judging == pytest.approx(pace * tuned.cost.judging_rollouts)

@@ -22,13 +22,6 @@ OR_ALL = ", or all; may be repeated. Default: the ensemble's, as in `dualwinch t
 """End of a help text."""
 
 
-def tuning_options() -> type[Any]:
-    """The class with the defaults of the method's parameters, imported for the help alone."""
-    from dualwinch.toolbox import searching
-
-    return searching.TuningOptions
-
-
 def race(
     *,
     ensemble: Annotated[str | None, options.default_of("race", "ensemble")] = None,
@@ -42,7 +35,7 @@ def race(
     config: Path | None = None,
     rollouts: Annotated[options.Whole, options.default_of("race", "rollouts")] = None,
     searches: Annotated[options.Whole, options.default_of("race", "searches")] = None,
-    scenarios: Annotated[options.Whole, options.default_of(tuning_options, "draws")] = None,
+    scenarios: Annotated[options.Whole, options.default_of(options.tuning_options, "draws")] = None,
     test_scenarios: Annotated[options.Whole, options.default_of("race", "test_scenarios")] = None,
     set_: options.Assignments = None,
     constraint: list[str] | None = None,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from dualwinch.analysis.margin_survey import MarginSurvey, WorstMargin
 from dualwinch.simulation.batch.rollout import BatchResult
 from dualwinch.simulation.batch.workers import Workers
-from dualwinch.simulation.ensembles.result import Statistic
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.results.outcomes import RunOutcomes
 from dualwinch.simulation.scenario import Scenario
@@ -195,13 +194,3 @@ class Scorer:
             value, distance = statistics.get(constraint.statistic.name), (back_off or {}).get(constraint.label, 0.0)
             violations[constraint.label] = 0.0 if value is None else constraint.violation(value, distance)
         return replace(evaluation, statistics=statistics, violations=violations)
-
-    def worst_violations(
-        self, result: RunOutcomes, scenarios: Sequence[Experiment | Scenario], constraints: Sequence[Constraint]
-    ) -> dict[str, float]:
-        """Label of each constraint on runs or means → its violation over a result with a single row."""
-        return {
-            constraint.label: constraint.violation(over(constraint.statistic, result, 0, scenarios))
-            for constraint in constraints
-            if isinstance(constraint.statistic, Statistic)
-        }

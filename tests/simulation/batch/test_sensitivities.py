@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dualwinch.codegen.drivers import sensitivity as driver
 from dualwinch.codegen.source.c_source import LANES
 from dualwinch.config.ensemble_file import load_ensemble
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.batch.rollout import rollout
-from dualwinch.simulation.batch.sensitivities import Sensitivities, compile_ahead, sensitivities
+from dualwinch.simulation.batch.sensitivities import Sensitivities, sensitivities
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -170,10 +169,3 @@ def test_a_diverging_run_is_a_result() -> None:
 def test_wrong_input_is_named() -> None:
     with pytest.raises(ConfigurationError, match=r"did you mean 'controller\.nftsm\.beta'"):
         sensitivities(["controller.nftsm.bet"], [[1.0]], [short(4)])
-
-
-def test_what_was_compiled_ahead_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    names, experiment = ["controller.observer.kf"], override(case(4), {"simulation.duration": 0.05})
-    compile_ahead(names, [5.0], experiment)
-    monkeypatch.setattr(driver, "loaded", lambda *_, **__: pytest.fail("is compiled"))
-    assert (sensitivities(names, [[4.0]], [experiment]).outcomes == "completed").all()

@@ -1,14 +1,12 @@
 """The record of what runs came to."""
 
-import json
 import re
 
 import numpy as np
-import pytest
 
 from dualwinch.codegen.drivers.outcome import Outcome
 from dualwinch.codegen.drivers.unit import c_file
-from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, concatenated, not_run, outcomes_from, words_of
+from dualwinch.simulation.results.outcomes import WORDS, RunOutcomes, concatenated, words_of
 
 RUNS = RunOutcomes(
     outcomes=np.array([["completed", "diverged", "completed"], ["left_track", "completed", "not_run"]]),
@@ -41,9 +39,3 @@ def test_parts_and_their_sum() -> None:
     parts = [RUNS.take([0], axis=1), RUNS.take([1, 2], axis=1)]
     np.testing.assert_equal(vars(concatenated(parts)), vars(RUNS))
     assert RUNS.reshape([6]).metrics["mse"].shape == (6,)
-
-
-@pytest.mark.parametrize("record", [RUNS, RUNS.take(0, axis=0), not_run([2], ["mse", "chatter"])])
-def test_json_and_back(record: RunOutcomes) -> None:
-    text = json.dumps(record.to_record(), allow_nan=False)
-    np.testing.assert_equal(vars(outcomes_from(json.loads(text))), vars(record))

@@ -150,7 +150,7 @@ def test_without_the_toolbox_one_line_says_so(
     monkeypatch.setitem(sys.modules, "dualwinch.toolboxes.cluster.client", None)  # as if its folder were deleted
     with pytest.raises(SystemExit):
         main(["simulate", "--ensemble", "sea", "--cluster", "tcp://127.0.0.1:1"])
-    error = "dualwinch: error: --cluster: needs the toolbox `cluster`, which is not installed"
+    error = "dualwinch: error: --cluster: needs the toolbox cluster, which is not installed"
     assert capsys.readouterr().err.splitlines()[-1] == error
 
 

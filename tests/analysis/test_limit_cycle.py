@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dualwinch as dw
-from dualwinch.tuning.limit_cycle import LimitCycle, limit_cycle
+from dualwinch.analysis.limit_cycle import LimitCycle, limit_cycle
 
 STEEP = {"controller.nftsm.smoothing": 1e-7, "controller.nftsm.beta": 0.5}
 
