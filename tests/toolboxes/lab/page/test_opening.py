@@ -81,7 +81,7 @@ def test_a_file_that_is_supported_in_whole_leaves_no_notice(opened: Opens, tmp_p
 def test_a_file_that_is_no_experiment_is_refused(opened: Opens, tmp_path: Path) -> None:
     lab = opened()
     for text, complaint in [
-        ("[plant]\nmass\n", "mine.toml, line 2: must have '=' after 'mass'"),
+        ("[plant]\nmass\n", "mine.toml, line 2: illegal character in key"),
         ('[ensemble]\nname = "a"\n', "mine.toml is an ensemble, no experiment"),
     ]:
         (tmp_path / "mine.toml").write_text(text)
