@@ -206,6 +206,14 @@ def compile(  # noqa: A001
         CompilerNotFoundError: there is no C compiler.
         CompileError: it failed.
         CacheError: the cache folder cannot be used.
+
+    Example:
+        >>> import casadi as ca
+        >>> import dualwinch as dw
+        >>> x = ca.SX.sym("x", 2)
+        >>> length = dw.compile(ca.Function("length", [x], [ca.norm_2(x)]))
+        >>> length([[3.0, 4.0], [5.0, 12.0]])
+        array([ 5., 13.])
     """
     if not isinstance(function, ca.Function):
         raise CodegenError(f"function: must be a CasADi Function, not {type(function).__name__}")

@@ -57,6 +57,12 @@ def load_ensemble(name: str | PathLike[str], base: Experiment | None = None) -> 
     Raises:
         ConfigurationError: no such ensemble, a file that cannot be read or is no TOML, an unknown key, or a value or
             distribution out of range.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> rig = dw.load_ensemble("rig")
+        >>> rig.name, rig.distributions["plant.vehicle.mass"]
+        ('rig', Drawn(distribution=Uniform(low=0.9, high=1.1), relative=True, together=None))
     """
     load_entry_points()
     path = find_ensemble(name)

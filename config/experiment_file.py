@@ -48,6 +48,13 @@ def load(
 
     Raises:
         ConfigurationError: the file cannot be read, is no TOML, or has an unknown key or a value out of range.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import dualwinch as dw
+        >>> _ = Path("mine.toml").write_text("plant.vehicle.mass = 12000")
+        >>> dw.load("mine.toml").plant.vehicle.mass
+        12000.0
     """
     load_entry_points()
     source = read_source(path)
@@ -189,6 +196,12 @@ def to_toml(experiment: Experiment, given: Collection[str] | None = None) -> str
     Args:
         experiment: to be written.
         given: keys given in the user's file (`own_keys`); all others are marked: still the paper's, or a default.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> lines = dw.to_toml(dw.case(4)).splitlines()
+        >>> [line for line in lines if line.startswith("mass = 10000")]
+        ['mass = 10000.0              # [kg] mass of the vehicle; > 0 (Table 1)']
     """
     instance("experiment", experiment, Experiment)
     lines = ["# dualwinch experiment; every key has a default, so a file may hold only what differs."]

@@ -51,6 +51,26 @@ def register(part: PartType) -> PartType:
 
     Raises:
         ConfigurationError: the class cannot be a part, or its kind or one of its keys is taken by another.
+
+    Example:
+        >>> from dataclasses import dataclass
+        >>> from typing import Annotated, ClassVar
+        >>> import annotated_types as at
+        >>> import dualwinch as dw
+        >>> @dw.register
+        ... @dataclass(frozen=True)
+        ... class Spring(dw.PositionLaw):
+        ...     stiffness: Annotated[float, at.Gt(0), dw.Quantity("N/m", "force per position error")] = 1e4
+        ...     kind: ClassVar = "spring"
+        ...     label: ClassVar = "spring"
+        ...     def initial_state(self):
+        ...         return dw.NoState()
+        ...     def step(self, state, estimate, setpoint, context):
+        ...         u = self.stiffness * (setpoint.x - estimate.x)
+        ...         return state, dw.PositionOutput(u, dw.clip(u, -context.limits.force, context.limits.force))
+        ...
+        >>> dw.override(dw.case(2), {"controller.kind": "spring"}).controller.law
+        Spring(stiffness=10000.0)
     """
     if not (isinstance(part, type) and issubclass(part, Part)):
         name = part.__name__ if isinstance(part, type) else repr(part)

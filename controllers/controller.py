@@ -178,6 +178,14 @@ def controller_function(controller: Controller, nominal: Plant) -> ca.Function:
         the law), with the state in the order of ``leaves(initial_controller_state(controller))``, the fields of
         `Measurement` and `Setpoint`, the motor torques (2) in N m and the tension commands (2) in N. A controller with
         preview has a further input ``ahead``, with a setpoint (3) in a column for each time of its `preview`.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> step = dw.controller_function(dw.case(2).controller, dw.Plant())
+        >>> step.name(), step.name_in()
+        ('fando_nftsm', ['state', 'measurement', 'setpoint', 'sample_time'])
+        >>> step.name_out()
+        ['next_state', 'torques', 'commands']
     """
     start = initial_controller_state(controller)
     state = ca.SX.sym("state", len(leaves(start)))

@@ -57,6 +57,11 @@ def nominal_forces(v: Scalar, d: Scalar, nominal: Plant) -> NominalForces:
     """Mass in kg, and resistance F_f + F_w − mass d in N at the speed v in m/s, of the nominal model.
 
     `d` is a known disturbance acceleration in m/s².
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.nominal_forces(1.0, 0.0, dw.Plant())
+        NominalForces(mass=10000.0, resistance=1390.0)
     """
     vehicle = nominal.vehicle
     mass = inertia(vehicle)

@@ -30,6 +30,11 @@ def paper_controller(own: Controller | None = None) -> Controller:
 
     Raises:
         ConfigurationError: `own` is no controller.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.paper_controller().law.kind
+        'fando-nftsm'
     """
     paper = Controller(estimator=Unfiltered())
     if own is None:

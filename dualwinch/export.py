@@ -110,6 +110,11 @@ def export_c(
         ConfigurationError: an unknown block, `udp` without a controller or without the toolbox server, or a folder
             that cannot be written to.
         CodegenError: a controller with inputs that a served plant does not send.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [path.name for path in dw.export_c(dw.case(4), "firmware")]
+        ['dualwinch_controller.h', 'dualwinch_controller.c', 'main.c', 'CMakeLists.txt', 'README.md']
     """
     exported, origin = block_of(block, experiment), provenance(experiment)
     files = c_package(exported, symbol(exported), origin, precision, freeze=freeze)
@@ -150,6 +155,11 @@ def generate_c(
     Raises:
         CodegenError: CasADi generates no C for the function.
         ConfigurationError: an unknown block, or a folder that cannot be written to.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [path.name for path in dw.generate_c(dw.case(4), "generated", blocks=["controller"])]
+        ['dualwinch.c', 'dualwinch.h', 'variables.json']
     """
     instance("source", source, Experiment, ca.Function)
     if isinstance(source, ca.Function):
@@ -170,6 +180,11 @@ def export_casadi(experiment: Experiment, out: str | PathLike[str]) -> list[Path
 
     Returns:
         The files.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [path.name for path in dw.export_casadi(dw.case(4), "functions")][:3]
+        ['controller_step.casadi', 'controller_initial.casadi', 'plant_step.casadi']
     """
     return write(casadi_files([block_of(name, experiment) for name in BLOCKS], provenance(experiment)), out)
 
@@ -183,6 +198,11 @@ def export_mex(experiment: Experiment, out: str | PathLike[str]) -> list[Path]:
 
     Returns:
         The files.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [path.name for path in dw.export_mex(dw.case(4), "mex")][-4:]
+        ['build.m', 'closed_loop.m', 'README.md', 'reference.csv']
     """
     controller, plant = block_of("controller", experiment), block_of("plant", experiment)
     reference = asked_motion(experiment)

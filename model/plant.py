@@ -382,6 +382,11 @@ def plant(values: Plant | None = None) -> ca.Function:
         gears are compliant), the torques u (2), the disturbances w (3, fields of `DisturbanceInputs`) and the
         parameters p (in the order of ``numbers(Plant())``); dx is the time derivative and F (2) are the tensions in N.
         With `values` there is no p.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.plant(dw.Plant())
+        Function(plant:(x[6],u[2],w[3])->(dx[6],F[2]) SXFunction)
     """
     instance("values", values, Plant, optional=True)
     structure = values or Plant()

@@ -25,7 +25,13 @@ def present(value: Scalar) -> bool:
 
 
 def where(condition: Scalar, value: Scalar, otherwise: Scalar) -> Scalar:
-    """`value` where the condition holds, else `otherwise` (both are evaluated)."""
+    """`value` where the condition holds, else `otherwise` (both are evaluated).
+
+    Example:
+        >>> from dualwinch import where
+        >>> where(2.0 > 1.0, 3.0, 4.0)
+        3.0
+    """
     if isinstance(condition, np.ndarray):
         return np.where(condition, value, otherwise)
     if isinstance(condition, ca.SX) and condition.is_constant():
@@ -61,7 +67,13 @@ def minimum(first: Scalar, second: Scalar) -> Scalar:
 
 
 def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
-    """The value, limited to [lower, upper]."""
+    """The value, limited to [lower, upper].
+
+    Example:
+        >>> from dualwinch import clip
+        >>> clip(7.0, -5.0, 5.0)
+        5.0
+    """
     return ca.fmin(ca.fmax(value, lower), upper)
 
 

@@ -254,6 +254,12 @@ def block(name: str, experiment: Experiment | None = None, nominal: Plant | None
 
     Raises:
         ConfigurationError: an unknown `name`, or inconsistent values.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> controller = dw.block("controller", dw.case(2))
+        >>> controller.name, [output.name for output in controller.outputs][:2]
+        ('controller', ['tau_1', 'tau_2'])
     """
     if name not in BLOCKS:
         raise ConfigurationError(unknown("block", name, BLOCKS))

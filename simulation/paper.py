@@ -84,6 +84,11 @@ def case(
 
     Raises:
         ConfigurationError: an unknown case or controller; the message suggests the nearest controller.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.case(4).controller.law.label, dw.case(4, "pid-cascade").controller.law.label
+        ('FANDO-NFTSM', 'PID cascade')
     """
     if isinstance(number, bool) or not isinstance(number, Integral) or number not in CASES:
         raise ConfigurationError(f"case {number!r}: must be 1, 2, 3 or 4")

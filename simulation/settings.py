@@ -48,6 +48,12 @@ def override(experiment: Experiment, values: Mapping[str, Any]) -> Experiment:
     Raises:
         ConfigurationError: an unknown key, a value of the wrong type or out of range, or a gain of a part that the
             experiment does not have.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> heavier = dw.override(dw.case(4), {"plant.vehicle.mass": 1.2e4, "controller.observer.l0": 20.0})
+        >>> heavier.plant.vehicle.mass
+        12000.0
     """
     experiment, idle = with_settings(experiment, values)
     for key in idle:

@@ -46,6 +46,12 @@ def simulate(
     Raises:
         ConfigurationError: the experiment's values are inconsistent, or its rows do not fit into memory.
         DualwinchError: no compiler or no usable cache folder.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> result = dw.simulate(dw.override(dw.case(2), {"simulation.duration": 1.0}))
+        >>> f"{1e3 * result['x'][-1]:.1f} mm, {result['F1'].max():.0f} N"
+        '49.9 mm, 1749 N'
     """
     whole_number("stride", stride)
     prepared = prepare(experiment, nominal)

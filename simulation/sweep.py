@@ -132,6 +132,13 @@ def sweep(
     Raises:
         ConfigurationError: an unknown key, no values, a value given twice or out of range, or inconsistent values.
         DualwinchError: no compiler or no usable cache folder.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 1.0})
+        >>> sweep = dw.sweep(run, {"plant.vehicle.mass": [9e3, 1e4, 1.1e4]})
+        >>> sweep.metrics["mse"].shape
+        (3,)
     """
     instance("experiment", experiment, Experiment)
     if not isinstance(values, Mapping):

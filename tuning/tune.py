@@ -77,6 +77,14 @@ def tune(
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted before the first trial, during selection, or with `keep` false; the store keeps
             its trials.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 2.0})
+        >>> problem = dw.tuning_problem(run, space=["controller.nftsm.beta"], constraints=["none"])
+        >>> tuned = dw.tune(problem, trials=20)
+        >>> tuned.best.controller.law.kind
+        'fando-nftsm'
     """
     instance("problem", problem, TuningProblem, hint=" (tuning_problem makes one)")
     trials = trials_of(problem, trials, seconds, rollouts)

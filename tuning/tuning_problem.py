@@ -105,6 +105,12 @@ def tuning_problem(
 
     Raises:
         ConfigurationError: an invalid key, value, space, objective or constraint.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> problem = dw.tuning_problem(case=4, space=["controller.nftsm.beta", "controller.observer.l0=1:50:log"])
+        >>> problem.space.names
+        ('controller.nftsm.beta', 'controller.observer.l0')
     """
     instance("experiment", experiment, Experiment, optional=True)
     values = assigned(texts("settings", settings))

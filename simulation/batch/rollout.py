@@ -210,6 +210,13 @@ def rollout(
     Raises:
         ConfigurationError: an unknown name, a wrong shape, a value out of range, or incompatible scenarios.
         DualwinchError: no compiler or no usable cache folder.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 1.0})
+        >>> outcomes = dw.rollout(["controller.nftsm.beta"], [[0.5], [1.0]], [run])
+        >>> outcomes.metrics["mse"].shape
+        (2, 1)
     """
     if max_slack is not None and not 0 <= max_slack <= 1:
         raise ConfigurationError(f"max_slack = {max_slack:g}: must be a share, 0 to 1")

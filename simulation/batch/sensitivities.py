@@ -263,6 +263,13 @@ def sensitivities(
         ConfigurationError: as in `simulation.batch.rollout.rollout`; a number without derivative (a count, a choice,
             an instant, a quantisation), or an unknown column.
         DualwinchError: as in `simulation.batch.rollout.rollout`.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 1.0})
+        >>> slopes = dw.sensitivities(["plant.vehicle.mass"], [[1e4]], [run], columns=["F1"])
+        >>> slopes.column_slopes["F1"].shape
+        (1, 1, 1000, 1)
     """
     asked = tuple(dict.fromkeys(columns))
     parts = [

@@ -361,6 +361,11 @@ def save_ensemble(result: EnsembleResult, path: str | PathLike[str], notes: Mapp
     Raises:
         ConfigurationError: an unknown suffix, or not the result of an ensemble.
         OSError: the file cannot be written.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> sea = dw.load_ensemble("sea", dw.override(dw.Experiment(), {"simulation.duration": 2.0}))
+        >>> dw.save_ensemble(dw.run_ensemble(sea, scenarios=8, seed=0), "sea.json")
     """
     if not isinstance(result, EnsembleResult):
         raise ConfigurationError(

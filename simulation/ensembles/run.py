@@ -57,6 +57,13 @@ def run_ensemble(
         ConfigurationError: a count or seed out of range, or inconsistent values.
         DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> sea = dw.load_ensemble("sea", dw.override(dw.Experiment(), {"simulation.duration": 2.0}))
+        >>> result = dw.run_ensemble(sea, scenarios=8, seed=0)
+        >>> result.completed.sum()
+        np.int64(8)
     """
     (result,) = run_side_by_side([ensemble], scenarios, seed, TRACE_POINTS if traces else 0, workers, progress)
     return result

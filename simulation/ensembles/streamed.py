@@ -219,6 +219,13 @@ def ensemble_statistics(
         ConfigurationError: a count or seed out of range, or inconsistent values.
         DualwinchError: no compiler or no usable cache folder.
         KeyboardInterrupt: before the first scenario was finished.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> sea = dw.load_ensemble("sea", dw.override(dw.Experiment(), {"simulation.duration": 2.0}))
+        >>> statistics = dw.ensemble_statistics(sea, scenarios=50, seed=0)
+        >>> statistics.outcome_counts
+        {'completed': 50}
     """
     if not 0 < accuracy < 1:
         raise ConfigurationError(f"accuracy = {accuracy:g}: must be > 0 and < 1")

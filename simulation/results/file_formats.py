@@ -351,6 +351,11 @@ def save(result: Result, path: str | PathLike[str], notes: Mapping[str, str] | N
     Raises:
         ConfigurationError: an unknown suffix, or not the result of a run.
         OSError: the file cannot be written.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> result = dw.simulate(dw.override(dw.case(2), {"simulation.duration": 0.1}))
+        >>> dw.save(result, "run.csv")
     """
     if not isinstance(result, Result):
         raise ConfigurationError(
@@ -372,6 +377,12 @@ def load_result(path: str | PathLike[str], base: Experiment | None = None) -> Re
     Raises:
         ConfigurationError: the file cannot be read, contains no result, or one with unknown parts; or a CSV file's
             metadata is not beside it.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> dw.save(dw.simulate(dw.override(dw.case(2), {"simulation.duration": 0.1})), "run.npz")
+        >>> dw.load_result("run.npz").experiment.simulation.duration
+        0.1
     """
     path = path_of("path", path)
     read = format_of(path).read

@@ -70,6 +70,10 @@ def export_fmu(
         ConfigurationError: an unknown block or platform, an interface that the block cannot have, or a file that
             cannot be written.
         DualwinchError: no compiler for a platform.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> _ = dw.export_fmu(dw.case(4), "controller.fmu", fmi=3)
     """
     out = arguments.path_of("out", out)
     if out.suffix.lower() != ".fmu":

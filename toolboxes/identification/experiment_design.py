@@ -382,6 +382,12 @@ def excite(
         ConfigurationError: a key, prior or limit out of range, or no motion within the limits.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> design = dw.excite("plant.vehicle.mass", dw.case(4), duration=10.0, trials=8)
+        >>> design.experiment.reference.kind
+        'way-points'
     """
     import cmaes
 

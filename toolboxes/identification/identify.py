@@ -111,6 +111,14 @@ def identify(
             such a machine.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 2.0, "sensors.tension_noise": 5.0})
+        >>> run = dw.override(run, {"simulation.readings": True})
+        >>> fit = dw.identify(dw.simulate(run), "plant.vehicle.mass", run)
+        >>> bool(abs(fit.values[0] - 1e4) < 4 * fit.deviations[0])
+        True
     """
     began = perf_counter()
     if not 0 <= arguments.one_number("hold_out", hold_out) < 1:

@@ -33,6 +33,11 @@ def export_st(
     Raises:
         ConfigurationError: an unknown block, or a folder that cannot be written to.
         CodegenError: an unknown precision or flavour, too many operations, or an operation that Structured Text lacks.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> [path.name for path in dw.export_st(dw.case(4), "plc")]
+        ['dualwinch_controller.st', 'main.st', 'dualwinch_controller.xml', 'README.md']
     """
     exported, about = block_of(block, experiment), export.provenance(experiment)
     files = st_package(

@@ -117,6 +117,15 @@ def race(
             race.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted before the first entry was finished.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 2.0})
+        >>> mass = {"plant.vehicle.mass": dw.Drawn(dw.Uniform(9e3, 1.1e4))}
+        >>> loads = dw.Ensemble("loads", "vehicles of 9 to 11 t", run, mass)
+        >>> race = dw.race(loads, laws=["fando-nftsm", "pid-cascade"], rollouts=100, test_scenarios=4, scenarios=2)
+        >>> race.ranking[0].entry.key
+        'fando-nftsm, calibrating-kalman, differential-tension'
     """
     drawn = ensemble if isinstance(ensemble, Ensemble) else ensemble_file.load_ensemble(ensemble)
     for key in drawn.distributions:

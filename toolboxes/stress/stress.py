@@ -105,6 +105,15 @@ def stress(
         ConfigurationError: an invalid key, value, ensemble or constraint, or no imperfection.
         DualwinchError: no compiler, or no usable cache folder.
         KeyboardInterrupt: interrupted.
+
+    Example:
+        >>> import dualwinch as dw
+        >>> run = dw.override(dw.case(4), {"simulation.duration": 2.0})
+        >>> mass = {"plant.vehicle.mass": dw.Drawn(dw.Uniform(9e3, 1.1e4))}
+        >>> loads = dw.Ensemble("loads", "vehicles of 9 to 11 t", run, mass)
+        >>> robustness = dw.stress(run, ensemble=loads, base=None, scenarios=2)
+        >>> robustness.ranking[0].imperfection.keys
+        ('plant.vehicle.mass',)
     """
     arguments.instance("experiment", experiment, Experiment)
     base_scenes, scenes = base_and_ensemble(experiment, ensemble, base, settings or {})
