@@ -32,7 +32,7 @@ from dualwinch.model.quantities.description import describe_parts
 from dualwinch.model.quantities.quantity import Mark, unknown
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LOOP_OPENINGS, closed_loop, initial_loop_state
-from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.loop.structure import LoopStructure, structure_of
 from dualwinch.simulation.rows import COLUMNS
 
 Floats = NDArray[np.float64]
@@ -206,7 +206,7 @@ def fastest_growing(system: LinearSystem, plant: Plant) -> Mode | None:
 
 
 @built_once
-def _jacobians(structure: Experiment) -> ca.Function:
+def _jacobians(structure: LoopStructure) -> ca.Function:
     """``(state, exogenous, parameters) -> A, B, C, D`` of a step."""
     step = closed_loop(structure).step
     symbols = [ca.SX.sym(name, step.size1_in(name)) for name in step.name_in()]
@@ -256,7 +256,7 @@ def without_idle_states(system: LinearSystem) -> LinearSystem:
 
 def state_names(point: LoopOperatingPoint) -> list[tuple[str, str]]:
     """Short name and unit of each state of the closed loop."""
-    known = describe_parts(initial_loop_state(point.experiment))
+    known = describe_parts(initial_loop_state(structure_of(point.experiment)))
     found = []
     for state, name in zip(point.loop.states, _short_names(point.loop.states), strict=True):
         torque = state.startswith("queue.")

@@ -21,7 +21,7 @@ from dualwinch.model.quantities.tree import with_leaves
 from dualwinch.model.ropes import Creep
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import ClosedLoop, closed_loop
-from dualwinch.simulation.loop.structure import parameters_of, structure_of
+from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of
 from dualwinch.simulation.prepare import prepare
 
 Floats = NDArray[np.float64]
@@ -157,7 +157,7 @@ def loop_operating_point(
     return LoopOperatingPoint(loop, calm, state, outside, parameters, row, residual, found.opened, found.kept)
 
 
-def with_taut_ropes(structure: Experiment) -> Experiment:
+def with_taut_ropes(structure: LoopStructure) -> LoopStructure:
     """A structure with ropes that never go slack."""
     return replace(structure, plant=replace(structure.plant, rope_slack=False))
 

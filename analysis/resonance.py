@@ -32,7 +32,6 @@ from dualwinch.codegen.source.expressions import built_once
 from dualwinch.controllers.coordinations.winch_pid import WinchGains
 from dualwinch.controllers.laws.fando_nftsm import FandoNftsm
 from dualwinch.controllers.laws.observer import inference
-from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.heavy_ropes import end_mass, rope_on_drum
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Quantity
@@ -42,7 +41,7 @@ from dualwinch.model.scalar import Scalar, sqrt
 from dualwinch.model.vehicle import inertia
 from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
-from dualwinch.simulation.loop.structure import parameters_of, structure_of, symbolic_parts
+from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of, symbolic_parts
 
 Floats = NDArray[np.float64]
 
@@ -141,13 +140,13 @@ def matched_damping(experiment: Experiment, winch: int) -> float:
 
 
 def resonance_terms(
-    structure: Experiment, parameters: Floats, x: Floats, amplitudes: Sequence[float] = AMPLITUDES
+    structure: LoopStructure, parameters: Floats, x: Floats, amplitudes: Sequence[float] = AMPLITUDES
 ) -> Floats:
     """The rule for many machines and gains: (s, amplitudes, 2, 5), for both winches the numbers of a `ResonanceGain`.
 
     Parameters of the closed loop (s, parameters), positions (s,) in m, amplitudes of the speed error in m/s.
     """
-    names = list(parameters_of(structure))
+    names = list(structure.parameters)
     p, q, smoothing = (parameters[:, names.index(f"controller.nftsm.{name}")] for name in ("p", "q", "smoothing"))
     found = []
     for amplitude in amplitudes:
@@ -158,15 +157,15 @@ def resonance_terms(
 
 
 @built_once
-def _terms(structure: Experiment) -> ca.Function:
+def _terms(structure: LoopStructure) -> ca.Function:
     """``(parameters, (x, amplitude, slopes of both powers)) -> terms`` for winches 1 and 2."""
-    names = tuple(parameters_of(structure))
+    names = tuple(structure.parameters)
     vector, inputs = ca.SX.sym("parameters", len(names)), ca.SX.sym("inputs", 4)
     values = dict(zip(names, ca.vertsplit(vector), strict=True))
     x, amplitude, terminal, surface = ca.vertsplit(inputs)
     parts = symbolic_parts(structure, values)
     plant, controller = parts.plant, parts.controller
-    nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
+    nominal = with_leaves(structure.nominal, values, "nominal.")
     gains, coordination, no_loop = controller.law.nftsm, controller.coordination, WinchGains(0.0, 0.0)
     slope = gains.beta * gains.q / gains.p * terminal + (gains.eta + gains.k / gains.phi) / gains.beta * surface
     inertia_ratio = inertia(nominal.vehicle) / inertia(plant.vehicle)

@@ -22,13 +22,11 @@ from numpy.typing import NDArray
 from dualwinch.codegen import native
 from dualwinch.codegen.drivers.tangents import accumulated_jacobian
 from dualwinch.codegen.source.expressions import GRAPHS, built_once
-from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.parts import Context
 from dualwinch.model.linear.operating_point import operating_point_law
 from dualwinch.model.plant import blank_state, inner_forces, tensions
 from dualwinch.model.quantities.quantity import Mark
 from dualwinch.model.quantities.tree import leaves, with_leaves
-from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import (
     LOOP_OPENINGS,
     ClosedLoop,
@@ -36,7 +34,7 @@ from dualwinch.simulation.loop.closed_loop import (
     initial_loop_state,
     start_function,
 )
-from dualwinch.simulation.loop.structure import symbolic_parts
+from dualwinch.simulation.loop.structure import LoopStructure, symbolic_parts
 from dualwinch.simulation.sensors import Noise, measure
 
 Floats = NDArray[np.float64]
@@ -142,7 +140,7 @@ class LoopOperatingPoints:
 
 
 def loop_operating_points(
-    structure: Experiment,
+    structure: LoopStructure,
     parameters: Floats,
     x: Floats,
     v: Floats,
@@ -239,7 +237,7 @@ def _completed_by_least_squares(
     return found
 
 
-def force_stays(structure: Experiment, found: LoopOperatingPoints) -> bool:
+def force_stays(structure: LoopStructure, found: LoopOperatingPoints) -> bool:
     """Whether the force command of the first point stays constant in a simulation.
 
     It does not if a state that moves with the vehicle lacks `Mark.POSITION`.
@@ -303,7 +301,7 @@ class _OpenSample:
 
     evaluate: Callable[..., tuple[Floats, ...]]
 
-    def __init__(self, structure: Experiment, *, compiled: bool) -> None:
+    def __init__(self, structure: LoopStructure, *, compiled: bool) -> None:
         self.loop = closed_loop(structure)
         self.kept = np.flatnonzero(_is_kept(self.loop))
         self.learnt = np.flatnonzero(self.loop.marked(Mark.LEARNT))
@@ -343,13 +341,13 @@ def _vectorised(function: ca.Function, compiled: bool) -> Callable[..., tuple[Fl
 
 
 @GRAPHS.cached
-def open_sample(structure: Experiment, compiled: bool) -> _OpenSample:
+def open_sample(structure: LoopStructure, compiled: bool) -> _OpenSample:
     """The sample of a structure with its derivatives; compiled, or to be interpreted."""
     return _OpenSample(structure, compiled=compiled)
 
 
 @built_once
-def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
+def _open_function(structure: LoopStructure, compiled: bool) -> ca.Function:
     """The sample and its derivatives; merging common subexpressions pays off only for compiled code."""
     loop, opened = closed_loop(structure), closed_loop(structure, openings=tuple(LOOP_OPENINGS))
     arguments = [ca.SX.sym(name, opened.sample.size1_in(name)) for name in opened.sample.name_in()]
@@ -376,14 +374,14 @@ def _open_function(structure: Experiment, compiled: bool) -> ca.Function:
 
 
 @built_once
-def _informing_function(structure: Experiment) -> ca.Function:
+def _informing_function(structure: LoopStructure) -> ca.Function:
     """``informing(state, parameters) -> learnt``: the learnt states if the estimator knew the machine."""
     loop, start = closed_loop(structure), initial_loop_state(structure)
     state, parameters = ca.SX.sym("state", len(loop.states)), ca.SX.sym("parameters", len(loop.parameters))
     values = dict(zip(loop.parameters, ca.vertsplit(parameters), strict=True))
     parts = symbolic_parts(structure, values)
     now = with_leaves(start, dict(zip(loop.states, ca.vertsplit(state), strict=True)))
-    nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
+    nominal = with_leaves(structure.nominal, values, "nominal.")
     sample_time, plant = values["simulation.sample_time"], parts.plant
     pulls = tensions(now.motion.plant, plant, 0.0)
     _, measurement = measure(now.motion.plant, pulls, Noise(), now.readings, plant, parts.sensors, sample_time)
@@ -395,7 +393,7 @@ def _informing_function(structure: Experiment) -> ca.Function:
 
 
 def _first_guesses(
-    structure: Experiment, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
+    structure: LoopStructure, sample: _OpenSample, parameters: Floats, x: Floats, v: Floats, near: Floats | None
 ) -> LoopOperatingPoints:
     """Initial guess, the perfect controller: no errors, tensions as commanded."""
     loop, count, n = sample.loop, len(x), len(sample.kept)

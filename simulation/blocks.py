@@ -11,7 +11,6 @@ import numpy as np
 
 from dualwinch.codegen.block import Block, Variable
 from dualwinch.controllers.controller import Controller, controller_step, initial_controller_state, own_signals
-from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.controllers.parts import Measurement
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.motions import Previewed
@@ -36,7 +35,7 @@ from dualwinch.model.winch import total_inertia
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
 from dualwinch.simulation.loop.closed_loop import closed_loop, initial_loop_state, nothing_from_outside, starting_state
-from dualwinch.simulation.loop.structure import described_parameters, solver_of, structure_of, symbolic_parts
+from dualwinch.simulation.loop.structure import solver_of, structure_of, symbolic_parts
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.rows import COLUMNS
 
@@ -113,7 +112,7 @@ def controller_equations(experiment: Experiment, symbols: Scalars) -> Equations:
         Measurement(**sensed),
         _setpoint(list(wanted.values()), experiment.controller.preview),
         parts.controller,
-        with_leaves(nominal_structure(experiment.plant), symbols, "nominal."),
+        with_leaves(structure_of(experiment).nominal, symbols, "nominal."),
         symbols["simulation.sample_time"],
     )
     winches, position, own = output.winches, output.position, own_signals(output)
@@ -208,9 +207,10 @@ def _exogenous_facts(controller: Controller) -> Facts:
 
 def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations:
     """One sample of the closed loop, without the sums behind the figures of merit."""
-    loop = closed_loop(structure_of(experiment))
+    structure = structure_of(experiment)
+    loop = closed_loop(structure)
     exogenous = _new(loop.exogenous)
-    start = starting_state(experiment, symbolic_parts(experiment, symbols))
+    start = starting_state(structure, symbolic_parts(experiment, symbols), experiment.reference.start)
     initial = {name: value for name, value in start.items() if not name.startswith("metrics.")}
     state = _new(initial)
     all_states = ca.vertcat(*(state.get(name, 0) for name in loop.states))
@@ -226,7 +226,7 @@ def closed_loop_equations(experiment: Experiment, symbols: Scalars) -> Equations
         next_state={name: following[name] for name in initial},
         output=dict(zip(loop.columns, ca.vertsplit(row), strict=True)),
         about=(
-            _facts(describe_parts(initial_loop_state(experiment))) | queue,
+            _facts(describe_parts(initial_loop_state(structure))) | queue,
             _exogenous_facts(experiment.controller),
             {name: (quantity, ANY) for name, quantity in loop.quantities.items()},
         ),
@@ -302,7 +302,7 @@ def _assemble(
     numbers = [values[key] for key in parameters]
     state = np.array(initial(numbers)).ravel()
     at_rest = _at_rest(experiment)
-    known = described_parameters(structure_of(experiment))
+    known = structure_of(experiment).parameters
     start = [at_rest.get(key, 0.0) for key in inputs]
     first = output(state, numbers) if output else step(state, start, numbers)[1]
     of_state, of_input, of_output = law.about

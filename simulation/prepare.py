@@ -27,6 +27,7 @@ from dualwinch.simulation.loop.closed_loop import ClosedLoop, absent_signals, cl
 from dualwinch.simulation.loop.structure import (
     DISTRIBUTED,
     KEPT_STRUCTURES,
+    LoopStructure,
     is_automatic,
     parameters_of,
     solver_of,
@@ -48,13 +49,13 @@ class PreparedExperiment:
     Attributes:
         experiment: the experiment to run.
         nominal: the plant the controller was designed for; None: the simulated one.
-        structure: the experiment that represents its compiled code (`structure_of`).
+        structure: of its closed loop, which determines the compiled code.
         start: state name → initial value.
     """
 
     experiment: Experiment
     nominal: Plant | None
-    structure: Experiment
+    structure: LoopStructure
     start: dict[str, float]
 
     @cached_property

@@ -28,7 +28,7 @@ from dualwinch.simulation.loop.closed_loop import (
     named_function,
     starts,
 )
-from dualwinch.simulation.loop.structure import structure_of, zeros_of
+from dualwinch.simulation.loop.structure import LoopStructure, structure_of, zeros_of
 from dualwinch.simulation.prepare import prepare
 from dualwinch.simulation.scenario import Scenario
 
@@ -210,7 +210,7 @@ class Scenarios:
 
 @GRAPHS.cached
 def _commanded(
-    structure: Experiment, zeros: frozenset[str], command: CommandName, signals: tuple[str, ...]
+    structure: LoopStructure, zeros: frozenset[str], command: CommandName, signals: tuple[str, ...]
 ) -> Commanded:
     loop: ClosedLoop = closed_loop(structure, zeros)
     inputs = {name: ca.SX.sym(name, loop.observe.size1_in(name)) for name in loop.observe.name_in()}

@@ -81,7 +81,7 @@ def test_the_result_says_what_solved_it_also_when_it_is_loaded(tmp_path: Path) -
     again = load_result(tmp_path / "run.parquet", EXPERIMENT)
     assert again == result
     assert again.integrator == "rk4"
-    solver = f"rk4 with {structure_of(EXPERIMENT).simulation.substeps} sub-steps"
+    solver = f"rk4 with {structure_of(EXPERIMENT).substeps} sub-steps"
     assert solver in repr(again)
     assert solver in again._repr_html_()
     plain = simulate(override(case(4), {"simulation.duration": 0.1}))
@@ -166,7 +166,7 @@ def test_many_run_side_by_side_with_numbers_of_their_own() -> None:
     for row, values in enumerate(sets):
         changed = override(EXPERIMENT, dict(zip([SOFT, GROWTH], values, strict=True)))
         single = simulate(
-            override(changed, {"simulation.substeps": structure_of(EXPERIMENT).simulation.substeps}), nominal=nominal
+            override(changed, {"simulation.substeps": structure_of(EXPERIMENT).substeps}), nominal=nominal
         )
         assert batch.outcomes[row, 0] == single.outcome == "completed"
         assert np.abs(batch.columns["F1"][row, 0] - single["F1"]).max() < 1e-3
@@ -175,7 +175,7 @@ def test_many_run_side_by_side_with_numbers_of_their_own() -> None:
 
 def test_scenarios_of_a_batch_take_the_sub_steps_of_their_own() -> None:
     soft, stiff = EXPERIMENT, override(EXPERIMENT, {SOFT: 4e8, "plant.rope_2.soft": 4e8})
-    assert structure_of(soft).simulation.substeps < structure_of(stiff).simulation.substeps
+    assert structure_of(soft).substeps < structure_of(stiff).substeps
     scenarios, shares = [stiff, soft, stiff, override(soft, {SOFT: 3.9e6})], []
     batch = rollout(["controller.nftsm.beta"], [[0.05]], scenarios, stride=500, progress=shares.append)
     assert batch.outcomes.tolist() == [["completed"] * 4]

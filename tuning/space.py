@@ -18,7 +18,7 @@ from dualwinch.model.quantities.quantity import Leaf, Mark, Tunable, behind_numb
 from dualwinch.model.quantities.tree import leaves, shown, with_leaves
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
-from dualwinch.simulation.loop.structure import structure_of
+from dualwinch.simulation.loop.structure import LoopStructure, structure_of
 from dualwinch.simulation.settings import known_keys
 
 Value: TypeAlias = float | str
@@ -363,7 +363,7 @@ def _check_zero(name: str, keys: Sequence[str], entry: Any, gains: _Gains) -> No
 
 
 @GRAPHS.cached
-def _effective(structure: Experiment) -> frozenset[str]:
+def _effective(structure: LoopStructure) -> frozenset[str]:
     """Parameters on which the closed loop of a structure depends."""
     loop = closed_loop(structure)
     read = set().union(*(elements_read(function, "parameters") for function in loop.functions))

@@ -7,7 +7,7 @@ Scenarios of one structure run in one compiled loop (`by_structure`).
 
 import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +24,7 @@ from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.simulation.experiment import EngineName, Experiment
 from dualwinch.simulation.loop.closed_loop import starts
 from dualwinch.simulation.loop.structure import (
-    described_parameters,
+    LoopStructure,
     is_automatic,
     parameters_of,
     solver_of,
@@ -235,7 +235,7 @@ def check_batch(names: Sequence[str], values: Floats, scenarios: Scenarios) -> l
     groups = scenario_groups(scenarios)
     first = groups[0].experiment
     structure = structure_of(first)
-    described = described_parameters(structure)
+    described = structure.parameters
     known = [name for name, leaf in described.items() if Mark.TIMING not in leaf.marks]
     for name in names:
         if name not in known:
@@ -293,7 +293,7 @@ def _check_bounds(columns: Mapping[str, Floats], described: Mapping[str, Leaf]) 
 
 
 def _check_together(
-    columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: Experiment
+    columns: Mapping[str, Floats], groups: Sequence[ScenarioGroup], scenarios: Scenarios, structure: LoopStructure
 ) -> None:
     """Check rules between values: pass rows that may break one to `prepare`, whose error names it."""
     if not columns:
@@ -305,7 +305,7 @@ def _check_together(
     else:
         first = {group.experiment.controller: group.members[0] for group in reversed(groups)}
         suspects = [(place, _violating(controller, columns)) for controller, place in first.items()]
-    described = described_parameters(structure)
+    described = structure.parameters
     for place, chosen in suspects:
         for row in chosen:
             where = f"parameters[{row}]" + (f" in scenarios[{place}]" if len(scenarios) > 1 else "")
@@ -329,10 +329,10 @@ def _violating(controller: Controller, columns: Mapping[str, Floats]) -> Iterabl
     return np.flatnonzero(violated)
 
 
-def _check_substeps(experiment: Experiment, structure: Experiment) -> None:
+def _check_substeps(experiment: Experiment, structure: LoopStructure) -> None:
     """Check that a row's ropes need no more sub-steps than the structure has."""
     needed = solver_of(experiment).substeps
-    given = structure.simulation.substeps
+    given = structure.substeps
     if needed > given:
         raise ConfigurationError(f"simulation.substeps = {given}: must be >= {needed} for ropes as stiff as these")
 
@@ -351,15 +351,15 @@ def by_structure(
     Raises:
         ConfigurationError: scenarios differ in more than their sub-steps, though `alike`.
     """
-    places: dict[tuple[Experiment, int, float, EngineName], list[int]] = {}
+    places: dict[tuple[LoopStructure, int, float, EngineName], list[int]] = {}
     for group in scenario_groups(scenarios):
         experiment, simulation = group.experiment, group.experiment.simulation
         shape = structure_of(experiment), experiment.samples, simulation.sample_time, simulation.engine
         places.setdefault(shape, []).extend(group.members.tolist())
-    shapes = [(with_leaves(shape[0], {"simulation.substeps": 1}), *shape[1:-1]) for shape in places]
+    shapes = [(replace(shape[0], substeps=1), *shape[1:-1]) for shape in places]
     for shape, indices in zip(shapes, places.values(), strict=True):
         if alike and shape != shapes[0]:
-            odd = sorted(described_parameters(shape[0]).keys() ^ described_parameters(shapes[0][0]).keys())
+            odd = sorted(shape[0].parameters.keys() ^ shapes[0][0].parameters.keys())
             said = f"; zero or absent in one of them alone: {', '.join(odd[:4])}" if odd else ""
             raise ConfigurationError(
                 f"scenarios[{indices[0]}]: must have the structure and the length of scenarios[0], and its sample time"

@@ -25,7 +25,7 @@ from dualwinch.simulation.batch.workers import Workers, portion_of, run_all, thr
 from dualwinch.simulation.exogenous.signals import check_shaped, exogenous_signals, shaped_by, signal_slope
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import LATENESS, closed_loop, start_slopes
-from dualwinch.simulation.loop.structure import described_parameters, parameters_of, structure_of
+from dualwinch.simulation.loop.structure import LoopStructure, parameters_of, structure_of
 from dualwinch.simulation.metrics.metric import Metric, slopes_of
 from dualwinch.simulation.metrics.metrics import metric_quantities, metrics_of
 from dualwinch.simulation.plots.page import GivenAxes, new_page, scenario
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 def check_differentiable(names: Iterable[str], experiment: Experiment) -> None:
     """Raise `ConfigurationError` for names without derivatives; unknown names are ignored."""
-    taken = described_parameters(structure_of(experiment))
+    taken = structure_of(experiment).parameters
     known, values = described(experiment), leaves(experiment)
     for name in names:
         if name not in known:
@@ -71,7 +71,7 @@ def differentiable_numbers(experiment: Experiment) -> dict[str, float]:
 
 def described(experiment: Experiment) -> dict[str, Leaf]:
     """Metadata of every key of an experiment and of the controller's nominal plant."""
-    return {**describe_parts(experiment), **described_parameters(structure_of(experiment))}
+    return {**describe_parts(experiment), **structure_of(experiment).parameters}
 
 
 BY_MARK = {
@@ -129,7 +129,7 @@ class TangentSeeds:
         if scenarios:
             first = experiment_of(scenarios[0])
             check_differentiable(names, first)
-            loop = described_parameters(structure_of(first))
+            loop = structure_of(first).parameters
             taken = [name for name in names if name in loop or not shaped_by(name)]
         self.pairs = ParameterScenarioGrid(
             taken, self._values[:, [self.names.index(name) for name in taken]], scenarios, zeros
@@ -352,14 +352,13 @@ def _empty_result(seeds: TangentSeeds, scenarios: int, columns: tuple[str, ...],
     )
 
 
-def steps(structure: Experiment) -> frozenset[str]:
+def steps(structure: LoopStructure) -> frozenset[str]:
     """Parameters of quantised sensors.
 
     The derivative of a step function, zero almost everywhere, is useless: derivatives are those of sensors without
     quantisation, along the run with it.
     """
-    known = described_parameters(structure)
-    return frozenset(key for key, leaf in known.items() if Mark.READS_IN_STEPS in leaf.marks)
+    return frozenset(key for key, leaf in structure.parameters.items() if Mark.READS_IN_STEPS in leaf.marks)
 
 
 def _differentiate(

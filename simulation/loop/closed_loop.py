@@ -18,7 +18,6 @@ from dualwinch.controllers.controller import (
     controller_step,
     initial_controller_state,
 )
-from dualwinch.controllers.nominal import nominal_structure
 from dualwinch.model.actuators import NoState, drive, is_ideal
 from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.motions import no_departures, previewed
@@ -39,7 +38,7 @@ from dualwinch.model.reference import Setpoint
 from dualwinch.model.scalar import Scalar, absolute, minimum, quantise
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.integrators import INTEGRATORS, Motion, Problem
-from dualwinch.simulation.loop.structure import parameters_of, symbolic_parts
+from dualwinch.simulation.loop.structure import LoopStructure, structure_of, symbolic_parts
 from dualwinch.simulation.metrics.metric import states_after, states_before
 from dualwinch.simulation.metrics.metrics import Accumulators, accumulate
 from dualwinch.simulation.rows import COLUMNS, Sample, row_of
@@ -179,20 +178,20 @@ class Timing:
     late: Annotated[Scalar, Quantity("s", "time by which the sample is late"), Mark.BOOKKEEPING] = 0.0
 
 
-def initial_loop_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> LoopState:
+def initial_loop_state(structure: LoopStructure, parts: Any = None, x: Scalar = 0.0) -> LoopState:
     """Plant, controller, sensors and actuators before the first sample, where the position sensor reads x in m.
 
-    Numbers are those of `parts` (`symbolic_parts`) and x is the beginning of the reference, unless given.
+    Numbers are those of `parts`, an experiment or `symbolic_parts`; without them only names and types have a meaning.
     """
-    given, begun = parts or experiment, experiment.reference.start if x is None else x
-    preload, actuator, sensors = given.controller.limits.preload, given.actuator, given.sensors
-    rest = resting_state(preload, given.plant, begun - sensors.position_bias)
-    holding = holding_torques(preload, given.plant)
+    parts = parts or structure
+    preload, actuator, sensors = parts.controller.limits.preload, parts.actuator, parts.sensors
+    rest = resting_state(preload, parts.plant, x - sensors.position_bias)
+    holding = holding_torques(preload, parts.plant)
     return LoopState(
         motion=Motion(rest),
-        controller=initial_controller_state(given.controller, begun),
-        readings=first_readings(rest, preload / 2, given.plant, sensors, silence_of(experiment.sensors)),
-        timing=Timing() if experiment.simulation.jitter > 0 else NoState(),
+        controller=initial_controller_state(parts.controller, x),
+        readings=first_readings(rest, preload / 2, parts.plant, sensors, silence_of(structure.sensors)),
+        timing=Timing() if structure.jitter else NoState(),
         actuator_1=actuator.holding_state(holding.tau_1),
         actuator_2=actuator.holding_state(holding.tau_2),
     )
@@ -202,22 +201,21 @@ def _queue_names(delay_samples: int) -> list[str]:
     return [f"queue.{late}.{name}" for late in range(delay_samples) for name in ("tau_1", "tau_2")]
 
 
-def starting_state(experiment: Experiment, parts: Any = None, x: Scalar | None = None) -> dict[str, Scalar]:
+def starting_state(structure: LoopStructure, parts: Any = None, x: Scalar = 0.0) -> dict[str, Scalar]:
     """Initial state by name: at rest, both ropes at preload/2, equilibrium torques in the delay queue.
 
-    The position sensor reads the beginning of the reference. Arguments as for `initial_loop_state`.
+    Arguments as for `initial_loop_state`.
     """
-    given = parts or experiment
-    start = initial_loop_state(experiment, parts, x)
-    holding = leaves(holding_torques(given.controller.limits.preload, given.plant))
-    names = _queue_names(experiment.simulation.delay_samples)
-    queue = {name: holding[name.rsplit(".", 1)[1]] for name in names}
-    return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(given.metrics)
+    start, parts = initial_loop_state(structure, parts, x), parts or structure
+    holding = leaves(holding_torques(parts.controller.limits.preload, parts.plant))
+    queue = {name: holding[name.rsplit(".", 1)[1]] for name in _queue_names(structure.delay_samples)}
+    return leaves(start) | queue | leaves(Accumulators(), "metrics.") | states_before(parts.metrics)
 
 
 def initial_state_of(experiment: Experiment) -> dict[str, float]:
-    """`starting_state` of an experiment as floats."""
-    return {key: float(value) for key, value in starting_state(experiment).items()}
+    """`starting_state` of an experiment as floats, at the beginning of its reference."""
+    start = starting_state(structure_of(experiment), experiment, experiment.reference.start)
+    return {key: float(value) for key, value in start.items()}
 
 
 def _metric_sample(
@@ -262,7 +260,7 @@ def _instant(
 
 @built_once
 def closed_loop(
-    structure: Experiment, zeros: frozenset[str] = frozenset(), openings: tuple[str, ...] = ()
+    structure: LoopStructure, zeros: frozenset[str] = frozenset(), openings: tuple[str, ...] = ()
 ) -> ClosedLoop:
     """Build the symbolic functions of a structure (cached).
 
@@ -273,13 +271,12 @@ def closed_loop(
     a fourth input, ``injected``, of `sample`, `observe` and `step`, and the returned signals a further output,
     ``returned``, of `sample`.
     """
-    simulation, silence = structure.simulation, silence_of(structure.sensors)
-    calm = nothing_from_outside(structure.controller)
-    queued = _queue_names(simulation.delay_samples)
+    silence, calm = silence_of(structure.sensors), nothing_from_outside(structure.controller)
+    queued = _queue_names(structure.delay_samples)
     vectors = {
-        "state": tuple(initial_state_of(structure)),
+        "state": tuple(starting_state(structure)),
         "exogenous": tuple(leaves(calm)),
-        "parameters": tuple(parameters_of(structure)),
+        "parameters": tuple(structure.parameters),
     }
     symbols = {name: ca.SX.sym(name, len(names)) for name, names in vectors.items()}
     injected = {opening: ca.SX.sym(opening) for opening in openings}
@@ -292,7 +289,7 @@ def closed_loop(
     values |= dict.fromkeys(zeros, ca.SX(0))
     parts = symbolic_parts(structure, values)
     plant, sensors, actuator = parts.plant, parts.sensors, parts.actuator
-    nominal = with_leaves(nominal_structure(structure.plant), values, "nominal.")
+    nominal = with_leaves(structure.nominal, values, "nominal.")
     sample_time = values["simulation.sample_time"]
     start = initial_loop_state(structure)
     state, exogenous = with_leaves(start, of_state), with_leaves(calm, outside)
@@ -350,7 +347,7 @@ def closed_loop(
         plant=plant,
         nominal=nominal,
         torques=None if is_ideal(actuator) else hold.torques,
-        measurement=measurement if simulation.readings else None,
+        measurement=measurement if structure.readings else None,
     )
     sample = _metric_sample(row, hold.torques, plant, output, number=state.sample, steady=exogenous.steady)
     sums = leaves(accumulate(with_leaves(Accumulators(), of_state, "metrics."), sample, sample_time), "metrics.")
@@ -371,7 +368,7 @@ def closed_loop(
         sample=sample_function,
         observe=named_function("observe", symbols, {"row": ca.vertcat(*(value for value, _ in row.values()))}),
         move=move,
-        parts=simulation.substeps,
+        parts=structure.substeps,
         one_step=one_step,
         fast_sample=_fast_sample(sample_function, phase) if interval > 1 else None,
         phase=phase,
@@ -407,13 +404,13 @@ Floats = NDArray[np.float64]
 
 
 @built_once
-def start_function(structure: Experiment) -> ca.Function:
+def start_function(structure: LoopStructure) -> ca.Function:
     """``start(parameters, x) -> state`` of a structure: `starting_state` as a CasADi function; (states,)."""
     parameters, x, state = _start(structure, steps=True)
     return ca.Function("start", [parameters, x], [state], ["parameters", "x"], ["state"])
 
 
-def starts(structure: Experiment, vectors: Floats, x: float | Floats) -> Floats:
+def starts(structure: LoopStructure, vectors: Floats, x: float | Floats) -> Floats:
     """Initial states (runs, states) for parameter vectors (runs, parameters).
 
     Each run begins at its x in m: (runs,), or one value for all.
@@ -429,19 +426,19 @@ def starts(structure: Experiment, vectors: Floats, x: float | Floats) -> Floats:
 
 
 @built_once
-def _mapped(structure: Experiment, count: int) -> ca.Function:
+def _mapped(structure: LoopStructure, count: int) -> ca.Function:
     return start_function(structure).map(count)
 
 
 @built_once
-def start_slopes(structure: Experiment) -> ca.Function:
+def start_slopes(structure: LoopStructure) -> ca.Function:
     """``start_slopes(parameters, x)``, (states, parameters): Jacobian of the initial state, without quantisation."""
     parameters, x, state = _start(structure, steps=False)
     return ca.Function("start_slopes", [parameters, x], [ca.densify(ca.jacobian(state, parameters))])
 
 
-def _start(structure: Experiment, *, steps: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    x, symbols = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in parameters_of(structure)}
+def _start(structure: LoopStructure, *, steps: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    x, symbols = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in structure.parameters}
     stepless = {} if steps else {"sensors.encoder_counts": 0, "sensors.position_resolution": 0.0}
     state = starting_state(structure, symbolic_parts(structure, {**symbols, **stepless}), x)
     return ca.vertcat(*symbols.values()), x, ca.densify(ca.vertcat(*state.values()))
@@ -465,9 +462,9 @@ class JitteringHold(ZeroOrderHold):
     duration: Annotated[Scalar, Quantity("s", "time until the next sample")] = 0.0
 
 
-def zero_order_hold(structure: Experiment, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
+def zero_order_hold(structure: LoopStructure, *, duration: Scalar, **held: Any) -> ZeroOrderHold:
     """The inputs held until the next sample; includes the duration only if it varies."""
-    return JitteringHold(**held, duration=duration) if structure.simulation.jitter > 0 else ZeroOrderHold(**held)
+    return JitteringHold(**held, duration=duration) if structure.jitter else ZeroOrderHold(**held)
 
 
 def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance: Disturbance) -> Problem:
@@ -482,13 +479,13 @@ def problem_of(hold: ZeroOrderHold, duration: Scalar, plant: Plant, disturbance:
     )
 
 
-def motion_template(structure: Experiment) -> Motion:
+def motion_template(structure: LoopStructure) -> Motion:
     """Template that names the elements of the plant's vector; its numbers are placeholders."""
     return Motion(blank_state(structure.plant))
 
 
 def between_samples(
-    structure: Experiment, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
+    structure: LoopStructure, problem: Callable[[ZeroOrderHold], Problem], parameters: ca.SX
 ) -> tuple[ca.Function, ca.Function | None]:
     """The functions ``move`` and ``one_step`` of `codegen.sampled.Sampled`; the latter may be None.
 
@@ -511,7 +508,7 @@ def between_samples(
         inputs = {"motion": motion, "hold": hold} | inputs
         return named_function(name, inputs, outputs)
 
-    integrator, h = INTEGRATORS[structure.simulation.integrator], solved.duration / structure.simulation.substeps
+    integrator, h = INTEGRATORS[structure.integrator], solved.duration / structure.substeps
     careful = integrator.substep(solved, start, solved.t + part * h, h)
     move = function("move", {"part": part, "parameters": parameters}, careful)
     if not integrator.one_step:

@@ -1,8 +1,9 @@
-"""Structure of an experiment, which determines its compiled code; its integrator; its run-time parameters."""
+"""Structure of a closed loop, which determines its compiled code; its integrator; its run-time parameters."""
 
 import math
+from collections import ChainMap
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -11,6 +12,8 @@ from dualwinch.codegen.source.expressions import GRAPHS
 from dualwinch.controllers.controller import Controller
 from dualwinch.controllers.limits import Limits
 from dualwinch.controllers.nominal import Nominal, nominal_plant, nominal_structure
+from dualwinch.model.actuators import Actuator
+from dualwinch.model.disturbance import Disturbance
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.model.plant import Plant, is_distributed, plant_structure, remembers_friction
 from dualwinch.model.quantities.description import describe_parts
@@ -27,7 +30,8 @@ from dualwinch.simulation.integrators.stability import (
     stiff_keys,
     swing_rate,
 )
-from dualwinch.simulation.sensors import sensors_structure
+from dualwinch.simulation.metrics.metric import Metric
+from dualwinch.simulation.sensors import Sensors, sensors_structure
 
 GENERAL: IntegratorName = "rk4"
 """Integrator for ropes that the exponential integrators do not support."""
@@ -184,37 +188,78 @@ KEPT_STRUCTURES = 64
 """Size of the caches by experiment: successive calls often use the same scenarios."""
 
 
-@lru_cache(maxsize=KEPT_STRUCTURES)
-def structure_of(experiment: Experiment) -> Experiment:
-    """The experiment that represents all experiments with the same compiled code.
+PARTS = ("plant", "controller", "sensors", "actuator", "disturbance")
+"""Parts with run-time parameters, whose keys begin with the part's name; beside them the figures of merit."""
 
-    It has the same parts; every run-time parameter has a placeholder value.
+
+@dataclass(frozen=True)
+class LoopStructure:
+    """What shapes the compiled code of a closed loop: its parts, and how they are sampled and integrated.
+
+    Experiments of one structure share their code, and differ only in the numbers that it takes as `parameters`. The
+    same numbers have no meaning in the parts here, where each has a value that depends on its bounds alone, so that
+    structures of the same code are equal.
+
+    Attributes:
+        plant, controller, sensors, actuator, metrics, disturbance: the parts, with the numbers that shape code.
+        integrator, substeps: of the plant between two samples.
+        delay_samples: delay of torque commands in samples.
+        jitter: whether samples are early or late.
+        readings: whether rows include sensor readings.
+    """
+
+    plant: Plant
+    controller: Controller
+    sensors: Sensors
+    actuator: Actuator
+    metrics: tuple[Metric, ...]
+    integrator: IntegratorName
+    substeps: int
+    delay_samples: int = 0
+    jitter: bool = False
+    readings: bool = False
+    disturbance: Disturbance = field(default_factory=Disturbance)
+
+    @property
+    def parameters(self) -> dict[str, Leaf]:
+        """Key → metadata of every run-time parameter (`parameters_of`), in the order of the code's vector."""
+        return _described_parameters(self)
+
+    @property
+    def nominal(self) -> Plant:
+        """Structure of the controller's nominal plant, whose parameters are ``nominal.*``."""
+        return nominal_structure(self.plant)
+
+
+@lru_cache(maxsize=KEPT_STRUCTURES)
+def structure_of(experiment: Experiment) -> LoopStructure:
+    """The structure of an experiment's closed loop.
+
+    Raises:
+        ConfigurationError: the ropes need too many sub-steps (`solver_of`), or preview times vary at run time.
     """
     solver, simulation = solver_of(experiment), experiment.simulation
-    return Experiment(
+    return LoopStructure(
         plant=plant_structure(experiment.plant),
         controller=_alike(experiment.controller),
         sensors=sensors_structure(experiment.sensors),
         actuator=alike(experiment.actuator),
-        simulation=Simulation(
-            integrator=solver.integrator,
-            substeps=solver.substeps,
-            delay_samples=simulation.delay_samples,
-            jitter=Simulation.sample_time / 4 if simulation.jitter > 0 else 0.0,
-            readings=simulation.readings,
-        ),
         metrics=tuple(map(alike, experiment.metrics)),
+        integrator=solver.integrator,
+        substeps=solver.substeps,
+        delay_samples=simulation.delay_samples,
+        jitter=simulation.jitter > 0,
+        readings=simulation.readings,
     )
 
 
-def symbolic_parts(experiment: Experiment, values: Mapping[str, Scalar]) -> Any:
-    """The parts of an experiment with other numbers, which may be symbols, in a namespace (`Experiment` takes none).
+def symbolic_parts(owner: Experiment | LoopStructure, values: Mapping[str, Scalar]) -> Any:
+    """The parts of an experiment or a structure with other numbers, which may be symbols or arrays, in a namespace.
 
-    Numbers without a key in `values` are those of the experiment.
+    Numbers without a key in `values` are those of the owner.
     """
-    groups = ("plant", "controller", "sensors", "actuator", "disturbance")
-    parts = {name: with_leaves(getattr(experiment, name), values, f"{name}.") for name in groups}
-    return SimpleNamespace(**parts, metrics=tuple(with_leaves(m, values, "metrics.") for m in experiment.metrics))
+    parts = {name: with_leaves(getattr(owner, name), values, f"{name}.") for name in PARTS}
+    return SimpleNamespace(**parts, metrics=tuple(with_leaves(m, values, "metrics.") for m in owner.metrics))
 
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
@@ -229,10 +274,14 @@ def _alike(controller: Controller) -> Controller:
 
 
 @GRAPHS.cached
-def described_parameters(structure: Experiment) -> dict[str, Leaf]:
-    """Metadata of every parameter of a closed loop (`parameters_of`), by key."""
-    known = {**describe_parts(structure), **describe_parts(nominal_structure(structure.plant), "nominal.")}
-    return {key: known[key] for key in parameters_of(structure)}
+def _described_parameters(structure: LoopStructure) -> dict[str, Leaf]:
+    groups = {name: getattr(structure, name) for name in PARTS}
+    groups |= {"nominal": structure.nominal, "simulation": Simulation()}
+    descriptions = [describe_parts(group, f"{name}.") for name, group in groups.items()]
+    described = ChainMap(*map(dict, descriptions), *(dict(describe_parts(m, "metrics.")) for m in structure.metrics))
+    nominal = nominal_plant(Nominal(), structure.plant, structure.controller.limits.preload)
+    names = _values(structure, Simulation(), nominal, nominal)
+    return {name: described[name] for name in names}
 
 
 def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[str, float]:
@@ -247,27 +296,30 @@ def parameters_of(experiment: Experiment, nominal: Plant | None = None) -> dict[
 @lru_cache(maxsize=KEPT_STRUCTURES)
 def _parameters_of(experiment: Experiment, nominal: Plant | None) -> dict[str, float]:
     controller = experiment.controller
-    gains = _gains(controller)
-    own, other = (
+    own, assumed = (
         nominal_plant(controller.nominal, plant, controller.limits.preload)
         for plant in (experiment.plant, nominal or experiment.plant)
     )
-    # code has the structure of the simulated plant: parameters that the other plant lacks are zero
-    assumed, unknown = leaves(other, "nominal."), unknown_keys()
-    values = (
-        numbers(experiment.plant, "plant.")
-        | {key: assumed[key] for key in numbers(own, "nominal.") if key not in unknown}
-        | {key: value for key, value in gains.items() if not key.startswith("controller.nominal.")}
-        | numbers(experiment.disturbance, "disturbance.")
-        | numbers(experiment.sensors, "sensors.")
-        | numbers(experiment.actuator, "actuator.")
-        | {
-            f"simulation.{name}": getattr(experiment.simulation, name)
-            for name in ("sample_time", "jitter", "torque_step")
-        }
-        | {key: value for metric in experiment.metrics for key, value in numbers(metric, "metrics.").items()}
-    )
+    values = _values(experiment, experiment.simulation, own, assumed)
     return {key: float(value) for key, value in values.items()}
+
+
+def _values(parts: Experiment | LoopStructure, simulation: Simulation, own: Plant, assumed: Plant) -> dict[str, Any]:
+    """Run-time parameters of a loop's parts; `own`, the simulated plant's nominal, determines which are ``nominal.*``.
+
+    Code has the structure of the simulated plant: parameters that the assumed plant lacks are zero.
+    """
+    nominal, unknown = leaves(assumed, "nominal."), unknown_keys()
+    return (
+        numbers(parts.plant, "plant.")
+        | {key: nominal[key] for key in numbers(own, "nominal.") if key not in unknown}
+        | {key: value for key, value in _gains(parts.controller).items() if not key.startswith("controller.nominal.")}
+        | numbers(parts.disturbance, "disturbance.")
+        | numbers(parts.sensors, "sensors.")
+        | numbers(parts.actuator, "actuator.")
+        | {f"simulation.{name}": getattr(simulation, name) for name in ("sample_time", "jitter", "torque_step")}
+        | {key: value for metric in parts.metrics for key, value in numbers(metric, "metrics.").items()}
+    )
 
 
 @lru_cache(maxsize=KEPT_STRUCTURES)
@@ -276,7 +328,9 @@ def _gains(controller: Controller) -> dict[str, float]:
     return numbers(controller, "controller.")
 
 
-def zeros_of(structure: Experiment, *parameters: Mapping[str, float], varying: Collection[str] = ()) -> frozenset[str]:
+def zeros_of(
+    structure: LoopStructure, *parameters: Mapping[str, float], varying: Collection[str] = ()
+) -> frozenset[str]:
     """Parameters that are zero in all these sets (`parameters_of`), so that compiled code can leave out their terms.
 
     Only parameters marked `Mark.OFF_AT_ZERO` are considered, as every set of zeros needs its own compiled code;
@@ -285,6 +339,5 @@ def zeros_of(structure: Experiment, *parameters: Mapping[str, float], varying: C
     changing = set(varying)
     if any(name.startswith("controller.nominal.") for name in varying):
         changing |= {name for name in parameters[0] if name.startswith("nominal.")}
-    known = described_parameters(structure)
-    candidates = {name for name, leaf in known.items() if Mark.OFF_AT_ZERO in leaf.marks} - changing
+    candidates = {name for name, leaf in structure.parameters.items() if Mark.OFF_AT_ZERO in leaf.marks} - changing
     return frozenset(name for name in candidates if not any(values[name] for values in parameters))

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dualwinch.toolbox import Experiment, compiled, executors, leaves
+from dualwinch.toolbox import Experiment, compiled, executors, leaves, structures
 from dualwinch.toolboxes.identification.options import EstimationOptions
 from dualwinch.toolboxes.identification.predictor import (
     DISTURBANCES,
@@ -35,7 +35,7 @@ class LogFilters:
     def __init__(
         self,
         predictor: compiled.Predictor,
-        structure: Experiment,
+        structure: structures.LoopStructure,
         sections: Sequence[LogSection],
         options: EstimationOptions,
         threads: int | None = None,

@@ -136,7 +136,7 @@ def described_disturbances(experiment: Experiment, options: NoiseOptions) -> dic
     }
 
 
-def has_vortex_states(experiment: Experiment) -> bool:
+def has_vortex_states(experiment: Experiment | structures.LoopStructure) -> bool:
     """Whether vortices have states (`VortexStates`)."""
     return experiment.disturbance.vortex and experiment.disturbance.integrated_phase
 
@@ -196,7 +196,7 @@ def state_names(disturbance: str) -> tuple[str, ...]:
     return (f"unrecorded.{disturbance}",)
 
 
-def predictor_structure(experiment: Experiment) -> Experiment:
+def predictor_structure(experiment: Experiment) -> structures.LoopStructure:
     """The structure of the predictor's code: an experiment's, without its controller.
 
     Of the sensors, only a lag of the load cells shapes the code.
@@ -204,17 +204,16 @@ def predictor_structure(experiment: Experiment) -> Experiment:
     structure = structures.structure_of(
         replace(experiment, controller=Controller(nominal=nominal_model.Nominal()), metrics=())
     )
-    simulation = replace(structure.simulation, delay_samples=0, readings=False)
     disturbance = (
         physics.Disturbance(vortex=True, integrated_phase=True)
         if has_vortex_states(experiment)
         else physics.Disturbance()
     )
     sensors = sensing.Sensors(load_cell_time_constant=structure.sensors.load_cell_time_constant)
-    return replace(structure, sensors=sensors, simulation=simulation, disturbance=disturbance)
+    return replace(structure, sensors=sensors, disturbance=disturbance, delay_samples=0, readings=False)
 
 
-def state_template(structure: Experiment) -> PredictorState:
+def state_template(structure: structures.LoopStructure) -> PredictorState:
     """A state for the names of its elements; its values have no meaning."""
     actuator = structure.actuator.initial_state()
     cells = sensing.LoadCells(0.0, 0.0) if scalar.present(structure.sensors.load_cell_time_constant) else parts.NO_STATE
@@ -225,16 +224,19 @@ def state_template(structure: Experiment) -> PredictorState:
 
 
 @language.GRAPHS.cached
-def parameter_names(structure: Experiment) -> tuple[str, ...]:
+def parameter_names(structure: structures.LoopStructure) -> tuple[str, ...]:
     """Keys of all parameters of the predictor, in their order."""
     begins = tuple(f"{group}." for group in PREDICTOR_GROUPS)
-    own = (key for key in structures.parameters_of(structure) if key.startswith(begins))
+    own = (key for key in structure.parameters if key.startswith(begins))
     return (*own, SAMPLE_TIME, *CORRELATION_TIMES)
 
 
 @language.built_once
 def predicted_system(
-    structure: Experiment, fitted: tuple[str, ...], zeros: frozenset[str] = frozenset(), slack_substeps: int = 8
+    structure: structures.LoopStructure,
+    fitted: tuple[str, ...],
+    zeros: frozenset[str] = frozenset(),
+    slack_substeps: int = 8,
 ) -> sampled.PredictedSystem:
     """The predictor's CasADi functions for a `predictor_structure`.
 
@@ -298,15 +300,13 @@ def predicted_system(
     _, one_step = loops.between_samples(structure, problem, symbols["parameters"])
     in_parts = structure
     if one_step:
-        in_parts = replace(
-            structure, simulation=replace(structure.simulation, integrator="rk4", substeps=slack_substeps)
-        )
+        in_parts = replace(structure, integrator="rk4", substeps=slack_substeps)
     move, _ = loops.between_samples(in_parts, problem, symbols["parameters"])
     return sampled.PredictedSystem(
         sense=loops.named_function("sense", symbols, {"reading": reading}),
         prepare=loops.named_function("prepare", symbols, {"rest": rest, "hold": ca.vertcat(*leaves(hold).values())}),
         move=move,
-        parts=in_parts.simulation.substeps,
+        parts=in_parts.substeps,
         one_step=one_step,
         fitted=tuple(names["parameters"].index(key) for key in fitted),
     )
@@ -314,7 +314,7 @@ def predicted_system(
 
 def initial_state(
     experiment: Experiment,
-    structure: Experiment,
+    structure: structures.LoopStructure,
     first: Floats,
     torques: tuple[float, float],
     t: float,

@@ -17,7 +17,6 @@ from dualwinch.model.vehicle import Vehicle
 from dualwinch.simulation.experiment import Experiment
 from dualwinch.simulation.loop.closed_loop import closed_loop
 from dualwinch.simulation.loop.structure import (
-    described_parameters,
     parameters_of,
     structure_of,
     zeros_of,
@@ -89,8 +88,7 @@ def test_all_experiments_of_a_structure_have_its_parameters(law: str, estimator:
     controller = Controller(ESTIMATORS[estimator](), POSITION_LAWS[law](), coordination=COORDINATIONS[coordination]())
     experiment = override(Experiment(controller=controller), {"controller.nominal.mass": 9e3})
     structure = structure_of(experiment)
-    assert list(described_parameters(structure)) == list(parameters_of(experiment))
-    assert list(parameters_of(structure)) == list(parameters_of(experiment))
+    assert list(structure.parameters) == list(parameters_of(experiment))
     assert not [key for key in parameters_of(experiment) if key.startswith("controller.nominal.")]
 
 
