@@ -40,7 +40,7 @@ class AmplitudePoint:
     Attributes:
         amplitude: of e2 in m/s.
         terminal_gain: describing function of sig(e2, 2 − p/q), over the smoothing's units (m/s)^(1−p/q).
-        surface_gain: that of sig(e2, p/q), in (m/s)^(p/q−1).
+        surface_gain: that of sig(e2, p/q), over the layer's width if it widens, in (m/s)^(p/q−1).
         system: the opened loop.
         margins: its margins.
     """
@@ -52,17 +52,41 @@ class AmplitudePoint:
     margins: Margins
 
 
-def describing_gain(amplitude: float | Floats, exponent: float | Floats, smoothing: float | Floats) -> Any:
+ANGLES = 256
+"""Angles of the midpoint rule for describing functions, whose error falls faster than with their third power."""
+
+
+def describing_gain(
+    amplitude: float | Floats, exponent: float | Floats, smoothing: float | Floats, linear_speed: float | Floats = 0.0
+) -> Any:
     """First harmonic over amplitude of ``z (z² + eps²)^((a−1)/2)`` for ``z = A sin(w t)``: a real gain.
 
     It is ``eps^(a−1) 2F1((1−a)/2, 3/2; 2; −(A/eps)²)``: the slope at zero for small amplitudes, a constant times
-    ``A^(a−1)`` for large ones. Amplitude A and smoothing eps are in the unit of z. Arguments may be arrays, which
-    broadcast.
+    ``A^(a−1)`` for large ones. Where the boundary layer widens (`controllers.laws.nftsm`), the power is divided by
+    ``(1 + (z/v)²)^((a−1)/2)`` with the linear speed v > 0: the gain then tends to ``v^(a−1)``, by quadrature.
+    Amplitude A, smoothing eps and v are in the unit of z. Arguments may be arrays, which broadcast.
+
+    Example:
+        >>> [f"{describing_gain(0.3, 5 / 3, 1e-5, speed):.3f}" for speed in (0.0, 0.01)]
+        ['0.405', '0.046']
     """
+    if np.any(linear_speed):
+        return _widened_gain(amplitude, exponent, smoothing, linear_speed)
     from scipy.special import hyp2f1
 
     size = (amplitude / smoothing) ** 2
     return smoothing ** (exponent - 1) * hyp2f1((1 - exponent) / 2, 1.5, 2.0, -size)
+
+
+def _widened_gain(amplitude: Any, exponent: Any, smoothing: Any, linear_speed: Any) -> Any:
+    """`describing_gain` with a linear speed, by the midpoint rule over a quarter of a period."""
+    square = np.sin((np.arange(ANGLES) + 0.5) * np.pi / (2 * ANGLES)) ** 2
+    amplitude, exponent, smoothing, linear_speed = (
+        np.asarray(value, float)[..., np.newaxis] for value in (amplitude, exponent, smoothing, linear_speed)
+    )
+    size = amplitude**2 * square
+    slopes = ((size + smoothing**2) / (1 + size / linear_speed**2)) ** ((exponent - 1) / 2)
+    return 2 * np.mean(square * slopes, axis=-1)
 
 
 def amplitude_sweep(
@@ -113,13 +137,14 @@ class LoopByAmplitude:
         template: the system at one of the linearisations.
         parts: matrix name → (3, rows, columns): constant part, and contribution of each unit slope.
         ratio: p/q of the law.
-        smoothing: in m/s.
+        smoothing, linear_speed: in m/s.
     """
 
     template: LinearSystem
     parts: dict[str, Floats]
     ratio: float
     smoothing: float
+    linear_speed: float
 
     @classmethod
     def of(
@@ -142,13 +167,13 @@ class LoopByAmplitude:
             name: np.tensordot(shares, np.array([getattr(system, name) for system in systems]), axes=1)
             for name in ("A", "B", "C", "D")
         }
-        return cls(systems[0], parts, gains.p / gains.q, gains.smoothing)
+        return cls(systems[0], parts, gains.p / gains.q, gains.smoothing, gains.linear_speed)
 
     def slopes(self, amplitude: float) -> tuple[float, float]:
         """Describing functions of sig(e2, 2 − p/q) and sig(e2, p/q), as in `AmplitudePoint`."""
-        exponents = 2 - self.ratio, self.ratio
-        terminal, surface = (float(describing_gain(amplitude, each, self.smoothing)) for each in exponents)
-        return terminal, surface
+        terminal = describing_gain(amplitude, 2 - self.ratio, self.smoothing)
+        surface = describing_gain(amplitude, self.ratio, self.smoothing, self.linear_speed)
+        return float(terminal), float(surface)
 
     def at(self, amplitude: float) -> LinearSystem:
         """The opened loop at an amplitude in m/s, without idle states."""

@@ -64,6 +64,9 @@ THRESHOLD, OF_ONE_DRUM = 1.0, 2.0
 UNDECIDED = (0.8, 1.25)
 """Range of loop gains in which the rule is inconclusive: it contains the bounds found by eigenvalues (docs/site.md)."""
 
+LINEAR_SPEED = "controller.nftsm.linear_speed"
+"""Key of the speed error above which the law is linear; absent where it is a power throughout."""
+
 STEEL_ROPE = 2.36
 """Mass of a steel rope of 24 mm in kg/m (EN 12385-4), for the impedance of ropes modelled without mass."""
 
@@ -148,9 +151,10 @@ def resonance_terms(
     """
     names = list(structure.parameters)
     p, q, smoothing = (parameters[:, names.index(f"controller.nftsm.{name}")] for name in ("p", "q", "smoothing"))
+    linear = parameters[:, names.index(LINEAR_SPEED)] if LINEAR_SPEED in names else 0.0
     found = []
     for amplitude in amplitudes:
-        slopes = [describing_gain(amplitude, exponent, smoothing) for exponent in (2 - p / q, p / q)]
+        slopes = describing_gain(amplitude, 2 - p / q, smoothing), describing_gain(amplitude, p / q, smoothing, linear)
         inputs = np.array([x, np.full_like(x, amplitude), *slopes])
         found.append(_terms(structure)(parameters.T, inputs).full().T.reshape(len(x), 2, -1))
     return np.stack(found, axis=1)

@@ -124,8 +124,11 @@ STIFF = {
     "controller.nftsm.phi": 0.01,
     "controller.nftsm.beta": 0.3,
     SMOOTHING: 2e-3,
+    "controller.nftsm.linear_speed": 0.01,
 }
 """Gains of a stiff and smooth law whose filter compensates the disturbance, where drums swing.
+
+Above 1 cm/s, a speed error that only a push leaves, the law is linear (`controllers.laws.nftsm`).
 
 Noise of wheel and encoders exceeds their own: they observe the vehicle through ropes that stretch and sag.
 """

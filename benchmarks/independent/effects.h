@@ -49,6 +49,20 @@
   /* vortices */                                                                                                       \
   ONE(shedding_by_way, 0.0)     /* 1: their phase goes with the way since the start; 0: with speed times time */        \
   ONE(shedding_phase, 0.0)      /* rad, at the start */                                                                 \
+  /* overloads */                                                                                                      \
+  ONE(push_force, 0.0)          /* N against the vehicle's motion along the track, from push_start on */                \
+  ONE(push_start, 20.0)         /* s */                                                                                \
+  ONE(push_length, 0.3)         /* s */                                                                                \
+  ONE(payload_mass, 0.0)        /* of a payload that comes at payload_start, over the vehicle's mass */                 \
+  ONE(payload_drag, 0.0)        /* likewise, over the vehicle's drag */                                                \
+  ONE(payload_start, 20.0)      /* s */                                                                                \
+  EACH(lag_factor, 1.0)         /* of the drawn lag of the motor */                                                    \
+  EACH(most_torque, 0.0)        /* N m of the motor at base_speed and below; 0: no limit */                            \
+  ONE(base_speed, 0.0)          /* rad/s of the motor beyond which its power is constant; 0: its torque is */          \
+  EACH(rated_torque, 0.0)       /* N m that the motor bears for ever; beyond it most_torque for overload_time; 0: no heat */ \
+  ONE(overload_time, 30.0)      /* s; then rated_torque until it has cooled to half (I2t) */                           \
+  EACH(dropout_start, 20.0)     /* s from which on a drive has no torque */                                            \
+  EACH(dropout_length, 0.0)     /* s */                                                                                \
   /* a damping of drum speeds beside the exported controller, tau -= damping (omega - v_ref/R) */                      \
   ONE(speed_damping, 0.0)       /* N m s/rad, of the drum's speed at the motor */                                      \
   ONE(speed_lag, 0.0)           /* s, first-order lag of the measured drum speed */                                    \

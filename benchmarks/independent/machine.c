@@ -167,6 +167,28 @@ static void damp(const struct machine *m, const dualwinch_controller_parameters 
   }
 }
 
+/* ---- overloads ---- */
+
+static int within(double t, double start, double length) { return t >= start && t < start + length; }
+
+/* Torque that a drive lets its motor have, of the one that arrives: none while it is off, else as much as power and heat
+   allow. Heat is the integral of the squared torque beyond the rated one; at its limit the rated torque is the most. */
+static double driven(const struct machine *m, int i, double t, double sample, double speed, double torque, double *heat,
+                     int *hot) {
+  const struct effects *is = &m->is;
+  double most = is->most_torque[i], rated = is->rated_torque[i];
+  if (within(t, is->dropout_start[i], is->dropout_length[i])) return 0.0;
+  if (most <= 0.0) return torque;
+  if (rated > 0.0) {
+    double full = is->overload_time * (most * most - rated * rated), now = fmin(fabs(torque), *hot ? rated : most);
+    *heat = fmax(*heat + sample * (now * now - rated * rated), 0.0);
+    *hot = *heat >= full || (*hot && *heat > full / 2.0);
+    if (*hot) most = rated;
+  }
+  if (is->base_speed > 0.0) most *= fmin(1.0, is->base_speed / fmax(fabs(speed), 1e-9));
+  return fmax(-most, fmin(most, torque));
+}
+
 static void run(uint64_t seed, const struct conditions *how, const struct effects *effects,
                 const dualwinch_controller_parameters *given, const struct extent *extent) {
   dualwinch_controller_state memory;
@@ -175,7 +197,7 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
   dualwinch_controller_input input;
   dualwinch_controller_output output;
   struct machine m;
-  struct held held = {{0.0, 0.0}, 0.0, 0.0};
+  struct held held = {{0.0, 0.0}, 0.0, 0.0, 0.0};
   struct sensed sensed;
   struct forces forces;
   double state[STATES], queue[LONGEST_DELAY + 1][2], before[2] = {0.0, 0.0}, wanted[3];
@@ -185,7 +207,9 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
   double resting_torques[2] = {resting, resting};
   uint64_t speed_stream = seed * 104729u + 7u;
   long refused = dualwinch_controller_prepare(&parameters, &prepared) != 0, slack = 0, samples, k;
-  long silent_from = 0, silent_to = 0, period;
+  long silent_from = 0, silent_to = 0, period, loaded = 0;
+  double heat[2] = {0.0, 0.0};
+  int hot[2] = {0, 0};
 
   refused += dualwinch_controller_reset(&memory, &prepared) != 0;
   random_state = seed * 7919u + 13u;
@@ -253,6 +277,14 @@ static void run(uint64_t seed, const struct conditions *how, const struct effect
     memmove(queue[1], queue[0], LONGEST_DELAY * sizeof queue[0]);
     memcpy(queue[0], held.asked, sizeof held.asked);
     memcpy(held.asked, queue[how->delay], sizeof held.asked);
+    if (!loaded && t >= m.is.payload_start) {
+      m.mass *= 1.0 + m.is.payload_mass, m.drag *= 1.0 + m.is.payload_drag, loaded = 1;
+    }
+    held.push = within(t, m.is.push_start, m.is.push_length) ? m.is.push_force : 0.0;
+    for (int i = 0; i < 2; i++) {
+      double shaft = RATIO * state[(gives(&m, i) ? SPIN : OMEGA) + i];
+      held.asked[i] = driven(&m, i, t, sample, shaft, held.asked[i], &heat[i], &hot[i]);
+    }
     held.current = fmax(-0.154, fmin(0.154, current)), held.load = load;
     most = fmax(most, needed(&m, wanted, &held));
     next_late = m.jitter * uniform(-1.0, 1.0);

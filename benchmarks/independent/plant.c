@@ -43,14 +43,14 @@ void plant_rest(const struct machine *m, double x, const double *tension, const 
 }
 
 void plant_move(const struct machine *m, double t, double duration, const double *torque, double *state) {
-  struct held held = {{torque[0], torque[1]}, 0.0, 0.0};
+  struct held held = {{torque[0], torque[1]}, 0.0, 0.0, 0.0};
   move(m, t, duration, state, &held);
 }
 
 /* Tensions at the drums and at the vehicle, torques between the gearboxes' teeth, and the rail's friction with all else
    that acts on the vehicle from outside: seven numbers. */
 void plant_forces(const struct machine *m, double t, const double *state, double *out) {
-  struct held held = {{0.0, 0.0}, 0.0, 0.0};
+  struct held held = {{0.0, 0.0}, 0.0, 0.0, 0.0};
   struct forces f;
   pull(m, t, state, &f);
   for (int i = 0; i < 2; i++) {
@@ -62,7 +62,7 @@ void plant_forces(const struct machine *m, double t, const double *state, double
 
 /* Energy in J of motion, stretch, twist and height: of ropes of constant length, none of friction. */
 double plant_energy(const struct machine *m, double t, const double *state) {
-  const struct held none = {{0.0, 0.0}, 0.0, 0.0};
+  const struct held none = {{0.0, 0.0}, 0.0, 0.0, 0.0};
   struct forces f;
   struct chain c;
   double total = 0.0;

@@ -59,7 +59,7 @@ static int set_effect(struct effects *effects, const char *name, size_t length, 
   return 0;
 }
 
-/* Whether none is on that changes the plant: those of sensors and of the damping do not. */
+/* Whether none is on that changes the plant's equations: those of sensors, of the damping and of overloads do not. */
 static int plain(const struct effects *effects) {
   struct effects rest = NO_EFFECTS;
   rest.wheel_error = effects->wheel_error, rest.torque_step = effects->torque_step;
@@ -68,6 +68,14 @@ static int plain(const struct effects *effects) {
   rest.shedding_by_way = effects->shedding_by_way, rest.shedding_phase = effects->shedding_phase;
   rest.learnt_wheel = effects->learnt_wheel, rest.learnt_modulus = effects->learnt_modulus;
   rest.learnt_gear = effects->learnt_gear, rest.learnt_sag = effects->learnt_sag;
+  rest.push_force = effects->push_force, rest.push_start = effects->push_start, rest.push_length = effects->push_length;
+  rest.payload_mass = effects->payload_mass, rest.payload_drag = effects->payload_drag;
+  rest.payload_start = effects->payload_start, rest.base_speed = effects->base_speed;
+  rest.overload_time = effects->overload_time;
+  for (int i = 0; i < 2; i++) {
+    rest.most_torque[i] = effects->most_torque[i], rest.rated_torque[i] = effects->rated_torque[i];
+    rest.dropout_start[i] = effects->dropout_start[i], rest.dropout_length[i] = effects->dropout_length[i];
+  }
   return memcmp(&rest, effects, sizeof rest) == 0;
 }
 
@@ -87,7 +95,7 @@ struct machine {
 };
 
 struct held {
-  double asked[2], current, load; /* N m, m/s, N */
+  double asked[2], current, load, push; /* N m, m/s, N, N against the motion */
 };
 
 /* Position, two drum angles, their speeds, two motor torques; then, of a machine with effects: rotor angles and speeds (of
@@ -306,6 +314,7 @@ static double resistance(const struct machine *m, double t, double v, const stru
   double shedding = 2.0 * PI * m->strouhal / HULL * passed + is->shedding_phase;
   double sliding = m->friction * (RAIL_LOAD + held->load);
   double water = HALF_WATER * m->drag * (through * fabs(through) - VORTICES * v * fabs(v) * sin(shedding)), rubbing;
+  water += held->push;
   if (m->plain) return sliding * tanh(v / RAIL_SPEED) + water;
   if (is->bristle_stiffness > 0.0) {
     rubbing = is->bristle_stiffness * bristle + is->bristle_damping * bristle_rate(is, sliding, v, bristle);
@@ -327,11 +336,13 @@ static double dragging(const struct machine *m, int i, double length, double v, 
   return rollers * shape + water * v * fabs(v);
 }
 
+static double lag(const struct machine *m, int i) { return m->motor_lag * m->is.lag_factor[i]; }
+
 static double motor_torque(const struct machine *m, const double *state, const struct held *held, int i) {
   const struct winch *w = &m->winch[i];
   double shaft = gives(m, i) ? state[TURN + i] : state[THETA + i];
   double wave = w->ripple * sin(w->ripple_angle + WAVES * RATIO * shaft);
-  return (m->motor_lag > 0.0 ? state[TORQUE + i] : held->asked[i]) * (1.0 + w->torque_error + wave);
+  return (lag(m, i) > 0.0 ? state[TORQUE + i] : held->asked[i]) * (1.0 + w->torque_error + wave);
 }
 
 static double rope_on_drum(const struct machine *m, int i, double length) {
@@ -446,7 +457,7 @@ static void slope_plain(const struct machine *m, double t, const double *state, 
     double opposing = f.radius[i] * f.rope[i][0].tension + m->coulomb * tanh(omega / DRUM_SPEED);
     rate[THETA + i] = omega;
     rate[OMEGA + i] = (RATIO * torque - opposing) / m->winch[i].inertia;
-    rate[TORQUE + i] = m->motor_lag > 0.0 ? (held->asked[i] - state[TORQUE + i]) / m->motor_lag : 0.0;
+    rate[TORQUE + i] = lag(m, i) > 0.0 ? (held->asked[i] - state[TORQUE + i]) / lag(m, i) : 0.0;
   }
 }
 
@@ -464,7 +475,7 @@ static void slope_whole(const struct machine *m, double t, const double *state, 
   for (int k = 0; k < c.bodies; k++) rate[c.position[k]] = state[c.speed[k]], rate[c.speed[k]] = c.force[k] / c.mass[k];
   for (int i = 0; i < 2; i++) {
     double to = f.stretch_rate[i] < 0.0 ? -1.0 : 1.0;
-    rate[TORQUE + i] = m->motor_lag > 0.0 ? (held->asked[i] - state[TORQUE + i]) / m->motor_lag : 0.0;
+    rate[TORQUE + i] = lag(m, i) > 0.0 ? (held->asked[i] - state[TORQUE + i]) / lag(m, i) : 0.0;
     rate[CELL + i] = 2.0 * PI * m->is.cell_bandwidth * (cell_tension(m, &f, i) - state[CELL + i]);
     if (m->is.dahl_force[i] > 0.0)
       rate[DAHL + i] = f.stretch_rate[i] / dahl_length(m, f.length[i]) * (1.0 - to * state[DAHL + i]);
@@ -523,8 +534,8 @@ static void midpoint(const struct machine *m, double t, double h, double *state,
   struct chain c;
   memcpy(at, state, sizeof at);
   for (int i = 0; i < 2; i++) {
-    if (m->motor_lag > 0.0)
-      at[TORQUE + i] = held->asked[i] + (state[TORQUE + i] - held->asked[i]) * exp(-half / m->motor_lag);
+    if (lag(m, i) > 0.0)
+      at[TORQUE + i] = held->asked[i] + (state[TORQUE + i] - held->asked[i]) * exp(-half / lag(m, i));
     at[THETA + i] += half * state[OMEGA + i];
     if (gives(m, i)) at[TURN + i] += half * state[SPIN + i];
     for (int j = 0; j < segments(m, i) - 1; j++) at[NODE + i * NODES + j] += half * state[MOVING + i * NODES + j];
@@ -562,8 +573,8 @@ static void midpoint(const struct machine *m, double t, double h, double *state,
     state[c.speed[k]] += change[k];
   }
   for (int i = 0; i < 2; i++) {
-    if (m->motor_lag > 0.0)
-      state[TORQUE + i] = held->asked[i] + (state[TORQUE + i] - held->asked[i]) * exp(-h / m->motor_lag);
+    if (lag(m, i) > 0.0)
+      state[TORQUE + i] = held->asked[i] + (state[TORQUE + i] - held->asked[i]) * exp(-h / lag(m, i));
     if (is->transverse_mass[i] > 0.0) {
       double rate = state[SAGGING + i];
       state[SAGGING + i] += h * sag_acceleration(m, i, f.mean[i], f.length[i], at);

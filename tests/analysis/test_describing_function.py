@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from dualwinch.analysis.describing_function import amplitude_sweep, describing_gain
 from dualwinch.analysis.linear_loop import linear_open_loop
 from dualwinch.analysis.margins import margins
-from dualwinch.controllers.laws.nftsm import odd_power
+from dualwinch.controllers.laws.nftsm import NftsmGains, layer_width, odd_power
 from dualwinch.model.errors import ConfigurationError
 from dualwinch.simulation.paper import case
 from dualwinch.simulation.settings import override
@@ -24,6 +24,16 @@ def test_describing_gain_is_the_first_harmonic(exponent: float, amplitude: float
 
     first = 2 / np.pi * quad(harmonic, 0, np.pi, epsabs=0, epsrel=1e-10, limit=500)[0]
     assert describing_gain(amplitude, exponent, 1e-5) == pytest.approx(first / amplitude, rel=1e-8)
+
+
+@pytest.mark.parametrize("amplitude", [1e-7, 1e-3, 0.3])
+def test_describing_gain_of_a_widening_layer_is_the_first_harmonic(amplitude: float) -> None:
+    def harmonic(angle: float) -> float:
+        z = amplitude * np.sin(angle)
+        return odd_power(z, 5 / 3, 1e-5) / layer_width(z, NftsmGains(linear_speed=0.01)) * np.sin(angle)
+
+    first = 2 / np.pi * quad(harmonic, 0, np.pi, epsabs=0, epsrel=1e-10, limit=500)[0]
+    assert describing_gain(amplitude, 5 / 3, 1e-5, 0.01) == pytest.approx(first / amplitude, rel=1e-6)
 
 
 def test_small_amplitudes_give_the_jacobian_s_loop_and_large_ones_a_softer_one() -> None:

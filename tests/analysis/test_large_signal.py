@@ -39,6 +39,14 @@ def test_drums_limit_the_speed_error_of_the_tuned_gains_where_the_rule_is_one() 
     )
 
 
+def test_with_a_linear_speed_the_tuned_gains_are_stable_throughout() -> None:
+    linear = dw.override(TUNED, {"controller.nftsm.linear_speed": 0.01})
+    assert dw.large_signal_stability(linear).throughout
+    small, large = ([drum.gain for drum in dw.resonance_gains(linear, amplitudes=[size])] for size in (1e-3, 0.3))
+    assert small == pytest.approx([drum.gain for drum in dw.resonance_gains(TUNED, amplitudes=[1e-3])], rel=0.02)
+    assert max(large) < 0.5
+
+
 def test_eigenvalues_limit_it_where_the_loop_loses_stability_first() -> None:
     stability = dw.large_signal_stability(STEEP)
     below, above = (

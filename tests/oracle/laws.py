@@ -112,7 +112,10 @@ class SlidingMode:
         s = e1 + odd_power(e2 + auxiliary.gamma * Z_a, r, gains.smoothing) / gains.beta
         u = mass * measured.a_ref + resistance
         u -= mass * gains.beta / r * odd_power(e2, 2 - r, gains.smoothing)
-        u -= mass * (gains.eta * s + gains.k * clip(s / gains.phi, -1, 1))
+        width = 1.0
+        if gains.linear_speed:
+            width = (1 + ((e2 + auxiliary.gamma * Z_a) / gains.linear_speed) ** 2) ** ((r - 1) / 2)
+        u -= mass * (gains.eta * s / width + gains.k * clip(s / (gains.phi * width), -1, 1))
         u -= auxiliary.gamma_force * Z_a + mass * self.d_hat
         u_sat = clip(u, -self.limit, self.limit)
         self.Z_a += self.sample_time * (-auxiliary.k_a * Z_a + (u - u_sat))

@@ -55,6 +55,7 @@ DEFAULTS: dict[str, float] = {
     "controller.nftsm.p": 5,
     "controller.nftsm.q": 3,
     "controller.nftsm.smoothing": 1e-5,
+    "controller.nftsm.linear_speed": 0.0,
     "controller.observer.l0": 5.0,
     "controller.observer.kf": 5.0,
     "controller.observer.error_scale": 0.1,
