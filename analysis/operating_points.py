@@ -174,6 +174,7 @@ def in_calm(experiment: Experiment) -> Experiment:
         position_noise=1.0,
         position_resolution=0.0,
         position_drift=0.0,
+        position_rate=0.0,
         outage_length=0.0,
         speed_noise=1.0,
         tension_noise=1.0,

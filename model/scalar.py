@@ -99,6 +99,10 @@ log: Callable[[Scalar], Scalar] = ca.log
 """Natural logarithm."""
 
 
+floor: Callable[[Scalar], Scalar] = ca.floor
+"""Largest whole number that is not larger."""
+
+
 def sqrt(value: Scalar) -> Scalar:
     """Square root."""
     return np.sqrt(value) if isinstance(value, np.ndarray) else ca.sqrt(value)

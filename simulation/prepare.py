@@ -37,6 +37,7 @@ from dualwinch.simulation.loop.structure import (
     swing_rates,
     zeros_of,
 )
+from dualwinch.simulation.sensors import delays_beyond_memory
 
 LONGEST = 10**9
 """Maximum number of samples of a run."""
@@ -93,6 +94,7 @@ def prepare(experiment: Experiment, nominal: Plant | None = None) -> PreparedExp
     _check_rows(experiment.reference, experiment.plant.track)
     _check_time(experiment)
     _check_signals(experiment)
+    _check_delays(experiment)
     try:
         _check_reference(experiment)
         _check_substeps(experiment)
@@ -120,6 +122,17 @@ def _check_signals(experiment: Experiment) -> None:
             signal.check(unit, last)
         except ConfigurationError as error:
             raise ConfigurationError(f"disturbance.{name}: {error}") from error
+
+
+def _check_delays(experiment: Experiment) -> None:
+    sensors, sample_time = experiment.sensors, experiment.simulation.sample_time
+    for name, is_beyond in delays_beyond_memory(sensors, sample_time).items():
+        if is_beyond:
+            delay = getattr(sensors, name)
+            raise ConfigurationError(
+                f"sensors.{name} = {delay:g}: must be <= {sensors.memory * sample_time:g} s, sensors.memory = "
+                f"{sensors.memory} samples; longer ones need sensors.memory >= {math.ceil(delay / sample_time)}"
+            )
 
 
 def _check_points(reference: Reference, track: Track) -> None:

@@ -10,7 +10,16 @@ from dualwinch.controllers.parts import Measurement
 from dualwinch.model.plant import Plant, PlantState
 from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity
-from dualwinch.model.scalar import Scalar, exp, maximum, present, quantise, where
+from dualwinch.model.scalar import Scalar, exp, floor, maximum, present, quantise, where
+from dualwinch.simulation.lateness import (
+    PastMotion,
+    PastPulls,
+    PastTurns,
+    change_since,
+    filled,
+    remembered,
+    value_before,
+)
 
 Silence: TypeAlias = Literal["held", "missing"]
 
@@ -61,6 +70,17 @@ class Sensors:
     outage: Annotated[
         Silence, Quantity("", "reading of a silent position sensor: its last one (held), or no number (missing)", "")
     ] = "held"
+    position_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the position reading is late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    position_rate: Annotated[
+        NonNegative,
+        Quantity("1/s", "readings of the position a second, each held until the next; 0: one a sample", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     speed_noise: Annotated[
         NonNegative, Quantity("m/s", "white noise of the speed", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
     ] = 0.0
@@ -71,6 +91,12 @@ class Sensors:
         Quantity("1", "share by which the speed wheel reads more than the speed", "assumption"),
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
+    ] = 0.0
+    speed_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the speed reading is late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     tension_noise: Annotated[
         NonNegative, Quantity("N", "white noise of both tensions", "assumption"), Mark.OFF_AT_ZERO, Mark.SCALES_DRAWS
@@ -104,6 +130,18 @@ class Sensors:
     load_cell_zero_2: Annotated[
         float, Quantity("N", "reading of load cell 2 without tension", "assumption"), Mark.UNKNOWN, Mark.OFF_AT_ZERO
     ] = 0.0
+    tension_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the tension readings are late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    encoder_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the drums' angles are late, and speeds that are their differences", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     encoder_counts: Annotated[
         int,
         at.Ge(0),
@@ -136,6 +174,13 @@ class Sensors:
         Mark.UNKNOWN,
         Mark.OFF_AT_ZERO,
     ] = 0.0
+    memory: Annotated[
+        int,
+        at.Ge(2),
+        at.Le(1000),
+        Quantity("1", "samples that the longest of these delays may take", "simulation.lateness"),
+        Mark.SHAPES_CODE,
+    ] = 32
 
 
 @dataclass(frozen=True)
@@ -166,23 +211,46 @@ class Readings:
     theta_1: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 1"), Mark.BOOKKEEPING] = 0.0
     theta_2: Annotated[Scalar, Quantity("rad", "last reading of drum encoder 2"), Mark.BOOKKEEPING] = 0.0
     load_cells: Any = NO_STATE
+    motion: Any = NO_STATE
+    turns: Any = NO_STATE
+    pulls: Any = NO_STATE
 
 
 @dataclass(frozen=True)
 class HeldReadings(Readings):
-    """Readings of the last sample, where the position sensor may fall silent."""
+    """Readings of the last sample, where that of the position sensor may be held."""
 
     x: Annotated[Scalar, Quantity("m", "last reading of the position sensor"), Mark.BOOKKEEPING] = 0.0
+
+
+DELAYS = ("position_delay", "speed_delay", "tension_delay", "encoder_delay")
+"""Fields that are delays, in s."""
+
+EFFECTS = ("load_cell_time_constant", "drum_speed_resolution", "position_rate")
+"""Further fields whose effect is in the compiled code only where they are not zero."""
+
+PLACEHOLDER = 1e-3
+"""Their value in a structure."""
 
 
 def sensors_structure(sensors: Sensors) -> Sensors:
     """Sensors of the same compiled code, with placeholder numbers."""
     silence = silence_of(sensors)
     outages = {"outage": silence, "outage_length": 1.0} if silence else {}
-    shaping: dict[str, Any] = {
-        name: 1.0 for name in ("load_cell_time_constant", "drum_speed_resolution") if present(getattr(sensors, name))
-    }
+    shaping: dict[str, Any] = {name: PLACEHOLDER for name in (*DELAYS, *EFFECTS) if present(getattr(sensors, name))}
+    shaping |= {"memory": sensors.memory} if is_late(sensors) else {}
     return Sensors(**outages, **shaping)
+
+
+def is_late(sensors: Sensors) -> bool:
+    """Whether a sensor has a delay."""
+    return any(present(getattr(sensors, name)) for name in DELAYS)
+
+
+def delays_beyond_memory(sensors: Sensors, sample_time: Scalar) -> dict[str, Any]:
+    """Whether each delay takes more samples than `Sensors.memory` has, by the field's name."""
+    longest = sensors.memory * sample_time * (1 + 1e-9)
+    return {name: getattr(sensors, name) > longest for name in DELAYS}
 
 
 def silence_of(sensors: Sensors) -> Silence | None:
@@ -249,11 +317,20 @@ def load_cells(
 
 
 def first_readings(state: PlantState, tension: Scalar, plant: Plant, sensors: Sensors, silence: Silence | None) -> Any:
-    """Readings before the first sample with both ropes at a tension in N; of position only if outages hold it."""
-    exact = measurement(state, (tension, tension), plant, sensors)
-    cells = LoadCells(tension, tension) if present(sensors.load_cell_time_constant) else NO_STATE
-    encoders = Readings(**read_encoders(exact, plant, sensors), load_cells=cells)
-    return HeldReadings(**vars(encoders), x=exact.x) if silence == "held" else encoders
+    """Readings before the first sample, at rest with both ropes at a tension in N; of position only if it is held."""
+    exact, length = measurement(state, (tension, tension), plant, sensors), sensors.memory
+    past: dict[str, Any] = {}
+    if present(sensors.load_cell_time_constant):
+        past["load_cells"] = LoadCells(tension, tension)
+    if present(sensors.position_delay) or present(sensors.speed_delay):
+        past["motion"] = PastMotion(filled(0.0, length))
+    if present(sensors.encoder_delay):
+        past["turns"] = PastTurns(filled(0.0, length), filled(0.0, length))
+    if present(sensors.tension_delay):
+        past["pulls"] = PastPulls(filled(tension, length), filled(tension, length))
+    readings = Readings(**read_encoders(exact, plant, sensors), **past)
+    is_held = silence == "held" or present(sensors.position_rate)
+    return HeldReadings(**vars(readings), x=exact.x) if is_held else readings
 
 
 def measure(
@@ -265,22 +342,28 @@ def measure(
     sensors: Sensors,
     sample_time: Scalar,
     silence: Silence | None = None,
+    number: Scalar = 0.0,
 ) -> tuple[Readings, Measurement]:
     """Readings of one sample, which the next sample needs, and the measurement.
 
     Sample time in s, tensions in N without errors. Where drives do not measure drum speeds, these are differences of
-    encoder readings over the sample time. `silence` is `silence_of` these sensors.
+    encoder readings over the sample time. `silence` is `silence_of` these sensors, `number` that of the sample.
     """
     carried = last.load_cells
     if isinstance(carried, LoadCells):
         carried, tensions = load_cells(carried, tensions, sensors, sample_time)
+    past, tensions = late_tensions(last, tensions, sensors, sample_time)
     exact = measurement(state, tensions, plant, sensors, sensors.position_drift * noise.drift)
-    now = replace(last, **read_encoders(exact, plant, sensors), load_cells=carried)
+    past, exact = late_motion(past, exact, state, sensors, sample_time)
+    now = replace(past, **read_encoders(exact, plant, sensors), load_cells=carried)
     x = quantise(exact.x + sensors.position_noise * noise.position, sensors.position_resolution)
-    if silence and isinstance(last, HeldReadings):
-        x = where(noise.silent > 0, last.x, x)
+    if isinstance(last, HeldReadings):
+        if present(sensors.position_rate):
+            x = where(is_due(number, sensors.position_rate * sample_time), x, last.x)
+        if silence == "held":
+            x = where(noise.silent > 0, last.x, x)
         now = replace(now, x=x)
-    elif silence:
+    if silence == "missing":
         x = where(noise.silent > 0, math.nan, x)
     return now, Measurement(
         x=x,
@@ -292,3 +375,50 @@ def measure(
         theta_1=now.theta_1,
         theta_2=now.theta_2,
     )
+
+
+ROUNDING = 1e-6
+"""Share of an interval by which a reading may be due earlier, as multiples of a sample time are rounded."""
+
+
+def is_due(number: Scalar, share: Scalar) -> Scalar:
+    """Whether a sensor reads in the sample of a number, of which it has a `share` of readings."""
+    return floor(number * share + ROUNDING) > floor((number - 1) * share + ROUNDING)
+
+
+def late_tensions(
+    last: Readings, tensions: tuple[Scalar, Scalar], sensors: Sensors, sample_time: Scalar
+) -> tuple[Readings, tuple[Scalar, Scalar]]:
+    """The tensions in N as load cells report them, late, and the readings with these tensions remembered."""
+    if not isinstance(pulls := last.pulls, PastPulls):
+        return last, tensions
+    delay = sensors.tension_delay / sample_time
+    memories = pulls.F1, pulls.F2
+    late_1, late_2 = (value_before(delay, now, memory) for now, memory in zip(tensions, memories, strict=True))
+    memory = PastPulls(*(remembered(now, memory) for now, memory in zip(tensions, memories, strict=True)))
+    return replace(last, pulls=memory), (late_1, late_2)
+
+
+def late_motion(
+    last: Readings, exact: Measurement, state: PlantState, sensors: Sensors, sample_time: Scalar
+) -> tuple[Readings, Measurement]:
+    """The measurement of motion and drums as late sensors report it, and the readings with these speeds remembered."""
+    late: dict[str, Scalar] = {}
+    if isinstance(motion := last.motion, PastMotion):
+        if present(sensors.position_delay):
+            way = change_since(sensors.position_delay / sample_time, state.v, motion.v, sample_time)
+            late["x"] = exact.x - way
+        if present(sensors.speed_delay):
+            speed = value_before(sensors.speed_delay / sample_time, state.v, motion.v)
+            late["v"] = (1 + sensors.speed_error) * speed
+        last = replace(last, motion=PastMotion(remembered(state.v, motion.v)))
+    if isinstance(turns := last.turns, PastTurns):
+        delay, memories = sensors.encoder_delay / sample_time, (turns.omega_1, turns.omega_2)
+        for number, (_, omega), memory in zip((1, 2), state.shafts, memories, strict=True):
+            turned = change_since(delay, omega, memory, sample_time)
+            late[f"theta_{number}"] = getattr(exact, f"theta_{number}") - turned
+            if not present(sensors.drum_speed_resolution):
+                late[f"omega_{number}"] = value_before(delay, omega, memory)
+        of_shafts = (remembered(omega, memory) for (_, omega), memory in zip(state.shafts, memories, strict=True))
+        last = replace(last, turns=PastTurns(*of_shafts))
+    return last, replace(exact, **late)

@@ -14,7 +14,14 @@ calibrated ropes.
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
-from dualwinch.controllers.estimators.kalman import TAUT, KalmanEstimate, KalmanGains, KalmanState, filter_motion
+from dualwinch.controllers.estimators.kalman import (
+    TAUT,
+    KalmanEstimate,
+    KalmanGains,
+    KalmanState,
+    filter_motion,
+    timely,
+)
 from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.plant import Plant
 from dualwinch.model.quantities.quantity import Mark, Positive, Quantity, Tunable
@@ -112,12 +119,13 @@ class CalibratingKalman(Estimator):
         """One sample: calibrate the ropes, then filter the motion with the calibrated ropes."""
         nominal, taut, drums = context.nominal, TAUT * context.limits.tension_min, []
         lengths = rope_lengths(state.motion.x, nominal.track)
-        measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
+        now = timely(state.motion, measurement, self.kalman, nominal)
+        measured = (now.F1, now.theta_1), (now.F2, now.theta_2)
         for side, knowledge, length, (F, theta) in zip(
             nominal.sides, (state.rope_1, state.rope_2), lengths, measured, strict=True
         ):
             stretch = F / stiffness(length, kelvin_voigt(side.rope))
-            offset = side.winch.drum_radius * theta - side.direction * measurement.x
+            offset = side.winch.drum_radius * theta - side.direction * now.x
             noise = self.kalman.position_noise
             drums.append(learn(knowledge, stretch, offset, taut < F, noise, self.calibration, context.sample_time))
         rope_1, rope_2 = drums

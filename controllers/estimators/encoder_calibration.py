@@ -5,12 +5,13 @@ from encoder, nominal radius and nominal rope has the error
 
     R theta - stretch -+ x =
         zero - scale R theta - layers theta²/(4 pi) + excess stretch + a sin theta + b (cos theta - 1)
-        + give F - sag shortening
+        + give F - sag shortening +- delay speed
 
 with the encoder's zero in m of rope, the relative errors of the drum's radius, of its growth per turn and of the rope's
 compliance, and the drum's run-out, once per turn. A gearbox between encoder and drum yields a constant length per
 newton; a rope that sags between rollers is shorter by w² s² length/(24 F²) (`model.heavy_ropes`), which may differ from
-the nominal value. These two are left out unless a deviation is assumed for them. All are nearly constant and enter
+the nominal value. A position sensor that is later than assumed reads less by the speed times that time. These three are
+left out unless a deviation is assumed for them. All are nearly constant and enter
 linearly: regularised least squares (`controllers.estimators.least_squares`) estimates them from the readings of the
 position sensor. Estimates are shrunk by the sensor's noise (`controllers.estimators.shrinkage`), so that a drum that
 agrees with its data sheet remains unchanged, as does a zero set at rest. The excess is exempt: no rope's modulus is
@@ -86,6 +87,11 @@ class DrumGains:
         Quantity("s", "time over which the speed wheel's distance is compared with the position", "assumption"),
         Tunable(0.2, 20, standard=False),
     ] = 2.0
+    delay: Annotated[
+        NonNegative,
+        Quantity("s", "assumed standard deviation of the position sensor's delay; 0: exact", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     run_out: Annotated[
         Positive,
         Quantity("m", "assumed standard deviation of a drum's run-out, in m of rope", "assumption"),
@@ -123,6 +129,13 @@ class TrustGains:
     frozen_after: Annotated[
         int, at.Ge(1), Quantity("1", "samples after which an exactly repeated reading is invalid", "assumption")
     ] = 20
+    position_rate: Annotated[
+        NonNegative,
+        Quantity(
+            "1/s", "readings of the position a second, each repeated until the next; 0: one a sample", "assumption"
+        ),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
     jump: Annotated[
         Positive,
         Quantity("m", "innovation at which the weight of an encoder has fallen to a half", "assumption"),
@@ -143,7 +156,7 @@ class TrustGains:
     ] = 0.3
 
 
-UNSHRUNK = ("excess", "give", "sag_excess")
+UNSHRUNK = ("excess", "give", "sag_excess", "delay")
 """Errors exempt from shrinkage: they may be far from their nominal values."""
 
 
@@ -208,6 +221,7 @@ class Drum:
         sag: shortening of the nominal rope by its sag under that tension, in m.
         pull: that tension in N.
         taut: whether the rope is taut; a slack one has no information.
+        speed: speed of the vehicle in m/s, positive where the drum retrieves rope.
     """
 
     direction: float
@@ -217,6 +231,7 @@ class Drum:
     sag: Scalar
     pull: Scalar
     taut: Scalar
+    speed: Scalar = 0.0
 
 
 @dataclass(frozen=True)
@@ -246,6 +261,7 @@ def regressors(drum: Drum, gains: DrumGains, deviation: Scalar) -> tuple[Scalar,
         "excess": drum.stretch,
         "give": drum.pull,
         "sag_excess": -drum.sag,
+        "delay": drum.speed,
         "sine": sin(drum.theta),
         "cosine": cos(drum.theta) - 1,
     }
@@ -261,6 +277,7 @@ def deviations(gains: DrumGains) -> dict[str, Scalar]:
         "excess": gains.compliance,
         "give": gains.give,
         "sag_excess": gains.sag,
+        "delay": gains.delay,
         "sine": gains.run_out,
         "cosine": gains.run_out,
     }
@@ -322,7 +339,8 @@ def calibrate(
         gains,
         due,
     )
-    before, after = (dot(row, _estimates(each.estimate, row)) for each in (gathered, following.gathered))
+    of_drum = [0.0 if name == "delay" else each for name, each in zip(learnt_names(gains), row, strict=True)]
+    before, after = (dot(of_drum, _estimates(each.estimate, row)) for each in (gathered, following.gathered))
     share = where(counts, sample_time / trusting.fault_time, 0.0)
     residual = known.residual + share * (limited - known.residual)
     position = EncoderPosition(

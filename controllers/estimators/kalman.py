@@ -22,23 +22,32 @@ speed lag by 1/bandwidth. It integrates the corrections of d, times `ramp` and t
 poles p of the filter are then the roots of ``s⁴ + 2 s³ + 2 s² + s + ramp = 0`` with s = p/bandwidth, all stable for
 ramp < 3/4.
 
+A sensor that is late by a delay reads the state of that time ago. It is compared with the present state taken back to
+that time by the filter's own motion (retrodiction; Bar-Shalom, Update with out-of-sequence measurements in tracking,
+IEEE Transactions on Aerospace and Electronic Systems 38, 2002, without the process noise since then)::
+
+    x(t - delay) = x - delay v + delay²/2 a,    v(t - delay) = v - delay a
+
+with the acceleration a of the prediction. The rows of the measurement matrix in the Riccati equation are those of this
+motion, so that the filter stays stable however late the sensors are.
+
 Position laws that compensate the forces of a nominal model can use the estimated disturbance: `compensation` is the
 share of it that they add to these forces. The rest is left to an observer of the law, which knows the commands but not
 the tensions.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 import annotated_types as at
 
 from dualwinch.controllers.parts import Context, Estimate, Estimator, Measurement
-from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, transpose
+from dualwinch.model.matrix import Matrix, diagonal, plus, riccati, solve, times, transpose
 from dualwinch.model.plant import DisturbanceInputs, Plant, vehicle_acceleration
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Tunable, UnitInterval
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import compliance, kelvin_voigt, rope_lengths
-from dualwinch.model.scalar import Scalar, where
+from dualwinch.model.scalar import Scalar, present, where
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,24 @@ class KalmanGains:
         at.Le(0.7),
         Quantity("1", "gain on the disturbance's rate over the bandwidth; 0: no rate", "assumption"),
         Tunable(0, 0.7, log=False),
+    ] = 0.0
+    position_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the position reading is taken to be late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    speed_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the speed reading is taken to be late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
+    ] = 0.0
+    encoder_delay: Annotated[
+        NonNegative,
+        at.Le(1),
+        Quantity("s", "time by which the drums' angles are taken to be late", "assumption"),
+        Mark.SHAPES_CODE_AT_ZERO,
     ] = 0.0
     compensation: Annotated[
         UnitInterval,
@@ -104,11 +131,11 @@ TAUT = 0.5
 """Share of tension_min above which a rope counts as taut."""
 
 
-def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scalar | None = None) -> Matrix:
+def kalman_gain(gains: KalmanGains, sample_time: Scalar, encoders: bool = True) -> Matrix:
     """Gain (3 × 2) of position, speed and disturbance on the innovations of position and speed.
 
     Computed in units of the sample time in s and of the combined position noise, in which all numbers have similar
-    sizes. `position_variance` in m² defaults to that of all three positions combined.
+    sizes. The position is that of all three sensors combined, or that of the position sensor without the `encoders`.
     """
     motion: Matrix = ((1.0, 1.0, 0.5), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
     walk = (gains.bandwidth * sample_time) ** 6
@@ -116,12 +143,13 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scal
         tuple(walk * share for share in row)
         for row in ((1 / 20, 1 / 8, 1 / 6), (1 / 8, 1 / 3, 1 / 2), (1 / 6, 1 / 2, 1.0))
     )
-    if position_variance is None:
-        position_variance = 1 / sum(_information(gains))
+    position_variance = 1 / sum(_information(gains)) if encoders else gains.position_noise**2
     speed_variance = gains.speed_noise**2 * sample_time**2 / position_variance
-    h = riccati(transpose(motion), diagonal(1.0, 1 / speed_variance, 0.0), covariance, DOUBLINGS)
-    observed = tuple(row[:2] for row in h)
-    innovation = plus(observed[:2], diagonal(1.0, speed_variance))
+    rows = _observation(gains, sample_time, encoders)
+    information = times(transpose(rows), diagonal(1.0, 1 / speed_variance), rows)
+    h = riccati(transpose(motion), information, covariance, DOUBLINGS)
+    observed = times(h, transpose(rows))
+    innovation = plus(times(rows, observed), diagonal(1.0, speed_variance))
     gain = transpose(solve(innovation, transpose(observed)))
     return tuple(
         (position_gain / sample_time**order, speed_gain * sample_time ** (1 - order))
@@ -129,10 +157,51 @@ def kalman_gain(gains: KalmanGains, sample_time: Scalar, position_variance: Scal
     )
 
 
+def _observation(gains: KalmanGains, sample_time: Scalar, encoders: bool) -> Matrix:
+    """Rows of the measurement matrix, of position and speed: that of late sensors on the present state."""
+    position, *drums = _information(gains)
+    late: Scalar = gains.position_delay / sample_time if present(gains.position_delay) else 0.0
+    if encoders and (present(gains.position_delay) or present(gains.encoder_delay)):
+        total = position + sum(drums)
+        late = (position * gains.position_delay + sum(drums) * gains.encoder_delay) / (total * sample_time)
+    late_speed = gains.speed_delay / sample_time if present(gains.speed_delay) else 0.0
+    return (1.0, -late, late**2 / 2), (0.0, 1.0, -late_speed)
+
+
 def _information(gains: KalmanGains) -> tuple[Scalar, Scalar, Scalar]:
     """Information of position sensor, encoder 1 and encoder 2 on the position, in 1/m²."""
     encoder = 1 / gains.encoder_noise**2
     return 1 / gains.position_noise**2, encoder, encoder
+
+
+def timely(
+    state: KalmanState, measurement: Measurement, gains: KalmanGains, nominal: Plant, age: Scalar = 0.0
+) -> Measurement:
+    """The measurement with the readings of late sensors taken to the present by the predicted motion.
+
+    Its innovations are those of the late readings against the predicted state taken back to their time. The reading of
+    the position is older by an `age` in s.
+    """
+    delays = gains.position_delay, gains.speed_delay, gains.encoder_delay
+    if not any(map(present, (*delays, age))):
+        return measurement
+    pull = measurement.F1 - measurement.F2
+    acceleration = vehicle_acceleration(state.v, pull, DisturbanceInputs(), nominal.vehicle) + state.d
+    readings: dict[str, Scalar] = {}
+    if present(gains.position_delay) or present(age):
+        readings["x"] = measurement.x + _way(state.v, acceleration, gains.position_delay + age)
+    if present(gains.speed_delay):
+        readings["v"] = measurement.v + gains.speed_delay * acceleration
+    if present(gains.encoder_delay):
+        way = _way(state.v, acceleration, gains.encoder_delay)
+        readings["theta_1"] = measurement.theta_1 + way / nominal.winch_1.drum_radius
+        readings["theta_2"] = measurement.theta_2 - way / nominal.winch_2.drum_radius
+    return replace(measurement, **readings)
+
+
+def _way(v: Scalar, acceleration: Scalar, delay: Scalar) -> Scalar:
+    """Way in m of the last `delay` s, at the speed in m/s and the acceleration in m/s² of now."""
+    return delay * (v - delay / 2 * acceleration)
 
 
 def filter_motion(
@@ -146,13 +215,14 @@ def filter_motion(
     total = position + encoder_1 + encoder_2
     length_1, length_2 = rope_lengths(state.x, nominal.track)
     F1, F2 = measurement.F1, measurement.F2
-    from_1 = nominal.winch_1.drum_radius * measurement.theta_1 - F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
-    from_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2)) - nominal.winch_2.drum_radius * measurement.theta_2
+    now = timely(state, measurement, gains, nominal)
+    from_1 = nominal.winch_1.drum_radius * now.theta_1 - F1 * compliance(length_1, kelvin_voigt(nominal.rope_1))
+    from_2 = F2 * compliance(length_2, kelvin_voigt(nominal.rope_2)) - nominal.winch_2.drum_radius * now.theta_2
     taut = TAUT * context.limits.tension_min
-    of_x = position / total * (measurement.x - state.x)
+    of_x = position / total * (now.x - state.x)
     of_x += encoder_1 / total * where(taut < F1, from_1 - state.x, 0.0)
     of_x += encoder_2 / total * where(taut < F2, from_2 - state.x, 0.0)
-    innovations, gain = (of_x, measurement.v - state.v), kalman_gain(gains, context.sample_time)
+    innovations, gain = (of_x, now.v - state.v), kalman_gain(gains, context.sample_time)
     return corrected(state, measurement, innovations, gain, gains, nominal, context.sample_time)
 
 

@@ -8,6 +8,8 @@ precision with the frame of the position sensor.
 - A run starts at rest at a known position, which sets the encoders' zeros. The position sensor corrects them later.
 - A new calibration shifts the predicted position. This is no motion: speed and disturbance remain unchanged, and the
   position for the law changes smoothly.
+- A reading that is repeated until the next (`TrustGains.position_rate`) is taken for what it is: one reading, and by
+  the time since it came older. Its repetitions share its information.
 - While the sensor is silent (no number, or the same for many samples) only the encoders are used.
 - Encoders of slack ropes and suspect encoders are faded out. Without any the filter uses position and speed sensor,
   with the gain for these. Both gains depend on parameters alone.
@@ -28,6 +30,7 @@ from dualwinch.controllers.estimators.encoder_calibration import (
     calibrate,
     informed_errors,
     learnt_errors,
+    learnt_names,
     tared,
     unknown_errors,
 )
@@ -38,6 +41,7 @@ from dualwinch.controllers.estimators.kalman import (
     KalmanState,
     corrected,
     kalman_gain,
+    timely,
 )
 from dualwinch.controllers.parts import Context, Estimator, Measurement
 from dualwinch.model.heavy_ropes import sag_shortening
@@ -47,7 +51,7 @@ from dualwinch.model.quantities.part import NO_STATE
 from dualwinch.model.quantities.quantity import Mark, Quantity
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import Track, compliance, kelvin_voigt, rope_lengths, tangent_rope
-from dualwinch.model.scalar import Scalar, absolute, both, clip, either, exp, maximum, present, where
+from dualwinch.model.scalar import Scalar, absolute, both, clip, either, exp, maximum, minimum, present, sqrt, where
 from dualwinch.model.winch import base_radius, winding
 
 
@@ -121,7 +125,17 @@ class SiteEstimate(SelfCalibratingEstimate):
     wheel: Annotated[Scalar, Quantity("1", "learnt share by which the speed wheel reads too much")] = 0.0
 
 
-PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess")
+@dataclass(frozen=True)
+class LateEstimate(SiteEstimate):
+    """Output of the filter, where the delay of the position sensor is learnt too, with each encoder."""
+
+    delay_1: Annotated[Scalar, Quantity("s", "learnt delay beyond the assumed one, by encoder 1")] = 0.0
+    delay_2: Annotated[Scalar, Quantity("s", "learnt delay beyond the assumed one, by encoder 2")] = 0.0
+    delay_1_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_1")] = 0.0
+    delay_2_sd: Annotated[Scalar, Quantity("s", "standard deviation of delay_2")] = 0.0
+
+
+PASSED_ON = ("scale", "zero", "excess", "give", "sag_excess", "delay")
 """Estimated errors of an encoder that are part of the output."""
 
 TINY = 1e-12
@@ -192,6 +206,14 @@ def innovation(
     return Innovation(shift, residual, lead)
 
 
+def lateness(v: Scalar, encoders: tuple[EncoderKnowledge, EncoderKnowledge], gains: DrumGains) -> Scalar:
+    """Way in m at the speed v in m/s during the learnt delay of the position sensor, the mean of both encoders'."""
+    if not present(gains.delay):
+        return 0.0
+    place = learnt_names(gains).index("delay")
+    return v * gains.delay * sum(known.gathered.estimate[place] for known in encoders) / len(encoders)
+
+
 def _distance(apart: Scalar, jump: Scalar) -> Scalar:
     """Inverse of Cauchy's weight of an encoder `apart` m from the prediction: 1 nearby, 2 at `jump` m."""
     return 1 + (apart / jump) ** 2
@@ -199,7 +221,7 @@ def _distance(apart: Scalar, jump: Scalar) -> Scalar:
 
 def blended_gain(gains: KalmanGains, lead: Scalar, sample_time: Scalar) -> Matrix:
     """Gain of the filter, interpolated between that without encoders (`lead` 0) and with both (1)."""
-    without = kalman_gain(gains, sample_time, gains.position_noise**2)
+    without = kalman_gain(gains, sample_time, encoders=False)
     complete = kalman_gain(gains, sample_time)
     return tuple(
         tuple(low + lead * (high - low) for low, high in zip(*rows, strict=True))
@@ -229,16 +251,24 @@ class SelfCalibratingKalman(Estimator):
         self, state: SelfCalibratingState, measurement: Measurement, setpoint: Setpoint, context: Context
     ) -> tuple[SelfCalibratingState, SelfCalibratingEstimate]:
         """One sample: calibrate the encoders, then filter the motion with them."""
-        gains, sample_time = self.kalman, context.sample_time
+        gains, sample_time, repeated = self.kalman, context.sample_time, 0.0
+        if present(rate := self.trust.position_rate):
+            repeated = maximum(1 / (rate * sample_time) - 1, 0.0)
+            # so many readings of one noise say as much as a single one of it
+            gains = replace(gains, position_noise=gains.position_noise * sqrt(1 + repeated))
         x = state.motion.x
-        watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after)
-        reading = Reading(watch.reading, alive, gains.position_noise)
+        watch, alive = watched(state.watch, measurement.x, x, self.trust.frozen_after + repeated)
+        age = sample_time * minimum(watch.repeats, repeated) if present(rate) else 0.0
+        now = timely(state.motion, replace(measurement, x=watch.reading), gains, context.nominal, age)
+        reading = Reading(now.x, alive, gains.position_noise)
         due = True if self.drums.interval == 1 else state.samples == 0
-        drums, resting = _drums(measurement, x, context), both(due, state.watch.started < FIRST)
+        drums, resting = _drums(now, state.motion, context), both(due, state.watch.started < FIRST)
         encoder_1, position_1 = self._calibrated(state.encoder_1, drums[0], x, reading, resting, due, sample_time)
         encoder_2, position_2 = self._calibrated(state.encoder_2, drums[1], x, reading, resting, due, sample_time)
-        fused = innovation(x, reading, drums, (position_1, position_2), gains, self.trust)
-        wheel, speed = self._rolled(state.wheel, measurement.v, x, sample_time)
+        late = lateness(state.motion.v, (encoder_1, encoder_2), self.drums)
+        punctual = replace(reading, x=reading.x + late) if present(late) else reading
+        fused = innovation(x, punctual, drums, (position_1, position_2), gains, self.trust)
+        wheel, speed = self._rolled(state.wheel, now.v, x, sample_time)
         motion, estimate = corrected(
             replace(state.motion, x=x + fused.shift),
             measurement,
@@ -254,16 +284,21 @@ class SelfCalibratingKalman(Estimator):
         passed_on = estimate.x_est - pending
         learnt = self._learnt((encoder_1, encoder_2), (position_1, position_2))
         learnt |= {"wheel": wheel.error} if isinstance(wheel, WheelKnowledge) else {}
+        return following, self._output_type()(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+
+    def _output_type(self) -> type[SelfCalibratingEstimate]:
         drums = self.drums
-        estimated = SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate
-        return following, estimated(**vars(estimate) | {"x": passed_on, "x_est": passed_on} | learnt)
+        if present(drums.delay):
+            return LateEstimate
+        return SiteEstimate if any(map(present, (drums.give, drums.sag, drums.wheel))) else SelfCalibratingEstimate
 
     def informed(
         self, state: SelfCalibratingState, measurement: Measurement, plant: Plant, speed_error: Scalar, context: Context
     ) -> SelfCalibratingState:
         """The state with the machine's true constants; the encoders' zeros agree with the measurement."""
-        drums = _drums(measurement, state.motion.x, context)
-        reading = Reading(measurement.x, 1.0, self.kalman.position_noise)
+        now = timely(state.motion, measurement, self.kalman, context.nominal)
+        drums = _drums(now, state.motion, context)
+        reading = Reading(now.x, 1.0, self.kalman.position_noise)
         lengths = rope_lengths(state.motion.x, plant.track)
         encoder_1, encoder_2 = (
             informed_errors(knowledge, drum, _true_errors(side, sheet, drum, length, plant.track), reading, self.drums)
@@ -337,13 +372,14 @@ def _true_errors(side: Side, sheet: Side, drum: Drum, length: Scalar, track: Tra
     }
 
 
-def _drums(measurement: Measurement, x: Scalar, context: Context) -> tuple[Drum, Drum]:
-    """Both drums from this sample's measurement and nominal values, with the vehicle at about x in m."""
+def _drums(measurement: Measurement, motion: KalmanState, context: Context) -> tuple[Drum, Drum]:
+    """Both drums from this sample's measurement and nominal values, at the predicted motion."""
     drums, taut = [], TAUT * context.limits.tension_min
     measured = (measurement.F1, measurement.theta_1), (measurement.F2, measurement.theta_2)
-    lengths = rope_lengths(x, context.nominal.track)
+    lengths = rope_lengths(motion.x, context.nominal.track)
     for side, length, (F, theta) in zip(context.nominal.sides, lengths, measured, strict=True):
         stretch = F * compliance(length, kelvin_voigt(side.rope))
         sag = sag_shortening(side.rope, F, length, context.nominal.track)
-        drums.append(Drum(side.direction, winding(theta, side.winch).rope, theta, stretch, sag, F, taut < F))
+        wound, speed = winding(theta, side.winch).rope, side.direction * motion.v
+        drums.append(Drum(side.direction, wound, theta, stretch, sag, F, taut < F, speed))
     return drums[0], drums[1]

@@ -266,15 +266,16 @@ class ControllerOptions(ExperimentOptions):
 
 
 def note_left_defaults(experiment: Experiment, own: Collection[str]) -> None:
-    """Print notes on defaults that do not follow the user's `own` keys, on unusual values, and those without effect."""
+    """Print notes on defaults that do not follow the user's `own` keys, on unusual or idle values, and on sensors."""
     if not own:
         return
     from dualwinch.analysis.remarks import defaults_left, unusual_values, without_effect
+    from dualwinch.analysis.sensor_remarks import sensor_remarks
     from dualwinch.simulation.experiment import Experiment
 
     same = experiment.plant == Experiment().plant
     remarks = [] if same else [*defaults_left(experiment, own), *unusual_values(experiment)]
-    for words in [*remarks, *without_effect(experiment, own)]:
+    for words in [*remarks, *without_effect(experiment, own), *sensor_remarks(experiment)]:
         print_note(words, stderr=True)
 
 

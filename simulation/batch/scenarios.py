@@ -34,6 +34,7 @@ from dualwinch.simulation.loop.structure import (
 from dualwinch.simulation.prepare import fastest_swing, prepare, substeps_for
 from dualwinch.simulation.progress import Progress
 from dualwinch.simulation.scenario import Scenario
+from dualwinch.simulation.sensors import DELAYS, delays_beyond_memory
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -198,6 +199,7 @@ def _violations(group: ScenarioGroup) -> Iterator[Any]:
         for _, owner, rule in rules(getattr(parts, name), f"{name}."):
             yield violates(rule, owner)
     simulation = group.experiment.simulation
+    yield from delays_beyond_memory(parts.sensors, simulation.sample_time).values()
     if not is_automatic(group.experiment):
         integrator = solver_of(group.experiment).integrator
         fastest = fastest_swing(parts.plant, integrator, group.experiment.controller.limits)
@@ -299,8 +301,9 @@ def _check_together(
     if not columns:
         return
     rows = len(next(iter(columns.values())))
-    whole_plant = any(name.startswith("plant.") for name in columns)
-    if whole_plant:  # ropes, drums and loads of each scenario
+    delays = {f"sensors.{name}" for name in DELAYS}
+    whole_plant = any(name.startswith("plant.") or name in delays for name in columns)
+    if whole_plant:  # ropes, drums, loads and sample time of each scenario
         suspects = [(place, range(rows)) for place in range(len(scenarios))]
     else:
         first = {group.experiment.controller: group.members[0] for group in reversed(groups)}

@@ -300,7 +300,7 @@ def closed_loop(
     pulls = dict(zip(("F1", "F2"), tensions(plant_state, plant, t), strict=True))
     forces = injected.get("F1", pulls["F1"]), injected.get("F2", pulls["F2"])
     readings, measurement = measure(
-        plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, silence
+        plant_state, forces, exogenous.noise, state.readings, plant, sensors, sample_time, silence, state.sample
     )
     controller_state, output = controller_step(
         state.controller,

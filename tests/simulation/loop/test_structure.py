@@ -79,6 +79,7 @@ def test_the_keys_that_shape_the_code_are_known_by_their_marks() -> None:
             "simulation.engine",
             "simulation.readings",
             "sensors.outage",
+            "sensors.memory",
         ),
     }
 
