@@ -51,6 +51,9 @@ class Block:
         output: ``output(state, parameters) -> output``, of a block without direct feedthrough.
         derivative: ``derivative(state, input, parameters) -> (dx, output)``, of the sampled version of a continuous
             block. The continuous states come first, followed by the states of the integrator.
+        rules: ``rules(parameters) -> holds``, for each requirement on parameters beyond their ranges (a whole number, a
+            relation between several) 1 where it holds, else 0.
+        ruled: name of the parameter that each of the `rules` is about.
         silent: names of inputs that may be missing, as of a silent sensor: NaN, or beyond `NO_READING`.
     """
 
@@ -66,6 +69,8 @@ class Block:
     output: ca.Function | None = None
     derivative: ca.Function | None = None
     silent: frozenset[str] = frozenset()
+    rules: ca.Function | None = None
+    ruled: tuple[str, ...] = ()
 
     @property
     def continuous(self) -> tuple[Variable, ...]:

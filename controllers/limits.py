@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from dualwinch.model.linear.operating_point import PRELOAD, TENSION_MAX, TENSION_MIN
 from dualwinch.model.quantities.quantity import NonNegative, Positive, Quantity, Rule, Tunable
-from dualwinch.model.scalar import Scalar, clip
+from dualwinch.model.scalar import Scalar, both, clip
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Limits:
         ),
         Rule(
             ("preload", "tension_min", "tension_max", "reserve"),
-            lambda limits: (2 * limits.tension_min < limits.preload) & (limits.preload < 2 * limits.command_max),
+            lambda limits: both(2 * limits.tension_min < limits.preload, limits.preload < 2 * limits.command_max),
             lambda limits, _: (
                 f"must be > {2 * limits.tension_min:g} and < {2 * limits.command_max:g} N "
                 "(twice tension_min and twice tension_max - reserve)"

@@ -19,7 +19,7 @@ from dualwinch.model.quantities.part import Part, Registry
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
 from dualwinch.model.quantities.steps import over_symbols
 from dualwinch.model.quantities.tree import alike, numbers, with_leaves
-from dualwinch.model.scalar import Scalar, both, exp, log, maximum, minimum, present, sqrt, where
+from dualwinch.model.scalar import Scalar, both, either, exp, log, maximum, minimum, present, sqrt, where
 
 
 @dataclass(frozen=True)
@@ -303,7 +303,7 @@ class Rope(RopeLaw):
     rules: ClassVar = (
         Rule(
             ("loss_factor", "mass_per_length"),
-            lambda rope: (rope.loss_factor == 0) | (rope.mass_per_length > 0),
+            lambda rope: either(rope.loss_factor == 0, rope.mass_per_length > 0),
             lambda _, table: f"must be 0 without {table}mass_per_length > 0: it needs the rope's first mode",
         ),
     )

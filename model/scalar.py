@@ -49,7 +49,9 @@ def both(first: Scalar, second: Scalar) -> Scalar:
 
 def either(first: Scalar, second: Scalar) -> Scalar:
     """1 where at least one condition holds, else 0."""
-    return ca.fmax(first, second)
+    if first is True or second is True:
+        return 1.0
+    return maximum(first, second)
 
 
 def maximum(first: Scalar, second: Scalar) -> Scalar:

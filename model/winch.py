@@ -17,7 +17,7 @@ import annotated_types as at
 
 from dualwinch.model.quantities.part import NoState
 from dualwinch.model.quantities.quantity import Mark, NonNegative, Positive, Quantity, Rule, UnitInterval
-from dualwinch.model.scalar import Scalar, absolute, clip, cos, present, sin, tanh, where
+from dualwinch.model.scalar import Scalar, absolute, clip, cos, either, present, sin, tanh, where
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Winch:
         ),
         Rule(
             ("gear_stiffness", "rotor_inertia"),
-            lambda winch: (winch.gear_stiffness == 0) | (winch.rotor_inertia > 0),
+            lambda winch: either(winch.gear_stiffness == 0, winch.rotor_inertia > 0),
             lambda _, table: (
                 f"must be 0 (rigid) without {table}rotor_inertia > 0: a compliant gearbox is between two inertias"
             ),

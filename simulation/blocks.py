@@ -27,7 +27,7 @@ from dualwinch.model.plant import (
 )
 from dualwinch.model.quantities.description import describe, describe_parts
 from dualwinch.model.quantities.quantity import Leaf, Quantity, unknown
-from dualwinch.model.quantities.tree import leaves, with_leaves
+from dualwinch.model.quantities.tree import leaves, rules, with_leaves
 from dualwinch.model.reference import Setpoint
 from dualwinch.model.ropes import rope_lengths
 from dualwinch.model.scalar import Scalar
@@ -305,6 +305,7 @@ def _assemble(
     known = structure_of(experiment).parameters
     start = [at_rest.get(key, 0.0) for key in inputs]
     first = output(state, numbers) if output else step(state, start, numbers)[1]
+    ruled, requirements = _requirements(experiment, parameters, known)
     of_state, of_input, of_output = law.about
     return Block(
         name=name,
@@ -322,7 +323,39 @@ def _assemble(
         output=output,
         derivative=function("derivative") if law.derivative else None,
         silent=experiment.controller.estimator.silent & inputs.keys() if name == "controller" else frozenset(),
+        rules=ca.Function("rules", [_column(parameters)], [requirements], ["parameters"], ["holds"]) if ruled else None,
+        ruled=ruled,
     )
+
+
+def _requirements(
+    experiment: Experiment, parameters: Scalars, described: Mapping[str, Leaf]
+) -> tuple[tuple[str, ...], ca.SX]:
+    """Requirements on the parameters beyond their ranges: the parameter that each is about, and whether they hold.
+
+    They are that whole numbers are whole, and the rules between the values of a group (`Rule`).
+
+    Raises:
+        ConfigurationError: a rule of a part of one's own takes no symbols.
+    """
+    ruled = [name for name in parameters if described[name].kind is int]
+    conditions = [ca.floor(parameters[name]) == parameters[name] for name in ruled]
+    parts = symbolic_parts(experiment, parameters)
+    nominal = with_leaves(nominal_structure(experiment.plant), parameters, "nominal.")
+    groups = {f"{name}.": group for name, group in vars(parts).items() if name != "metrics"} | {"nominal.": nominal}
+    for prefix, group in groups.items():
+        for table, owner, rule in rules(group, prefix):
+            try:
+                holds = rule.holds(owner)
+            except (TypeError, RuntimeError, NotImplementedError) as error:
+                raise ConfigurationError(
+                    f"{table}{rule.fields[0]}: its rule takes no symbols ({error}); "
+                    "join conditions by both() and either()"
+                ) from None
+            if isinstance(holds, ca.SX) and not holds.is_constant():
+                ruled.append(next(key for field in rule.fields if (key := table + field) in parameters))
+                conditions.append(holds)
+    return tuple(ruled), ca.densify(ca.vertcat(*conditions)) if conditions else ca.SX(0, 1)
 
 
 def _column(values: Scalars) -> ca.SX:

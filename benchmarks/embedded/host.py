@@ -51,7 +51,7 @@ class Host:
         apart, states = prepared(block, precision), len(block.states) + len(block.outputs)
         self._memory = np.zeros(states + apart.lost, kind)
         self.state, self.lost = self._memory[:states], self._memory[states:]
-        numbers = 0 if freeze else len(apart.kept) + apart.derived + 1  # the last one has room for the mark
+        numbers = 0 if freeze else len(apart.kept) + apart.derived + 2  # the last two have room for checksum and mark
         self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name
         self._constants = () if freeze else (self._pointer(self.parameters), self._pointer(self.prepared))
@@ -79,6 +79,16 @@ class Host:
     def prepare(self) -> int:
         """Let the following calls know of changed `parameters`; the status."""
         return self._function("prepare")(*self._constants)
+
+    def invalid_parameter(self) -> int:
+        """Position of the first invalid one of `parameters`, from 1; 0: none."""
+        return self._function("invalid_parameter")(self._constants[0])
+
+    def checksum(self) -> int:
+        """CRC-32 of the `parameters`."""
+        checksum = self._function("checksum")
+        checksum.restype = ctypes.c_uint32
+        return checksum(self._constants[0])
 
     def reset(self) -> int:
         """The state before the first sample; its status."""

@@ -10,11 +10,12 @@ takes for a disturbance. The rounding error of a state is therefore stored and a
 import math
 import re
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from dualwinch.codegen.block import NO_READING, Block, Variable
@@ -133,6 +134,7 @@ class PreparedBlock:
         derive: ``derive(parameters) -> derived``, all expressions of the parameters alone.
         step, initial, output: functions of the block; in single precision the step has the additional argument and
             result ``lost`` (`codegen.export.package`).
+        rules: the block's requirements on parameters, in plain operations.
         kept: the parameters that these read in addition to the derived values.
     """
 
@@ -141,6 +143,7 @@ class PreparedBlock:
     initial: ca.Function
     output: ca.Function | None
     kept: tuple[Variable, ...]
+    rules: ca.Function | None = None
 
     @property
     def derived(self) -> int:
@@ -155,7 +158,13 @@ class PreparedBlock:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All functions, the one of every sample first."""
-        return (self.step, self.initial, *((self.output,) if self.output else ()), self.derive)
+        return (
+            self.step,
+            self.initial,
+            *((self.output,) if self.output else ()),
+            *((self.rules,) if self.rules else ()),
+            self.derive,
+        )
 
 
 def prepared(block: Block, precision: Precision) -> PreparedBlock:
@@ -175,7 +184,8 @@ def prepared(block: Block, precision: Precision) -> PreparedBlock:
     derive, (step, initial, *output) = hoisted_together(functions, exact=precision == "double")
     read = set[int]().union(*(elements_read(function, "parameters") for function in (step, initial, *output)))
     parameters = tuple(block.parameters[index] for index in sorted(read))
-    return PreparedBlock(derive, step, initial, output[0] if output else None, parameters)
+    rules = written_out(block.rules) if block.rules else None
+    return PreparedBlock(derive, step, initial, output[0] if output else None, parameters, rules)
 
 
 @dataclass(frozen=True)
@@ -212,14 +222,39 @@ def frozen(block: Block, names: Collection[str] | None = None) -> Block:
         expressions = [ca.densify(ca.cse(outputs[name])) for name in results]
         return ca.Function(function.name(), list(inputs.values()), expressions, list(inputs), results, {"cse": True})
 
+    rules, ruled = _free_rules(block, bound, [variable.name for variable in free_parameters])
     return replace(
         block,
+        rules=rules,
+        ruled=ruled,
         step=bound(block.step),
         initial=bound(block.initial),
         output=bound(block.output) if block.output else None,
         derivative=bound(block.derivative) if block.derivative else None,
         parameters=free_parameters,
     )
+
+
+def _free_rules(
+    block: Block, bound: Callable[[ca.Function], ca.Function], free: Sequence[str]
+) -> tuple[ca.Function | None, tuple[str, ...]]:
+    """The rules that depend on free parameters, and the free parameter that each is about."""
+    if block.rules is None or not free:
+        return None, ()
+    every = bound(block.rules)
+    symbols = ca.SX.sym("parameters", len(free))
+    holds = every(symbols)
+    depends = np.array(ca.DM(ca.jacobian_sparsity(holds, symbols), 1.0).full(), bool)
+    rows = [int(row) for row in np.flatnonzero(depends.any(axis=1))]
+    about = [(name, np.array(free)[depends[row]]) for row, name in enumerate(block.ruled)]
+    ruled = tuple(name if name in names else str(names[0]) for name, names in (about[row] for row in rows))
+    return ca.Function("rules", [symbols], [holds[rows]], ["parameters"], ["holds"]) if rows else None, ruled
+
+
+def bounds(variable: Variable, number: Callable[[float], str]) -> list[str]:
+    """Bounds of a parameter as the operator and number of a comparison, in C and Structured Text alike."""
+    ends = ((">" if variable.exclusive else ">=", variable.lower), ("<=", variable.upper))
+    return [f"{comparison} {number(end)}" for comparison, end in ends if math.isfinite(end)]
 
 
 def c_package(
@@ -258,6 +293,9 @@ def c_package(
         "bodies": bodies,
         "helpers": helpers(prepared_block.functions, Style(precision)),
         "silent": 2 * NO_READING,
+        "bounds": lambda variable: bounds(variable, lambda value: literal(value, precision)),
+        "ruled": [1 + [each.name for each in written.parameters].index(name) for name in written.ruled],
+        "checksum": _checksum(written.parameters, precision),
         "comment": described,
     }
     files = {
@@ -318,7 +356,9 @@ def _bodies(block: Block, apart: PreparedBlock, precision: Precision) -> dict[st
         "step": body(apart.step),
         "initial": body(apart.initial, at_start),
         "derive": rolled_statements(apart.derive, style, [Strand(parameters)]),  # size matters here, not speed
-    } | ({"output": body(apart.output)} if apart.output else {})
+    }
+    bodies |= {"output": body(apart.output)} if apart.output else {}
+    bodies |= {"rules": body(apart.rules, parameters)} if apart.rules else {}
     return {name: "\n".join(lines) + "\n" for name, lines in bodies.items()}
 
 
@@ -326,6 +366,12 @@ def _mark(apart: PreparedBlock, derive: str) -> str:
     """A nonzero C constant that identifies the layout and computation of the prepared values."""
     text = "".join([*(variable.name for variable in apart.kept), derive])
     return f"0x{zlib.crc32(text.encode()) | 1:08x}"
+
+
+def _checksum(parameters: Sequence[Variable], precision: Precision) -> str:
+    """CRC-32 of the parameters' defaults as stored in memory, the least significant byte first."""
+    values = np.array([variable.start for variable in parameters], "<f4" if precision == "float" else "<f8")
+    return f"0x{zlib.crc32(values.tobytes()):08x}"
 
 
 def described(variable: Variable, *, value: bool = False) -> str:

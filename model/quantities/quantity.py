@@ -174,7 +174,8 @@ class Rule:
 
     Attributes:
         fields: the fields involved, the one that errors name first.
-        holds: group → whether it holds, element by element for fields that are arrays.
+        holds: group → whether it holds, element by element for fields that are arrays, as an expression for symbols:
+            exported code checks it too. Conditions are joined by `both` and `either` of `model.scalar`.
         wanted: group, prefix of its keys → requirement on the first field, in words.
     """
 

@@ -53,8 +53,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (data[-2] % 16 == 0) {
       double spoiled = words[0];
       memcpy((double *)(void *)&parameters + data[-3] % PARAMETERS, &spoiled, sizeof spoiled);
-      if ((controller_prepare(&parameters, &prepared) == CONTROLLER_OK) != (isfinite(spoiled) != 0)) abort();
-      if (!isfinite(spoiled) && memcmp(&prepared, &kept, sizeof kept) != 0) abort();
+      int valid = controller_prepare(&parameters, &prepared) == CONTROLLER_OK;
+      if (valid != (controller_invalid_parameter(&parameters) == 0) || (valid && !isfinite(spoiled))) abort();
+      if (!valid && memcmp(&prepared, &kept, sizeof kept) != 0) abort();
       prepared = kept; /* limits are judged below with the defaults */
     }
     before = state;

@@ -99,7 +99,9 @@ def fmu_source(model: FmuModel) -> tuple[str, str]:
     tangents = [tangent for tangent in (functions.start_tangent, functions.now_tangent) if tangent is not None]
     body = [
         *_definitions(model),
-        language.c_source([functions.derive, functions.start, functions.now, functions.step, *tangents]),
+        language.c_source(
+            [functions.derive, functions.rules, functions.start, functions.now, functions.step, *tangents]
+        ),
         *((files("dualwinch.toolboxes.fmu") / name).read_text(encoding="utf-8") for name in WRAPPERS[model.version]),
     ]
     digest = hashlib.sha256("\n".join(body).encode()).hexdigest()
@@ -118,6 +120,7 @@ def _definitions(model: FmuModel) -> list[str]:
         macros |= {f"{role.upper()}S": count, f"FIRST_{role.upper()}": offset}
     macros |= {
         "DERIVED": model.functions.derive.numel_out("derived"),
+        "RULES": len(model.block.ruled),
         "TIME": len(signals) - 1,
         "VARIABLES": len(signals),
         "HAS_DERIVATIVES": int(counts["derivative"] > 0),
@@ -127,6 +130,7 @@ def _definitions(model: FmuModel) -> list[str]:
         "OFFERS_MODEL_EXCHANGE": int(model.flows),
         "OFFERS_CO_SIMULATION": int(model.steps),
     }
+    by_name = {signal.variable.name: signal.reference for signal in model.of("parameter")}
     nominals = [_number(state.nominal) for state in model.block.continuous]
     return [
         *(f"#define {name} {value}" for name, value in macros.items()),
@@ -135,6 +139,11 @@ def _definitions(model: FmuModel) -> list[str]:
         _table("double lower", "VARIABLES", [_number(_limits(signal)[0]) for signal in signals]),
         _table("double upper", "VARIABLES", [_number(_limits(signal)[1]) for signal in signals]),
         *([_table("double nominal", "DERIVATIVES", nominals)] if model.flows else []),
+        *(
+            [_table("int ruled", "RULES", [str(by_name[rule]) for rule in model.block.ruled])]
+            if model.block.ruled
+            else []
+        ),
         _table("int held", "OUTPUTS", [str(each) for each in input_use]),
     ]
 

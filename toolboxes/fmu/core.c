@@ -108,6 +108,20 @@ static Status set_values(Instance *instance, const unsigned int reference[], siz
   return STATUS_OK;
 }
 
+/* Requirements on parameters beyond the range of each: whole numbers, and relations between several. */
+static Status check_rules(Instance *instance) {
+#if RULES
+  double holds[RULES];
+  rules(instance->memory.value + FIRST_PARAMETER, holds);
+  for (int i = 0; i < RULES; i++)
+    if (!(holds[i] > 0))
+      return complain(instance, STATUS_ERROR, " contradicts another parameter, or must be whole or odd", name[ruled[i]]);
+#else
+  (void)instance;
+#endif
+  return STATUS_OK;
+}
+
 static Status get_values(Instance *instance, const unsigned int reference[], size_t count, double wanted[]) {
   settle(&instance->memory);
   for (size_t i = 0; i < count; i++) {
@@ -118,9 +132,12 @@ static Status get_values(Instance *instance, const unsigned int reference[], siz
   return STATUS_OK;
 }
 
-static void leave_initialisation(Instance *instance) {
+static Status leave_initialisation(Instance *instance) {
+  const Status status = check_rules(instance);
+  if (status != STATUS_OK) return status;
   settle(&instance->memory);
   instance->memory.initialising = 0;
+  return STATUS_OK;
 }
 
 #if OFFERS_CO_SIMULATION
@@ -136,6 +153,7 @@ static Status advance(Instance *instance, double time, double duration) {
              (double)SAMPLE_TIME);
     return complain(instance, STATUS_ERROR, what, "");
   }
+  if (next.unprepared && check_rules(instance) != STATUS_OK) return STATUS_ERROR;
   prepare(&next);
   for (double sample = 1; sample <= samples; sample++) {
     if (HAS_HELD && sample == samples) {

@@ -70,8 +70,7 @@ EXPORT fmi2Status FMI(fmi2SetupExperiment)(fmi2Component c, fmi2Boolean toleranc
 MODE(fmi2EnterInitializationMode)
 
 EXPORT fmi2Status FMI(fmi2ExitInitializationMode)(fmi2Component c) {
-  leave_initialisation(c);
-  return STATUS_OK;
+  return leave_initialisation(c);
 }
 
 MODE(fmi2Terminate)

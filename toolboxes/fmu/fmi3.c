@@ -75,8 +75,7 @@ EXPORT fmi3Status FMI(fmi3EnterInitializationMode)(fmi3Instance c, fmi3Boolean t
 }
 
 EXPORT fmi3Status FMI(fmi3ExitInitializationMode)(fmi3Instance c) {
-  leave_initialisation(c);
-  return STATUS_OK;
+  return leave_initialisation(c);
 }
 
 EXPORT fmi3Status FMI(fmi3Reset)(fmi3Instance c) {

@@ -21,6 +21,7 @@ class FmuFunctions:
 
     Attributes:
         derive: ``derive(parameters) -> derived``: expressions of the parameters alone.
+        rules: ``rules(parameters) -> holds``: requirements beyond the ranges of single parameters.
         start: ``start(parameters, derived) -> state``.
         now: ``now(state, input, parameters, derived) -> (derivatives, output)``; the derivatives may be empty.
         step: ``step(state, input, parameters, derived) -> next_state``.
@@ -32,6 +33,7 @@ class FmuFunctions:
     """
 
     derive: ca.Function
+    rules: ca.Function
     start: ca.Function
     now: ca.Function
     step: ca.Function
@@ -75,6 +77,7 @@ def functions_of(block: blocks.Block) -> FmuFunctions:
     derive, (step, now_, start) = language.hoisted_together(functions, exact=True)
     return FmuFunctions(
         derive=derive,
+        rules=block.rules or ca.Function("rules", [parameters], [ca.SX(0, 1)], ["parameters"], ["holds"]),
         start=start,
         now=now_,
         step=step,

@@ -260,9 +260,10 @@ class _Package:
     def _prepare(self) -> Pou:
         block, name = self.block, self.name
         derive = language.rolled_statements(self.apart.derive, self.style, [language.Strand(self._elements()[2], WORK)])
+        relations = self._relations()
         body = [
-            *self._finite([f"parameters.{self.named(variable)}" for variable in block.parameters]),
-            "IF finite THEN",
+            *self._invalid(relations),
+            "IF invalid_parameter = 0 THEN",
             *(
                 f"  prepared.{self.named(parameter)} := parameters.{self.named(parameter)};"
                 for parameter in self.apart.kept
@@ -277,14 +278,51 @@ class _Package:
         return Pou(
             "FUNCTION_BLOCK",
             f"{name}_prepare",
-            "Values that depend on the parameters alone; unchanged if a parameter is not finite (status 2).",
+            "Values that depend on the parameters alone; unchanged if a parameter is invalid (status 2).",
             {
                 "VAR_INPUT": (PlcVariable("parameters", f"{name}_parameters"),),
-                "VAR_OUTPUT": (PlcVariable("prepared", f"{name}_prepared"), PlcVariable("status", "INT", "0")),
-                "VAR": (PlcVariable("finite", "BOOL"), *self._work(derive)),
+                "VAR_OUTPUT": (
+                    PlcVariable("prepared", f"{name}_prepared"),
+                    PlcVariable("status", "INT", "0"),
+                    PlcVariable("invalid_parameter", "INT", "0", "position of the first invalid one, from 1; 0: none"),
+                ),
+                "VAR": (
+                    *(
+                        [PlcVariable("holds", f"ARRAY[0..{len(block.ruled) - 1}] OF {self.style.real}")]
+                        if relations
+                        else []
+                    ),
+                    *self._work([*relations, *derive]),
+                ),
             },
             tuple(body),
         )
+
+    def _relations(self) -> list[str]:
+        """Statements of the requirements on parameters beyond their bounds: `holds`, 1 where each does."""
+        if not self.apart.rules:
+            return []
+        strand = language.Strand(self._elements()[2], WORK)
+        return language.statements(self.apart.rules, self.style, [strand], in_place=True)
+
+    def _invalid(self, relations: Sequence[str]) -> list[str]:
+        """Statements that find the position of the first invalid parameter, which is assigned last."""
+        block, zero = self.block, self.style.number(0)
+        positions = {variable.name: position for position, variable in enumerate(block.parameters, start=1)}
+        refusals = [
+            f"  IF NOT (holds[{row}] > {zero}) THEN invalid_parameter := {positions[name]}; END_IF;"
+            for row, name in enumerate(block.ruled)
+        ]
+        related = ["IF invalid_parameter = 0 THEN", *relations, *reversed(refusals), "END_IF;"] if relations else []
+        rows = list[str]()
+        for variable in block.parameters:
+            path = f"parameters.{self.named(variable)}"
+            conditions = [self.style.is_finite(path)]
+            conditions += [f"({path} {bound})" for bound in package.bounds(variable, self.style.number)]
+            rows.append(
+                f"IF NOT ({' AND '.join(conditions)}) THEN invalid_parameter := {positions[variable.name]}; END_IF;"
+            )
+        return ["invalid_parameter := 0;", *reversed(rows), *related]
 
     def _sample(self) -> Pou:
         name, block = self.name, self.block
@@ -323,6 +361,7 @@ class _Package:
             "IF prepare OR NOT own.valid THEN",
             "  preparation(parameters := parameters);",
             "  parameter_status := preparation.status;",
+            "  invalid_parameter := preparation.invalid_parameter;",
             "  IF parameter_status = 0 THEN own := preparation.prepared; END_IF;",
             "END_IF;",
             "(* the state before the first sample *)",
@@ -386,7 +425,8 @@ class _Package:
                 "VAR_OUTPUT": (
                     *map(self._variable, block.outputs),
                     PlcVariable("status", "INT", "0", "0 good; 1 an input, 3 a result not finite; 2 nothing prepared"),
-                    PlcVariable("parameter_status", "INT", "0", "0 good; 2 a parameter is not finite, none applied"),
+                    PlcVariable("parameter_status", "INT", "0", "0 good; 2 a parameter is invalid, none applied"),
+                    PlcVariable("invalid_parameter", "INT", "0", "position of the first invalid one, from 1; 0: none"),
                 ),
                 "VAR": (
                     PlcVariable("started", "BOOL", "FALSE"),

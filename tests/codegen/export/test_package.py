@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -125,9 +126,9 @@ def test_parameters_have_their_effect_when_prepared_and_only_then(
     host, names = Host(library, made.name, made, precision), [variable.name for variable in made.parameters]
     states, inputs = plausible(made, 60)
     relative, absolute = {"double": (1e-12, 1e-12), "float": (1e-3, 0.1)}[precision]  # forces are sums of some 1e5 N
-    known = host.parameters.copy()
+    known, whole = host.parameters.copy(), {"controller.nftsm.p", "controller.nftsm.q"}
     for k, (state, given) in enumerate(zip(states, inputs, strict=True)):
-        host.parameters[k % len(names)] *= 0.99
+        host.parameters[k % len(names)] *= 1.0 if names[k % len(names)] in whole else 0.99
         if k % 3 == 0:
             assert host.prepare() == 0
             known = host.parameters.copy()
@@ -165,6 +166,29 @@ def test_steps_refuse_parameters_that_were_never_prepared(hosts) -> None:
         np.testing.assert_array_equal(host.state, good)
     assert host.reset() == 2
     assert np.isfinite(host.state).all()
+
+
+def test_every_parameter_outside_its_bounds_is_refused_and_the_old_values_remain(hosts) -> None:
+    host, made = hosts("controller"), of("controller")
+    defaults, before = host.parameters.copy(), host.prepared.copy()
+    assert host.checksum() == zlib.crc32(defaults.tobytes())
+    wrong = {position(made, "parameters", "controller.nftsm.p"): [4.0, 5.5, 3.0]}  # odd, whole, > q
+    for number, each in enumerate(made.parameters):
+        below = each.lower if each.exclusive else np.nextafter(each.lower, -np.inf)
+        wrong.setdefault(number, []).extend(
+            value for value in (below, np.nextafter(each.upper, np.inf)) if np.isfinite(value)
+        )
+    assert sum(map(len, wrong.values())) > len(made.parameters)
+    for number, value in ((number, value) for number, each in wrong.items() for value in each):
+        host.parameters[number] = value
+        assert (host.prepare(), host.invalid_parameter()) == (2, number + 1)
+        np.testing.assert_array_equal(host.prepared.view(np.uint64), before.view(np.uint64))
+        assert host.step() == 0
+        host.parameters[:] = defaults
+    host.parameters[position(made, "parameters", "controller.coordination.preload")] = 13000.0  # > 2 tension_max
+    assert host.prepare() == 2
+    host.parameters[:] = defaults
+    assert (host.prepare(), host.invalid_parameter()) == (0, 0)
 
 
 def test_what_is_not_finite_is_refused_and_changes_nothing(hosts) -> None:
@@ -216,7 +240,9 @@ def test_builds_without_a_warning_and_shows_only_its_own_symbols(tmp_path: Path,
         listed = subprocess.run([lister, f"{made.name}.o"], cwd=folder, capture_output=True, text=True, check=True)
         found = re.findall(r" ([A-Za-z]) (\S+)$", listed.stdout, re.MULTILINE)
         shown = {symbol for kind, symbol in found if kind.isupper() and kind != "U"}
-        parts = ["init", "reset", "rest", "step"] + ([] if freeze else ["defaults", "prepare"])
+        parts = ["init", "reset", "rest", "step"] + (
+            [] if freeze else ["checksum", "defaults", "invalid_parameter", "prepare"]
+        )
         assert shown == {f"{made.name}_{part}" for part in parts}
         assert not {symbol for kind, symbol in found if kind in "bBdDC"}  # no variable outlives a call
         needed = {symbol for kind, symbol in found if kind == "U"} - {"memcpy", "memset", "__stack_chk_fail"}

@@ -167,6 +167,25 @@ def test_parameters_are_tuned_before_and_while_running(version: int, exported: E
 
 
 @pytest.mark.parametrize("version", all_but([3], [2, 3]))
+def test_parameters_that_contradict_each_other_are_refused_before_the_start_and_under_way(
+    version: Version, exported: Exported
+) -> None:
+    controller = Instance(exported("controller", version), initialise=False)
+    controller.enter()
+    for name, valid, wrong in (("p", 5.0, 4.0), ("q", 3.0, 2.5), ("p", 5.0, 3.0)):
+        controller.set(**{f"controller__nftsm__{name}": wrong})
+        with pytest.raises(FMICallException):
+            controller.fmu.exitInitializationMode()
+        controller.set(**{f"controller__nftsm__{name}": valid})
+    controller.fmu.exitInitializationMode()
+    controller.set(controller__nftsm__p=4.0)
+    with pytest.raises(FMICallException):
+        controller.step()
+    controller.set(controller__nftsm__p=7.0)
+    controller.step()
+
+
+@pytest.mark.parametrize("version", all_but([3], [2, 3]))
 def test_what_follows_from_parameters_follows_their_changes(version: Version, tmp_path: Path) -> None:
     """The gain of the Kalman filter: before the start, under way, and back with a state that was kept."""
     experiment = with_leaves(case(4), {"controller.estimator": "kalman"})

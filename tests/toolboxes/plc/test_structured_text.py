@@ -64,6 +64,14 @@ def small(*, terms: int = 1) -> Block:
         ),
         sample_time=0.001,
         silent=frozenset({"x"}),
+        rules=ca.Function(
+            "rules",
+            [parameters],
+            [ca.vertcat(gain < limit, ca.floor(limit * 4) == limit * 4)],
+            ["parameters"],
+            ["holds"],
+        ),
+        ruled=("part.gain", "part.limit"),
     )
 
 
@@ -151,6 +159,26 @@ def test_parameters_take_effect_when_they_are_prepared(pair) -> None:
     both.step(given, use_prepared=False, reset=True)
     both.c.parameters[0] = 0.3
     assert both.c.prepare() == 0
+
+
+@pytest.mark.parametrize(
+    ("gain", "limit", "position"), [(-0.1, 2, 1), (0.3, 0, 2), (3, 2, 1), (0.3, 2.1, 2), (0, 4, 0)]
+)
+def test_invalid_parameters_are_refused_as_in_c_and_the_old_ones_remain(
+    pair, gain: float, limit: float, position: int
+) -> None:
+    both = pair("double")
+    both.c.parameters[:] = gain, limit
+    both.st["parameters"] |= {"part_gain": both.real(gain), "part_limit": both.real(limit)}
+    assert both.c.prepare() == (2 if position else 0)
+    assert both.c.invalid_parameter() == position
+    assert both.step(np.array([0.7, 0.4]), prepare=True) == 0
+    assert (both.st["parameter_status"], both.st["invalid_parameter"]) == (2 if position else 0, position)
+    both.c.parameters[:] = 0.3, 2
+    assert both.c.prepare() == 0
+    both.st["parameters"] |= {"part_gain": both.real(0.3), "part_limit": both.real(2)}
+    assert both.step(np.array([0.7, 0.4]), prepare=True) == 0
+    both.step(np.array([0.7, 0.4]), prepare=False)
 
 
 def test_nothing_prepared_is_said_and_the_output_is_that_at_rest(pair) -> None:
@@ -263,7 +291,11 @@ def test_each_flavour_has_its_files(flavour: Flavour, tmp_path: Path) -> None:
         assert files["st.scl"].count("BEGIN") == 4
     else:
         assert ("TASK control(INTERVAL := T#1ms" in files["main.st"]) == (flavour == "iec")
-        assert "PROGRAM st_program" in files["main.st"]
+        program, _, _ = files["main.st"].partition("CONFIGURATION")  # which blark does not know
+        (tmp_path / "main.st").write_text(program)
+        for item in load_file_by_name(tmp_path / "main.st"):
+            assert all(result.exception is None for result in parse_item(item))
+        assert "PROGRAM st_program" in program
 
 
 @pytest.mark.parametrize("flavour", ["iec", "codesys"])
