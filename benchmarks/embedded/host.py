@@ -54,7 +54,9 @@ class Host:
         numbers = 0 if freeze else len(apart.kept) + apart.derived + 2  # the last two have room for checksum and mark
         self.prepared = np.zeros(numbers, kind)
         self._library, self._name = ctypes.CDLL(str(library)), name
-        self._constants = () if freeze else (self._pointer(self.parameters), self._pointer(self.prepared))
+        self._constants: tuple[ctypes.c_void_p, ...] = (
+            () if freeze else (self._pointer(self.parameters), self._pointer(self.prepared))
+        )
         self._step: Any = self._function("step")
         self._step_arguments = (
             self._pointer(self.state),

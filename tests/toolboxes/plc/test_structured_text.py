@@ -168,6 +168,7 @@ def test_invalid_parameters_are_refused_as_in_c_and_the_old_ones_remain(
     pair, gain: float, limit: float, position: int
 ) -> None:
     both = pair("double")
+    assert both.step(np.array([0.7, 0.4])) == 0
     both.c.parameters[:] = gain, limit
     both.st["parameters"] |= {"part_gain": both.real(gain), "part_limit": both.real(limit)}
     assert both.c.prepare() == (2 if position else 0)
