@@ -55,11 +55,15 @@ typedef struct {
   int64_t watchdog, release;                   /* samples without a command until torques are safe; silence in ns until
                                                   another client is admitted */
   double safe[2], largest[2];                  /* torques in N m */
+  double brake[2], least[2], most[2];          /* added to the safe torques per m/s; limits of the sum */
+  int64_t position, speed, reference[3];       /* places in the observation; of the reference in the exogenous signals */
   volatile double share[2];                    /* effective share of each motor's command */
   volatile double other[2];                    /* torques from another source than datagrams */
   volatile int64_t other_count, start, quit;   /* number of those; requests to start and to end the run */
   /* status and counts */
   volatile int64_t running, is_safe, silences, connected;
+  volatile int64_t by_datagram, held; /* whether the command in force is a datagram's; whether the reference is held */
+  volatile double held_at;            /* where, in m */
   volatile int64_t ticks, missed, latest; /* ns */
   volatile int64_t accepted, refused, not_allowed;
   int64_t bins, oldest;
@@ -94,7 +98,7 @@ static void sleep_until(int64_t instant) {
 static void let_go(Link *link) {
   const struct sockaddr none = {.sa_family = AF_UNSPEC};
   connect((int)link->served->socket, &none, sizeof none);
-  link->served->connected = link->by_datagram = 0;
+  link->served->connected = link->served->by_datagram = link->by_datagram = 0;
 }
 
 static int within(const double *torques, const double *largest) {
@@ -115,7 +119,7 @@ static void take(Link *link, const double *torques, int64_t measured, int64_t by
   for (int i = 0; i < 2; ++i) s->commands[i] = torques[i];
   link->measured = measured;
   link->fresh = *s->done;
-  link->by_datagram = by_datagram;
+  link->by_datagram = s->by_datagram = by_datagram;
   ++s->accepted;
 }
 
@@ -180,6 +184,8 @@ static void send_measurement(const Served *s, uint32_t flags) {
 static void look_now(const Served *s) {
   const double *from = s->table + *s->done * s->exogenous;
   for (int64_t i = 0; i < 2 * s->exogenous; ++i) s->lines[i] = from[i] + s->added[i % s->exogenous];
+  if (s->held)
+    for (int64_t i = 0; i < 6; ++i) s->lines[s->reference[i % 3] + i / 3 * s->exogenous] = i % 3 ? 0 : s->held_at;
   *s->line = s->lines;
   s->look(s->runs, 0, 1);
 }
@@ -193,16 +199,30 @@ static void count_lateness(Served *s, int64_t late) {
   if (late > s->period) ++s->missed;
 }
 
-/* Steps the run by a sample, with safe torques if the last command is too old. */
+/* The safe torque of a winch: a constant, and a brake by the measured speed if there is a reading. */
+static double safe_torque(const Served *s, int winch) {
+  const double v = s->observation[s->speed], torque = s->safe[winch] + s->brake[winch] * v;
+  if (s->brake[winch] == 0 || !isfinite(v)) return s->safe[winch];
+  return fmin(fmax(torque, s->least[winch]), s->most[winch]);
+}
+
+/* Steps the run by a sample, with safe torques if the last command is too old; the reference is then held where the
+   vehicle is. Before the first command of a run nobody has fallen silent. */
 static void move(Link *link) {
   Served *s = link->served;
   const int64_t sample = *s->done, age = sample - link->measured;
   const int64_t silent = sample - link->fresh > s->watchdog;
-  if (silent && !s->is_safe) ++s->silences;
+  if (silent && link->fresh != NEVER) {
+    if (!s->is_safe) ++s->silences;
+    const double x = s->observation[s->position];
+    s->held_at = isfinite(x) ? x : s->lines[s->reference[0]];
+    s->held = 1;
+    s->by_datagram = 0;
+  }
   if (!silent) ++s->ages[age < s->oldest ? age : s->oldest];
   s->is_safe = silent;
   const double given[2] = {s->commands[0], s->commands[1]};
-  for (int i = 0; i < 2; ++i) s->commands[i] = (silent ? s->safe[i] : given[i]) * s->share[i];
+  for (int i = 0; i < 2; ++i) s->commands[i] = (silent ? safe_torque(s, i) : given[i]) * s->share[i];
   s->step(s->runs, 0, 1, 1, s->rows + sample * s->columns);
   for (int i = 0; i < 2; ++i) s->commands[i] = given[i];
 }

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 POSIX = {"_POSIX_C_SOURCE": 200809}
 """Macro that declares sockets and clocks in C99."""
 
-Pair = ctypes.c_double * 2
+Pair, Triple = ctypes.c_double * 2, ctypes.c_int64 * 3
 
 
 class Served(ctypes.Structure):
@@ -31,9 +31,14 @@ class Served(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("observation", "outcome", "done", "rows")),
         *((name, ctypes.c_int64) for name in ("exogenous", "columns", "signals")),
         *((name, ctypes.c_int64) for name in ("socket", "period", "lockstep", "may_write", "watchdog", "release")),
-        *((name, Pair) for name in ("safe", "largest", "share", "other")),
+        *((name, Pair) for name in ("safe", "largest", "brake", "least", "most")),
+        *((name, ctypes.c_int64) for name in ("position", "speed")),
+        ("reference", Triple),
+        *((name, Pair) for name in ("share", "other")),
         *((name, ctypes.c_int64) for name in ("other_count", "start", "quit")),
-        *((name, ctypes.c_int64) for name in ("running", "is_safe", "silences", "connected", "ticks", "missed")),
+        *((name, ctypes.c_int64) for name in ("running", "is_safe", "silences", "connected", "by_datagram", "held")),
+        ("held_at", ctypes.c_double),
+        *((name, ctypes.c_int64) for name in ("ticks", "missed")),
         *((name, ctypes.c_int64) for name in ("latest", "accepted", "refused", "not_allowed", "bins", "oldest")),
         *((name, ctypes.c_void_p) for name in ("edges", "lateness", "ages")),
     )
@@ -50,6 +55,9 @@ class Pacing:
         watchdog: samples without a command after which the safe commands apply.
         release: time in ns without a datagram after which another client is admitted.
         safe: safe commands.
+        brake: what is added to these per m/s of the measured speed, within `least` and `most`.
+        position, speed: places of the measured position and speed in the observation.
+        reference: places of position, speed and acceleration of the reference in the exogenous signals.
         largest: magnitude of each command beyond which it is refused.
         edges: upper edges in ns of the bins of the histogram of lateness; the last bin has none.
         oldest: age in samples of the last bin of commands' ages, which includes all older ones.
@@ -61,6 +69,12 @@ class Pacing:
     watchdog: int
     release: int
     safe: tuple[float, float]
+    brake: tuple[float, float]
+    least: tuple[float, float]
+    most: tuple[float, float]
+    position: int
+    speed: int
+    reference: tuple[int, int, int]
     largest: tuple[float, float]
     edges: tuple[int, ...]
     oldest: int = 200
@@ -116,7 +130,9 @@ class PacedRun:
             signals=len(runs.observation),
             socket=socket,
             **{name: int(getattr(pacing, name)) for name in ("period", "lockstep", "may_write", "watchdog", "release")},
-            **{name: Pair(*getattr(pacing, name)) for name in ("safe", "largest")},
+            **{name: Pair(*getattr(pacing, name)) for name in ("safe", "largest", "brake", "least", "most")},
+            **{name: getattr(pacing, name) for name in ("position", "speed")},
+            reference=Triple(*pacing.reference),
             share=Pair(1.0, 1.0),
             bins=len(self.lateness),
             oldest=pacing.oldest,

@@ -52,6 +52,7 @@ def serve(
     allow_write: bool = False,
     watchdog: Annotated[float | None, options.default_of(server_settings, "watchdog")] = None,
     safe: str | None = None,
+    brake: bool = False,
     priority: options.Whole = None,
     runs: options.Whole = None,
     out: Path | None = None,
@@ -76,6 +77,8 @@ def serve(
         allow_write: Let clients start, command and disturb; otherwise they only read.
         watchdog: Time in s without a command after which the safe torques take effect.
         safe: Safe torques in N m, such as 0,0 (default: those that hold half the preload in each rope).
+        brake: Let the safe torques also brake the vehicle, by its measured speed, within the limits of the tensions;
+            otherwise they hold the ropes, and the vehicle coasts.
         priority: Real-time priority of the sampling thread, 1 to 99 (default: none).
         runs: End after this many runs (default: at Ctrl-C).
         out: File for the data: .csv, .parquet, .npz or .mat; of later runs NAME-2, …, also where earlier sessions left
@@ -104,7 +107,7 @@ def serve(
     settings = ServerSettings(
         lockstep=not realtime,
         may_write=allow_write,
-        **options.stated(rate=rate, watchdog=watchdog, safe=_torques(safe), priority=priority),
+        **options.stated(rate=rate, watchdog=watchdog, safe=_torques(safe), brake=brake or None, priority=priority),
     )
     protocols = [kind(host, port) for kind, port in ((Modbus, modbus), (OpcUa, opcua)) if port is not None]
     experiment = given.nominal(ensemble)
@@ -114,16 +117,17 @@ def serve(
         write_map(plant, map_)
         output.wrote(map_)
     try:
-        with shown(plant, protocols, host, lab=lab):
+        with shown(plant, protocols, host, lab=lab), sigterm_as_interrupt():
             for _ in count() if runs is None else range(runs):
                 result = watched(plant)
                 if result is None:
                     return
-                print_run(plant, result, json=json)
                 if out:
                     file = unused(out)
-                    file_formats.save(result, file, {**plant.notes, **output.version_notes()})
+                    with interrupts_later():
+                        file_formats.save(result, file, {**plant.notes, **output.version_notes()})
                     output.wrote(file)
+                print_run(plant, result, json=json)
                 if plant.closed:
                     return
     finally:
@@ -178,9 +182,9 @@ def watched(plant: ServedPlant) -> Result | None:
     tau_1, tau_2 = plant.safe
     silent = (
         f"no command for {plant.settings.watchdog:g} s; the safe torques {tau_1:.4g} and {tau_2:.4g} N m are in force"
+        + (" and brake the vehicle" if plant.settings.brake else "; the vehicle coasts (--brake stops it)")
     )
     with (
-        sigterm_as_interrupt(),
         ThreadPoolExecutor(1, thread_name_prefix="plant") as pool,
         ProgressLine(command="serve") as progress,
     ):
@@ -192,7 +196,10 @@ def watched(plant: ServedPlant) -> Result | None:
                 if counts["silences"] > silences:
                     progress.say(f"t = {plant.time:.3f} s: {silent}")
                 elif was_safe and not state["safe"] and state["running"]:
-                    progress.say(f"t = {plant.time:.3f} s: commands arrive again")
+                    progress.say(
+                        f"t = {plant.time:.3f} s: commands arrive again; "
+                        "the reference is held where the vehicle was, until `target` is written"
+                    )
                 silences, was_safe = counts["silences"], bool(state["safe"])
                 if state["running"]:
                     words = f"{plant.time:.1f} of {duration:g} s, {counts['missed']} samples more than a period late"
@@ -217,6 +224,18 @@ def sigterm_as_interrupt() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def interrupts_later() -> Iterator[None]:
+    """Postpone Ctrl-C and SIGTERM until the end, so that a file is written whatever comes."""
+    import signal
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def print_run(plant: ServedPlant, result: Result, *, json: bool) -> None:

@@ -5,6 +5,7 @@ import math
 import os
 import socket
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -54,6 +55,27 @@ TORQUE_COMMANDS = ("tau_1_cmd", "tau_2_cmd")
 REFERENCE = ("reference.x", "reference.v", "reference.a")
 
 
+Writer: TypeAlias = tuple[str, str]
+"""A client and its protocol, one of `COMMANDERS`."""
+
+COMMANDERS = ("", "UDP", "Modbus", "OPC UA", "Python")
+"""Protocols by which torques may be commanded, in the order of their numbers; the first: by none."""
+
+NOBODY, THIS_PROCESS = ("", ""), ("this process", "Python")
+
+
+class CommandedError(ConfigurationError):
+    """Torques of a client while another one commands."""
+
+
+@dataclass(frozen=True)
+class Lease:
+    """The right of a client to command torques, until a time of `time.monotonic`."""
+
+    writer: Writer
+    ends: float
+
+
 @dataclass(frozen=True)
 class Inputs:
     """Values that clients may write. Torques apply while no controller sends them by datagram."""
@@ -85,6 +107,10 @@ class Status:
     controller: Annotated[float, Quantity("1", "1 while a client sends datagrams")]
     silences: Annotated[float, Quantity("1", "number of times the safe torques took effect")]
     missed: Annotated[float, Quantity("1", "samples that began more than a period late")]
+    commander: Annotated[
+        float, Quantity("1", "who commands: 0 nobody, 1 datagrams, 2 Modbus, 3 OPC UA, 4 the server's own process")
+    ]
+    held: Annotated[float, Quantity("1", "1 while the reference is held, after a silence, until target is written")]
 
 
 @dataclass(frozen=True)
@@ -109,6 +135,14 @@ class ServerSettings:
         at.Le(1e6),
         Quantity("N m", "safe torques (default: those that hold both ropes at half the preload)"),
     ] = quantities.NONE
+    brake: Annotated[
+        bool,
+        Quantity(
+            "",
+            "whether safe torques also brake the vehicle, by its measured speed: the tight rope reaches tension_max at "
+            "the cruising speed, the other stays above tension_min; otherwise the vehicle coasts",
+        ),
+    ] = False
     largest: Annotated[
         float | None,
         at.Gt(0),
@@ -118,7 +152,9 @@ class ServerSettings:
     release: Annotated[
         quantities.Positive,
         at.Le(3600),
-        Quantity("s", "real time without a datagram after which another client is admitted"),
+        Quantity(
+            "s", "real time after which another client is admitted: without a datagram, or without a torque command"
+        ),
     ] = 1.0
     priority: Annotated[
         int,
@@ -203,10 +239,18 @@ class ServedPlant:
         if not all(abs(torque) <= limit for torque, limit in zip(self.safe, self._largest, strict=True)):
             allowed = " and ".join(f"±{limit:g}" for limit in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
+        cruise = references.cruise_speed(experiment.reference)
+        self._least, self._most = (
+            tuple(float(torque) for torque in leaves(physics.holding_torques(2 * pull, experiment.plant)).values())
+            for pull in (limits.tension_min, limits.tension_max)
+        )
+        slopes = [(most - hold) / cruise for most, hold in zip(self._most, self.safe, strict=True)]
+        self._brake = (-slopes[0], slopes[1]) if self.settings.brake else (0.0, 0.0)
         self.inputs, self.outputs = self._described()
         self._socket = _bound(host, port)
         self.port: int = self._socket.getsockname()[1]
         self.closed, self._lock, self._begun = False, threading.RLock(), 0
+        self._lease: Lease | None = None
         self._reset()
         self._finished = self._run, self._runs, self.events
 
@@ -239,13 +283,19 @@ class ServedPlant:
             watchdog=round(settings.watchdog / period),
             release=round(1e9 * settings.release),
             safe=self.safe,
+            brake=self._brake,
+            least=self._least,
+            most=self._most,
+            position=SIGNALS.index("x_read"),
+            speed=SIGNALS.index("v_read"),
+            reference=tuple(map(self._column, REFERENCE)),
             largest=self._largest,
             edges=tuple(1000 * edge for edge in LATENESS_US),
         )
         self._run = compiled.PacedRun(self._code, self._runs, self._signals.copy(), pacing, self._socket.fileno())
         self._runs.read(0, self._run.table.ctypes.data)
         self._runs.look()
-        self._written = leaves(Inputs())
+        self._written, self._lease = leaves(Inputs()), None
         self.events: list[dict[str, float | str]] = []
 
     # ---- a run ----
@@ -338,7 +388,16 @@ class ServedPlant:
         values = {
             signal_name(name): float(value) for name, value in zip(SIGNALS, self._runs.observation[:, 0], strict=True)
         }
-        status = Status(shared.running, shared.is_safe, shared.connected, shared.silences, shared.missed)
+        _, protocol = self.commander
+        status = Status(
+            running=shared.running,
+            safe=shared.is_safe,
+            controller=shared.connected,
+            silences=shared.silences,
+            missed=shared.missed,
+            commander=COMMANDERS.index(protocol),
+            held=shared.held,
+        )
         return values | {name: float(value) for name, value in leaves(status).items()}
 
     @property
@@ -346,10 +405,26 @@ class ServedPlant:
         """Values of all inputs as last written in this run, by name."""
         return dict(self._written)
 
-    def write(self, values: Mapping[str, float]) -> None:
+    @property
+    def commander(self) -> Writer:
+        """The client whose torques are in force, or were the last within the settings' `release`, and its protocol."""
+        if self._run.shared.by_datagram:
+            return "a client", "UDP"
+        lease = self._lease
+        return lease.writer if lease and time.monotonic() < lease.ends else NOBODY
+
+    def write(self, values: Mapping[str, float], writer: Writer = THIS_PROCESS) -> None:
         """Set inputs, all of them or none.
 
+        Torques are commanded by one client at a time: the first keeps the command until it has written none for the
+        settings' `release`. Everything else may be written by any.
+
+        Args:
+            values: input → value.
+            writer: name and protocol of the client.
+
         Raises:
+            CommandedError: torques, while another client commands.
             ConfigurationError: writing is not allowed, an unknown input, or a value out of its range.
         """
         if not self.settings.may_write:
@@ -361,6 +436,12 @@ class ServedPlant:
             if not leaf.admits(float(value)):
                 raise ConfigurationError(f"{name} = {value:g}: must be {leaf.wanted}")
         with self._lock:
+            if not values.keys().isdisjoint(TORQUE_COMMANDS):
+                if (commander := self.commander) not in {NOBODY, writer}:
+                    raise CommandedError(
+                        f"{', '.join(values)}: commanded by {commander[0]} ({commander[1]}) at present"
+                    )
+                self._lease = Lease(writer, time.monotonic() + self.settings.release)
             self._set({name: float(value) for name, value in values.items()})
 
     def _set(self, values: Mapping[str, float]) -> None:
@@ -394,10 +475,14 @@ class ServedPlant:
             else max(2, round(self.settings.ahead * self.settings.rate / simulation.sample_time))
         )
         table, columns = self._run.table, [self._column(name) for name in REFERENCE]
-        start = min(int(self._runs.done[0]) + ahead, len(table) - 1)
+        done = int(self._runs.done[0])
+        start = min(done + ahead, len(table) - 1)
+        if self._run.shared.held:
+            table[done : start + 1, columns] = self._run.shared.held_at, 0.0, 0.0
         x, v, _ = table[start, columns]
         t: Floats = np.arange(len(table) - start, dtype=np.float64) * simulation.sample_time
         table[start:, columns] = approach(t, x, v, target, reference).T
+        self._run.shared.held = 0
 
 
 def approach(t: Floats, x: float, v: float, target: float, reference: references.Reference) -> Floats:

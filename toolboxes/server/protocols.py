@@ -8,10 +8,11 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 from dualwinch.toolbox import ConfigurationError, errors, tables
-from dualwinch.toolboxes.server.plant import ServedPlant
+from dualwinch.toolboxes.server.plant import CommandedError, ServedPlant
 from dualwinch.toolboxes.server.registers import NAMESPACE, Register, registers
 
 if TYPE_CHECKING:
@@ -120,11 +121,33 @@ def number_of(words: Sequence[int]) -> float:
     return struct.unpack(">f", struct.pack(">HH", *words))[0]
 
 
+CLIENT: ContextVar[str] = ContextVar("client", default="a client")
+"""Address of the client whose request is being answered."""
+
+
+def _server_that_knows_its_clients() -> "type[ModbusTcpServer]":
+    """The library's server, whose requests are answered with the address of the client in `CLIENT`."""
+    from pymodbus.server import ModbusTcpServer
+    from pymodbus.server.requesthandler import ServerRequestHandler
+
+    class Handler(ServerRequestHandler):
+        async def handle_request(self) -> None:
+            peer = self.transport.get_extra_info("peername") if self.transport else None
+            CLIENT.set(f"{peer[0]}:{peer[1]}" if peer else "a client")
+            await super().handle_request()
+
+    class Server(ModbusTcpServer):
+        def callback_new_connection(self) -> Handler:
+            return Handler(self, self.trace_packet, self.trace_pdu, self.trace_connect)
+
+    return Server
+
+
 class Modbus(Protocol):
     """Modbus TCP, identical for every unit. A refused request changes nothing and is answered by an exception.
 
     Exception codes: 1 for unknown functions, and for writing where it is not allowed; 2 for unknown registers, and for
-    half a number; 3 for a number out of its range.
+    half a number; 3 for a number out of its range; 6 for torques while another client commands.
     """
 
     name = "Modbus"
@@ -138,7 +161,6 @@ class Modbus(Protocol):
 
     async def open(self, plant: ServedPlant) -> None:
         """Begin to serve."""
-        from pymodbus.server import ModbusTcpServer
         from pymodbus.simulator import DataType, SimData, SimDevice
 
         self._plant, entries = plant, registers(plant)
@@ -148,7 +170,7 @@ class Modbus(Protocol):
             for register in entries
         ]
         device = SimDevice(0, simdata=blocks, action=self._act)
-        self._server = ModbusTcpServer(device, address=(self.host, self.port))
+        self._server = _server_that_knows_its_clients()(device, address=(self.host, self.port))
         try:
             await self._server.serve_forever(background=True)
         except RuntimeError as error:  # the library gives no reason
@@ -170,13 +192,11 @@ class Modbus(Protocol):
         """Answer a request: return values to read, accept values to write."""
         from pymodbus.constants import ExcCodes
 
-        if given is None:
-            if function not in READ_FUNCTIONS:
-                return ExcCodes.ILLEGAL_FUNCTION
+        if given is None and function in READ_FUNCTIONS:
             for number, value in self._values(address, count):
                 current[number - start : number - start + 2] = words_of(value)
             return None
-        if function != WRITE_FUNCTION or not self._plant.settings.may_write:
+        if given is None or function != WRITE_FUNCTION or not self._plant.settings.may_write:
             return ExcCodes.ILLEGAL_FUNCTION
         places = range(address, address + count, 2)
         if count % 2 or any(place not in self._at for place in places):
@@ -184,8 +204,11 @@ class Modbus(Protocol):
         pairs = [[int(word) for word in given[place - address : place - address + 2]] for place in places]
         try:
             self._plant.write(
-                {self._at[place].name: number_of(pair) for place, pair in zip(places, pairs, strict=True)}
+                {self._at[place].name: number_of(pair) for place, pair in zip(places, pairs, strict=True)},
+                (CLIENT.get(), self.name),
             )
+        except CommandedError:
+            return ExcCodes.DEVICE_BUSY
         except ConfigurationError:
             return ExcCodes.ILLEGAL_VALUE
         return None
@@ -207,8 +230,8 @@ def node_at(space: int, name: str) -> "ua.NodeId":
 class OpcUa(Protocol):
     """OPC UA without encryption; any client that reaches the port may read, and write if writing is allowed.
 
-    A refused write changes nothing and is answered with ``BadOutOfRange``, ``BadUserAccessDenied`` or
-    ``BadTypeMismatch``.
+    A refused write changes nothing and is answered with ``BadOutOfRange``, ``BadUserAccessDenied``,
+    ``BadTypeMismatch`` or, for torques while another client commands, ``BadInvalidState``.
     """
 
     name = "OPC UA"
@@ -266,7 +289,9 @@ class OpcUa(Protocol):
         if value.Value is None or not isinstance(value.Value.Value, float):
             raise ua.uaerrors.BadTypeMismatch
         try:
-            self._plant.write({name: value.Value.Value})
+            self._plant.write({name: value.Value.Value}, ("a client", self.name))
+        except CommandedError:
+            raise ua.uaerrors.BadInvalidState from None
         except ConfigurationError:
             raise ua.uaerrors.BadOutOfRange from None
         data.attributes[attribute].value = value

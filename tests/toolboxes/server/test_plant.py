@@ -99,6 +99,37 @@ def test_torques_are_safe_when_the_controller_falls_silent_and_until_it_is_back(
     assert np.all(result["tau_1"][~safe] == HOLDING[0])
 
 
+def test_the_brake_stops_the_vehicle_and_the_reference_stays_where_that_was() -> None:
+    distances = []
+    for brake in (False, True):
+        settings = ServerSettings(lockstep=True, may_write=True, watchdog=0.01, brake=brake)
+        with serving(short(6.0), settings) as (plant, client, run):
+            client.begin()
+            client.run(2000, (60.0, 22.0))
+            for _ in range(3999):
+                read = client.sample()
+                client.say(0, read.sequence)
+            assert plant.read()["held"] == 1
+            held = plant.read()["x_ref"]
+            client.run(10)
+            result = finished(run)
+        assert result["v"][2000] > 0.2
+        assert held == pytest.approx(result["x"][-1], abs=0.05)
+        assert min(result["F1"][3000:].min(), result["F2"][3000:].min()) > 150
+        distances.append(float(result["x"][-1] - result["x"][2010]))
+    coasting, braked = distances
+    assert abs(result["v"][-1]) < 0.02
+    assert braked < 0.5 * coasting
+
+
+def test_a_start_without_a_controller_is_no_silence() -> None:
+    settings = ServerSettings(may_write=True, rate=20.0, watchdog=0.01)
+    with serving(short(0.1), settings) as (plant, _, run):
+        plant.write({"start": 1.0})
+        finished(run)
+        assert plant.timing["silences"] == 0
+
+
 def odd_datagrams(sequence: int) -> list[bytes]:
     """What is no valid command at a sample."""
     good = COMMAND.pack(b"DWC1", TORQUES, sequence, 50.0, 50.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dualwinch.model.errors import ConfigurationError, MissingExtraError
-from dualwinch.toolboxes.server.plant import ServedPlant, ServerSettings
+from dualwinch.toolboxes.server.plant import COMMANDERS, CommandedError, ServedPlant, ServerSettings
 from dualwinch.toolboxes.server.protocols import Modbus, OpcUa, Protocol, number_of, served, words_of
 from dualwinch.toolboxes.server.registers import map_as_csv, map_as_page, registers, write_map
 from tests.toolboxes.server.clients import HOLDING, TORQUES, finished, serving, short
@@ -126,15 +126,35 @@ def test_torques_by_modbus_count_unless_a_controller_sends_them_by_datagram() ->
         client.begin()
         client.run(10)
         client.sample()
-        plant.write({"tau_1_cmd": 30.0, "tau_2_cmd": 31.0})
+        assert plant.read()["commander"] == COMMANDERS.index("UDP")
+        with pytest.raises(CommandedError, match=r"commanded by a client \(UDP\)"):
+            plant.write({"tau_1_cmd": 30.0, "tau_2_cmd": 31.0})
         client.say(TORQUES, 10, HOLDING)
         client.run(100)
-        assert plant.counts["refused"] == 0
         assert set(finished(run)["tau_1"]) == {HOLDING[0]}
     settings = ServerSettings(may_write=True, rate=20.0, watchdog=0.2)
     with serving(short(0.1), settings) as (plant, _, run):
         plant.write({"tau_1_cmd": 30.0, "tau_2_cmd": 31.0, "start": 1.0})
         assert set(finished(run)["tau_1"]) == {30.0}
+
+
+def test_the_second_client_that_commands_torques_is_told_and_the_first_is_named(plant: ServedPlant) -> None:
+    from pymodbus.client import ModbusTcpClient
+
+    port, torques, place = free_port(), words(22.0, 22.0), at(plant, "tau_1_cmd")
+    with served(plant, [Modbus("127.0.0.1", port)]):
+        first, second = (ModbusTcpClient("127.0.0.1", port=port) for _ in range(2))
+        assert first.connect()
+        assert second.connect()
+        assert not first.write_registers(place, torques).isError()
+        assert second.write_registers(place, torques).exception_code == 6
+        assert plant.commander[1] == "Modbus"
+        assert plant.read()["commander"] == COMMANDERS.index("Modbus")
+        assert not second.write_registers(at(plant, "force"), words(10.0)).isError()
+        with pytest.raises(CommandedError):
+            plant.write({"tau_1_cmd": 22.0})
+        first.close()
+        second.close()
 
 
 def test_an_address_in_use_is_refused(plant: ServedPlant) -> None:

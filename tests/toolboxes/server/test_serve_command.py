@@ -95,7 +95,7 @@ def test_each_run_is_printed_and_becomes_a_file(tmp_path: Path, capsys: pytest.C
 def test_it_says_how_time_was_kept_and_when_a_controller_fell_silent(capsys: pytest.CaptureFixture[str]) -> None:
     def silent(port: int) -> None:
         client = connected(port)
-        client.say(STARTS, 0)
+        client.say(TORQUES | STARTS, 0, HOLDING)
         client.socket.close()
 
     served(silent, "--runs", "1", "--safe", "20,21", run=LONGER)
