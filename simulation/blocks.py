@@ -341,7 +341,7 @@ def _requirements(
     ruled = [name for name in parameters if described[name].kind is int]
     conditions = [ca.floor(parameters[name]) == parameters[name] for name in ruled]
     parts = symbolic_parts(experiment, parameters)
-    nominal = with_leaves(nominal_structure(experiment.plant), parameters, "nominal.")
+    nominal = with_leaves(structure_of(experiment).nominal, parameters, "nominal.")
     groups = {f"{name}.": group for name, group in vars(parts).items() if name != "metrics"} | {"nominal.": nominal}
     for prefix, group in groups.items():
         for table, owner, rule in rules(group, prefix):

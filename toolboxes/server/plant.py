@@ -240,10 +240,10 @@ class ServedPlant:
             allowed = " and ".join(f"±{limit:g}" for limit in self._largest)
             raise ConfigurationError(f"safe = {self.safe[0]:g}, {self.safe[1]:g}: must be within {allowed} N m")
         cruise = references.cruise_speed(experiment.reference)
-        self._least, self._most = (
-            tuple(float(torque) for torque in leaves(physics.holding_torques(2 * pull, experiment.plant)).values())
-            for pull in (limits.tension_min, limits.tension_max)
+        least, most = (
+            physics.holding_torques(2 * pull, experiment.plant) for pull in (limits.tension_min, limits.tension_max)
         )
+        self._least, self._most = ((float(ends.tau_1), float(ends.tau_2)) for ends in (least, most))
         slopes = [(most - hold) / cruise for most, hold in zip(self._most, self.safe, strict=True)]
         self._brake = (-slopes[0], slopes[1]) if self.settings.brake else (0.0, 0.0)
         self.inputs, self.outputs = self._described()
@@ -276,6 +276,7 @@ class ServedPlant:
         self._runs = compiled.SteppedRuns(self._code, 1, self._samples, shared=True)
         self._runs.start(np.zeros(1, np.int64), lane.state[np.newaxis], lane.parameters[np.newaxis])
         settings, period = self.settings, self.experiment.simulation.sample_time
+        x, v, a = map(self._column, REFERENCE)
         pacing = compiled.Pacing(
             period=round(1e9 * period / settings.rate),
             lockstep=settings.lockstep,
@@ -288,7 +289,7 @@ class ServedPlant:
             most=self._most,
             position=SIGNALS.index("x_read"),
             speed=SIGNALS.index("v_read"),
-            reference=tuple(map(self._column, REFERENCE)),
+            reference=(x, v, a),
             largest=self._largest,
             edges=tuple(1000 * edge for edge in LATENESS_US),
         )

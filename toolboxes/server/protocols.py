@@ -130,15 +130,15 @@ def _server_that_knows_its_clients() -> "type[ModbusTcpServer]":
     from pymodbus.server import ModbusTcpServer
     from pymodbus.server.requesthandler import ServerRequestHandler
 
-    class Handler(ServerRequestHandler):
+    class ModbusRequests(ServerRequestHandler):
         async def handle_request(self) -> None:
             peer = self.transport.get_extra_info("peername") if self.transport else None
             CLIENT.set(f"{peer[0]}:{peer[1]}" if peer else "a client")
             await super().handle_request()
 
     class Server(ModbusTcpServer):
-        def callback_new_connection(self) -> Handler:
-            return Handler(self, self.trace_packet, self.trace_pdu, self.trace_connect)
+        def callback_new_connection(self) -> ModbusRequests:
+            return ModbusRequests(self, self.trace_packet, self.trace_pdu, self.trace_connect)
 
     return Server
 
